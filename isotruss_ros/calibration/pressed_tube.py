@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from isotruss_ros.core.contact.flattening import flattening
 from isotruss_ros.core.fixed_object.contact import ContactState, solve_contact
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints
-from isotruss_ros.core.fixed_object.straight_compliance import clamped_piece
+from isotruss_ros.core.fixed_object.straight_compliance import clamped_pieces
 from isotruss_ros.core.fixed_object.surfaces import surface_of
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
@@ -97,8 +97,8 @@ def _contact_points(
     count, only = len(places), np.zeros(len(places), dtype=np.intp)
     length = np.array([tube.length])
     section = tube.stiffness.section_stiffness(length, pressure)
-    values = [float(value[0]) for value in section]
-    shapes, along, across = clamped_piece(tube.length, values, places)
+    whole, values = np.full(count, tube.length), np.repeat(np.array(section), count, axis=1)
+    shapes, along, across = clamped_pieces(whole, values, places, np.zeros(count, dtype=bool))
     points, dent = places.astype(np.complex128), 0.0
     if flattens:
         kernel = flattening(
@@ -112,6 +112,6 @@ def _contact_points(
     compliance = compliance.reshape(2 * count, -1)
     if tube.pinned:
         turning = local_stiffness(length, *section)[0][[2, 5]][:, [2, 5]]
-        turned = shapes.reshape(2 * count, 6)[:, [2, 5]]
+        turned = np.hstack([shapes.real, shapes.imag])[[2, 5]].T
         compliance += turned @ np.linalg.inv(turning) @ turned.T
     return ContactPoints(points, np.ones(count, dtype=np.complex128), only, compliance), dent

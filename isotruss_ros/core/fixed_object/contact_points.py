@@ -54,43 +54,22 @@ def find_contact_points(
     start, end = member_lines(structure.config).T
     length = np.abs(end - start)
     axis = (end - start) / length
-    low, high = _reach(surface, start, axis, spacing)
-    low, high = np.maximum(low, 0.0), np.minimum(high, length)
+    # The margin of two spacings is for a tube that bends and touches beyond the object's chord.
+    margin, away = 2.0 * spacing, (surface.center - start) * axis.conj()
+    chord = np.sqrt(np.maximum(0.0, (surface.reach + margin) ** 2 - away.imag**2))
     # Points are counted from the foot of the object's centre on the tube, where contact begins.
     # So a symmetric grasp has symmetric points.
-    near, foot = np.flatnonzero(high > low), ((surface.center - start) * axis.conj()).real
+    foot = away.real
+    low, high = np.maximum(foot - chord, 0.0), np.minimum(foot + chord, length)
+    near = np.flatnonzero(high > low)
     first, last = (((bound - foot) / spacing)[near] for bound in (low, high))
     first, last = np.ceil(first).astype(int), np.floor(last).astype(int)
     counts = last - first + 1
     member = np.repeat(near, counts)
     number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
-    tubes = straight_points(structure, member, place)
     points = start[member] + place * axis[member]
+    close = surface.nearest(points - surface.center).gaps <= margin
+    points, member, place = points[close], member[close], place[close]
+    tubes = straight_points(structure, member, place)
     return ContactPoints(points, axis[member], member, tubes.compliance), place, tubes
-
-
-def _reach(surface: Surface, start: Points, axis: Points, spacing: float) -> tuple[Array, Array]:
-    """Return the interval of each line (m,) near the surface, as distances from its start [m]."""
-    # The margin of two spacings is for a tube that bends and touches beyond the object's chord.
-    away, reach = (surface.center - start) * axis.conj(), surface.reach + 2.0 * spacing
-    off = np.abs(away.imag)
-    chord = np.sqrt(np.maximum(0.0, reach**2 - off**2))
-    low, high = away.real - chord, away.real + chord
-    if not surface.shape.is_round:
-        normals, distances = surface.tangents
-        first, last = _clip(start - surface.center, axis, normals, distances + 2.0 * spacing)
-        low, high = np.maximum(low, first), np.minimum(high, last)
-    return np.where(off < reach, low, np.inf), high
-
-
-def _clip(start: Points, axis: Points, normals: Points, distances: Array) -> tuple[Array, Array]:
-    """Return the interval of each line (m,) inside all tangents: distances from its start [m]."""
-    slope = (axis[:, None] * normals.conj()).real
-    room = distances - (start[:, None] * normals.conj()).real
-    with np.errstate(divide='ignore', invalid='ignore'):
-        place = room / slope
-    low = np.where(slope < 0.0, place, -np.inf).max(axis=1)
-    high = np.where(slope > 0.0, place, np.inf).min(axis=1)
-    apart = ((slope == 0.0) & (room < 0.0)).any(axis=1)
-    return np.where(apart, np.inf, low), high

@@ -116,7 +116,7 @@ def _extremes(
 def _facets(segments: Array) -> tuple[Array, Array]:
     """Return unit normals (f, 3) of a zonotope's facets, and extents (f,) along the normals."""
     first, second = _pairs(len(segments))
-    normals = np.cross(segments[first], segments[second])
+    normals = _cross(segments[first], segments[second])
     sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)
     good = sizes > ROUNDING * reach[first] * reach[second]
     normals = normals[good] / sizes[good, None]
@@ -132,10 +132,15 @@ def _flat_facets(segments: Array, plane: bool) -> tuple[Array, Array]:
     """Return facet normals and extents of a degenerate zonotope (planar or linear)."""
     rank = min(len(segments), 1 + plane)
     axes = np.linalg.svd(segments)[2]
-    within = np.cross(segments, axes[2]) if rank == 2 else axes[:rank]
+    within = _cross(segments, axes[2:]) if rank == 2 else axes[:rank]
     within = within / np.linalg.norm(within, axis=1)[:, None]
     extent = np.abs(within @ segments.T).sum(axis=1)
     return np.concatenate([axes[rank:], within]), np.append(np.zeros(3 - rank), extent)
+
+
+def _cross(one: Array, other: Array) -> Array:
+    """Return cross products (k, 3); `np.cross` takes four times as long."""
+    return one[:, [1, 2, 0]] * other[:, [2, 0, 1]] - one[:, [2, 0, 1]] * other[:, [1, 2, 0]]
 
 
 @functools.lru_cache(maxsize=64)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from isotruss_ros.core.fixed_object.straight_compliance import StraightPoints
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.beam_column import end_forces
-from isotruss_ros.core.statics.wrinkling import find_most_used
 import numpy as np
 
 
@@ -36,10 +35,11 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     shear[piece] -= local.imag[:, 0]
     start[piece] -= couple[::2]
     end[piece] -= couple[1::2]
-    # Contact points, then starts and ends of all pieces.
-    at, within = piece[tubes.number], tubes.within
-    push = frame.axis[tubes.pieces][tubes.number].conj() * forces
-    ahead = (tubes.number[:, None] == tubes.number) & (within[:, None] > within)
+    # Points with contact forces, then starts and ends of all pieces.
+    pressing = np.flatnonzero(forces)
+    number, within = tubes.number[pressing], tubes.within[pressing]
+    at, push = piece[number], frame.axis[tubes.pieces][number].conj() * forces[pressing]
+    ahead = (number[:, None] == number) & (within[:, None] > within)
     arms = np.where(ahead, within[:, None] - within, 0.0)
     before = pull[0][at] - ahead @ push.real
     tension = np.concatenate([np.minimum(before, before - push.real), *pull])
@@ -50,4 +50,6 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     wall = np.array(structure.pressures)[robot.topology.tube[member]] * np.pi * radius**2 + tension
     used = np.full(len(moment), np.inf)
     np.divide(2.0 * np.abs(moment), radius * wall, out=used, where=wall > 0.0)
-    return used[find_most_used(used, member)]
+    most = np.zeros(len(structure.config.member_lengths))
+    np.maximum.at(most, member, used)
+    return most

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -31,9 +31,8 @@ class StraightPoints(NamedTuple):
     pieces: Indices  #: (p,) indices of the pieces with points among the frame's members
     number: Indices  #: (c,) piece of each point, as index of `pieces`
     within: Array  #: (c,) distance of each point from the start of its piece [m]
-    shapes: (
-        Array  #: (2 c, 6 p) displacements x, then y, of the points per displacement of the ends
-    )
+    #: (2 c, 6 p) displacements x, then y, of the points per displacement of the ends
+    shapes: Array
     response: Array  #: (3 n, 6 p) displacements of the frame's nodes per load on the ends [m/N]
     compliance: Array  #: (2 c, 2 c) displacements x, then y, of the points per force x, y [m/N]
 
@@ -45,64 +44,57 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
     pieces, number = np.unique(piece, return_inverse=True)
     node = np.stack([frame.members.start[pieces], frame.members.end[pieces]], axis=1)
     ends = (3 * node[:, :, None] + np.arange(3)).ravel()
+    section, pinned = frame.members.section[:, piece], frame.members.pinned_start[piece]
+    local, along, across = clamped_pieces(frame.length[piece], section, within, pinned)
+    x, y = xy = np.array([frame.axis[piece].real, frame.axis[piece].imag])
+    turned = frame.axis[piece] * local
+    turned[0::3], turned[1::3] = (
+        turned[0::3] * x - turned[1::3] * y,
+        turned[0::3] * y + turned[1::3] * x,
+    )
     shapes = np.zeros((2, count, len(pieces), 6))
-    inside = np.zeros((2, count, 2, count))
-    for k, index in enumerate(pieces.tolist()):
-        here = np.flatnonzero(number == k)
-        section = frame.members.section[:, index].tolist()
-        pinned = bool(frame.members.pinned_start[index])
-        local, along, across = clamped_piece(
-            float(frame.length[index]), section, within[here], pinned
-        )
-        x, y = frame.axis[index].real, frame.axis[index].imag
-        turn = np.array([[x, -y], [y, x]])  # from the axes of the piece to x, y
-        ends_turned = np.eye(6)
-        ends_turned[:2, :2] = ends_turned[3:5, 3:5] = turn.T
-        shapes[:, here, k] = np.tensordot(turn, local @ ends_turned, 1)
-        both = np.stack([along, across])
-        inside[np.ix_([0, 1], here, [0, 1], here)] = np.einsum('in,nab,jn->iajb', turn, both, turn)
+    shapes[:, np.arange(count), number] = turned.real.T, turned.imag.T
     unit = np.zeros((3 * len(frame.points), len(ends)))
     unit[ends, np.arange(len(ends))] = 1.0
     rows = frame.layout.numbering.rows
     response = structure.rest.respond(unit)[rows:]
     spread = shapes.reshape(2 * count, len(ends))
-    compliance = spread @ response[ends] @ spread.T + inside.reshape(2 * count, 2 * count)
+    compliance = spread @ response[ends] @ spread.T
+    together = number[:, None] == number
+    across, softer = np.where(together, (across, along - across), 0.0)
+    inside = compliance.reshape(2, count, 2, count)
+    for i, j in np.ndindex(2, 2):
+        inside[i, :, j] += softer * (xy[i] * xy[j])[:, None]
+    inside[0, :, 0] += across
+    inside[1, :, 1] += across
     return StraightPoints(structure, pieces, number, within, spread, response, compliance)
 
 
-def clamped_piece(
-    length: float, section: list[float], within: Array, pinned_start: bool = False
+def clamped_pieces(
+    length: Array, section: Array, within: Array, pinned_start: Flags
 ) -> tuple[Array, Array, Array]:
     """
-    Return shape functions and compliances of n points on a piece whose ends are fixed.
+    Return shape functions and compliances of n points, each on a piece whose ends are fixed.
 
-    The shape functions (2, n, 6) are displacements along and across the piece per displacement
-    (ux, uy, theta) of start and end; the compliances (n, n) are along and across [m/N].
+    The shape functions (6, n) are displacements, along + i across the piece, per displacement (ux,
+    uy, theta) of start and end; the compliances (n, n) are along and across [m/N], and valid for
+    two points on one piece.
     """
     axial, flexural, shear = section
-    beyond = length - within  # distance from the clamped end
+    beyond, turning = length - within, np.where(pinned_start, 0.0, 0.5 / flexural)
 
-    def cantilever(one: Array, other: Array | float) -> Array:
+    def cantilever(one: Array, other: Array) -> Array:
         near, far = np.minimum(one, other), np.maximum(one, other)
         return near**2 * (3.0 * far - near) / (6.0 * flexural) + near / shear
 
-    released = np.stack([cantilever(beyond, length), -(beyond**2) / (2.0 * flexural)], axis=1)
-    coupling = -(length**2) / (2.0 * flexural)
-    redundant = np.array(
-        [[float(cantilever(np.array(length), length)), coupling], [coupling, length / flexural]]
-    )
-    count = 1 if pinned_start else 2
-    follows = np.linalg.solve(redundant[:count, :count], released[:, :count].T).T
-    across = cantilever(beyond[:, None], beyond) - follows @ released[:, :count].T
-    along = (np.minimum(beyond[:, None], beyond) - np.outer(beyond, beyond) / length) / axial
-    shapes = np.zeros((2, len(within), 6))
-    shapes[0, :, 0], shapes[0, :, 3] = beyond / length, within / length
+    # Distances are from the clamped end.
+    released = np.stack([cantilever(beyond, length), -turning * beyond**2], axis=1)
+    coupling = -turning * length**2
+    redundant = np.array([[cantilever(length, length), coupling], [coupling, length / flexural]])
+    follows = np.linalg.solve(redundant.transpose(2, 0, 1), released[..., None])[..., 0]
+    across = cantilever(beyond[:, None], beyond) - follows @ released.T
+    along = (np.minimum(beyond[:, None], beyond) - np.outer(beyond, beyond / length)) / axial
+    shift, rotation = 1j * follows.T
     # The rigid motion of the clamped end, and the start's motion relative to it.
-    shapes[1, :, 4], shapes[1, :, 5] = 1.0, -beyond
-    shapes[1, :, 1] = follows[:, 0]
-    shapes[1, :, 4] -= follows[:, 0]
-    shapes[1, :, 5] += length * follows[:, 0]
-    if not pinned_start:
-        shapes[1, :, 2] = follows[:, 1]
-        shapes[1, :, 5] -= follows[:, 1]
-    return shapes, along, across
+    ending = within / length, 1j - shift, length * shift - rotation - 1j * beyond
+    return np.array([beyond / length, shift, rotation, *ending]), along, across

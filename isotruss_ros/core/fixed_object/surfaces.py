@@ -13,7 +13,6 @@ penetration.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape, SurfacePoints
@@ -64,12 +63,6 @@ class Surface:
         short = self.support(outward) - np.abs(aside)
         back = np.maximum(short + INITIAL_DISTANCE * self.body.arm, 0.0)
         return self.nearest(away + back * outward).normals
-
-    @cached_property
-    def tangents(self) -> tuple[Points, Array]:
-        """Return tangents that bound the surface: normals (k,), distances from the centre (k,)."""
-        normals = self.body.shape.bounding_normals * self.body.turn
-        return normals, self.support(normals)
 
 
 def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:

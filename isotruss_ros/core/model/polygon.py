@@ -59,11 +59,6 @@ class Polygon(PolygonalShape):
         sides = np.roll(self.corners, -1) - self.corners
         return -1j * sides / np.abs(sides)
 
-    @property
-    def bounding_normals(self) -> Points:
-        """Return outward unit normals (k,) whose tangents form a polygon around the shape."""
-        return self.normals[:: 1 + (len(self.normals) - 1) // 32]  # at most 32
-
     @cached_property
     def radii(self) -> Array:
         """Return the radii of the arcs at the vertices, (k,) [m]."""

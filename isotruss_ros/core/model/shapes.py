@@ -69,11 +69,6 @@ class Shape(ABC):
     is_round: ClassVar[bool] = False
 
     @property
-    def bounding_normals(self) -> Points:
-        """Return outward unit normals (k,) whose tangents form a polygon around the shape."""
-        return np.exp(2j * np.pi * np.arange(16) / 16)
-
-    @property
     @abstractmethod
     def perimeter(self) -> float:
         """Return the length of the outline [m], which is 2 pi times the mean support function."""

@@ -198,8 +198,8 @@ def solve_complementarity(compliance: Array, gaps: Array) -> tuple[Array, Flags]
     forces = np.zeros(len(gaps))
     if (gaps < 0.0).any():
         try:
-            root = cholesky(compliance)
-            target = solve_triangular(root, -gaps, trans='T')
+            root = cholesky(compliance, check_finite=False)
+            target = solve_triangular(root, -gaps, trans='T', check_finite=False)
             active = scipy.optimize.nnls(root, target, maxiter=100 + 20 * len(gaps))[0] > 0.0
         except (np.linalg.LinAlgError, RuntimeError) as error:
             raise SolverError(
