@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.contact.flattening import flattening
+from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.fixed_object.contact import ContactState, solve_contact
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints
 from isotruss_ros.core.fixed_object.straight_compliance import clamped_pieces
@@ -101,7 +101,7 @@ def _contact_points(
     shapes, along, across = clamped_pieces(whole, values, places, np.zeros(count, dtype=bool))
     points, dent = places.astype(np.complex128), 0.0
     if flattens:
-        kernel = flattening(
+        kernel = Flattening(
             tube.radius, pressure, tube.stiffness.fabric, local_stiffness=tube.local_stiffness
         )
         points = points + 1j * kernel.radius

@@ -10,7 +10,7 @@ from isotruss_ros.calibration.local_fit import fit_local_stiffness
 from isotruss_ros.calibration.measurements import MeasurementError, Presses, read_measurements
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.cli.fit_tube_stiffness import main
-from isotruss_ros.core.contact.flattening import flattening, flattening_of
+from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.statics.section import InflatableBeam
@@ -107,7 +107,7 @@ def test_fitted_local_stiffness_scales_the_kernel_of_a_robot(tmp_path, capsys):
     assert description.local_stiffness == pytest.approx(1.7, rel=1e-5)
     robot = Robot(description)
     pressure, fabric = 34.5e3, InflatableBeam(RADIUS, 4e4, 1.5e4, 5.0).fabric
-    theory = flattening(0.5 * description.tube_diameter, pressure, fabric)
+    theory = Flattening(0.5 * description.tube_diameter, pressure, fabric)
     found = flattening_of(robot, pressure).stiffness
     assert found == pytest.approx(1.7 * theory.stiffness, rel=1e-4)
 

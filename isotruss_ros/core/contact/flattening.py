@@ -22,29 +22,52 @@ the loaded section.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 import functools
 
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.tolerances import EPSILON
 from isotruss_ros.core.statics.section import Fabric
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
 class Flattening:
-    """Local compliance of a tube's sections under transverse forces from one side."""
+    """
+    Local compliance of a tube's sections under transverse forces from one side.
 
-    radius: float  #: tube radius R [m]
-    #: (n,) k_n of the modes whose deformation spreads along the tube, per unit length [N/m^2]
-    stiffness: Array
-    tension: Array  #: (n,) tension G_n, which couples neighbouring sections in these modes [N]
-    #: compliance for a line load of the other modes, whose deformation does not spread along the
-    #: tube [m^2/N]
-    rest: float
-    pressure: float  #: gauge pressure p [Pa]
-    tension_rate: Array  #: (n,) derivatives of G_n with respect to p [N/Pa]
+    Without fabric, f_n = 0. `local_stiffness` is the ratio of a tube's measured local stiffness to
+    the theoretical one [-].
+
+    :ivar stiffness: (n,) k_n of the modes whose deformation spreads along the tube, per unit
+        length [N/m^2].
+    :ivar tension: (n,) tension G_n, which couples neighbouring sections in these modes [N].
+    :ivar rest: compliance for a line load of the other modes, whose deformation does not spread
+        along the tube [m^2/N].
+    """
+
+    def __init__(
+        self,
+        radius: float,
+        pressure: complex,
+        fabric: Fabric | None = None,
+        modes: int = 8,
+        local_stiffness: float = 1.0,
+    ) -> None:
+        self.radius, self._pressure = radius, pressure
+        self._others = fabric, modes, local_stiffness
+        n = np.arange(2, modes + 1)
+        stiffness = np.pi * pressure * (n**2 - 1.0)
+        pulled = 0.5 * np.pi * pressure * radius**2 * (1.0 + 1.0 / n**2)
+        wall, shear = fabric or Fabric(1.0, 0.0)
+        # With these, G_n = pulled + added / (1 + soft G_n).
+        added, soft = np.pi * radius * shear / n**2, shear * n**2 / (wall * stiffness * radius**2)
+        part = 1.0 - soft * pulled
+        tension = part + np.sqrt(part * part + 4.0 * soft * (pulled + added))
+        tension = 2.0 * (pulled + added) / tension
+        compliances = (1.0 / modes + 1.0 / (modes + 1)) / (2.0 * np.pi * pressure)
+        self.stiffness, self.tension = local_stiffness * stiffness, local_stiffness * tension
+        self.rest = compliances / local_stiffness
 
     @property
     def reach(self) -> Array:
@@ -69,18 +92,8 @@ class Flattening:
 
     def compliance_rates(self, points: Indices, spacing: float) -> Array:
         """Return the derivatives (c, c) of `compliance` with respect to pressure [m/N/Pa]."""
-        apart, ratio, blown = np.abs(points[:, None] - points), spacing / self.reach, self.pressure
-        pulled = self.tension_rate / self.tension
-        # Derivatives of the logarithm of the peak, and of `ratio`.
-        higher, wider = -0.5 * (1.0 / blown + pulled), -0.5 * (pulled - 1.0 / blown) * ratio
-        mean = -np.expm1(-ratio) / ratio
-        mean_rate = (np.exp(-ratio) - mean) / ratio
-        steps = np.arange(apart.max(initial=0) + 1) - 1.0
-        change = (higher + 2.0 * mean_rate / mean * wider)[:, None] - np.outer(wider, steps)
-        rates = (self._peak * mean**2) @ (np.exp(-np.outer(ratio, steps)) * change)
-        alone = higher * (1.0 - mean) - wider * ((1.0 - mean) / ratio + mean_rate)
-        rates[0] = (2.0 * self._peak / ratio * alone).sum() - self.rest / spacing / blown
-        return rates[apart]
+        inflated = Flattening(self.radius, self._pressure + 1j * EPSILON, *self._others)
+        return inflated.compliance(points, spacing).imag / EPSILON
 
     @property
     def _peak(self) -> Array:
@@ -88,45 +101,11 @@ class Flattening:
         return 0.5 / np.sqrt(self.stiffness * self.tension)
 
 
-def flattening(
-    radius: float,
-    pressure: float,
-    fabric: Fabric | None = None,
-    modes: int = 8,
-    local_stiffness: float = 1.0,
-) -> Flattening:
-    """
-    Return the local compliance of a tube; without fabric, f_n = 0.
-
-    `local_stiffness` is the ratio of a tube's measured local stiffness to the theoretical one [-].
-    """
-    n = np.arange(2, modes + 1)
-    stiffness = np.pi * pressure * (n**2 - 1.0)
-    pulled = 0.5 * np.pi * pressure * radius**2 * (1.0 + 1.0 / n**2)
-    tension, tension_rate = pulled, pulled / pressure
-    if fabric is not None:
-        wall, shear = fabric
-        for _ in range(12):  # each reduces the error to less than a fifth
-            share = wall / (wall + shear * n**2 * tension / stiffness / radius**2)
-            tension = pulled + np.pi * radius * shear * share / n**2
-        slower = np.pi * (shear * share) ** 2 / (wall * radius * stiffness)
-        tension_rate = (pulled + slower * tension) / pressure / (1.0 + slower)
-    compliances = (1.0 / modes + 1.0 / (modes + 1)) / (2.0 * np.pi * pressure)
-    return Flattening(
-        radius,
-        local_stiffness * stiffness,
-        local_stiffness * tension,
-        compliances / local_stiffness,
-        pressure,
-        local_stiffness * tension_rate,
-    )
-
-
 @functools.lru_cache(maxsize=32)
 def flattening_of(robot: Mechanism, pressure: float) -> Flattening:
     """Return the local compliance of a robot's tube under a gauge pressure [Pa], cached."""
     file = robot.description
-    return flattening(
+    return Flattening(
         0.5 * file.tube_diameter,
         pressure,
         tube_stiffness(file).fabric,

@@ -5,7 +5,7 @@
 
 from hypothesis import given, strategies
 from isotruss_ros.core import load_robot
-from isotruss_ros.core.contact.flattening import flattening, flattening_of
+from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.statics.section import Fabric
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ FABRIC = Fabric(6e4, 1e4)
 
 def kernel(count, spacing, fabric=FABRIC, **options):
     """Return the compliance of points on a line."""
-    return flattening(RADIUS, PRESSURE, fabric, **options).compliance(np.arange(count), spacing)
+    return Flattening(RADIUS, PRESSURE, fabric, **options).compliance(np.arange(count), spacing)
 
 
 @pytest.mark.parametrize('fabric', [FABRIC, None])
@@ -32,15 +32,21 @@ def test_uniform_one_sided_load_has_the_stiffness_of_four_thirds_pi_p(fabric, mo
     assert 1.0 / dent == pytest.approx(4.0 / 3.0 * np.pi * PRESSURE, rel=1e-6)
 
 
+@pytest.mark.parametrize('fabric', [FABRIC, Fabric(1e5, 5e4), Fabric(3e4, 1e6), Fabric(5e6, 1e3)])
+@pytest.mark.parametrize('pressure', [5e3, PRESSURE, 1e5])
+def test_tension_and_decay_length_of_each_mode_agree(fabric, pressure):
+    kernel, n = Flattening(RADIUS, pressure, fabric), np.arange(2, 9)
+    assert kernel.stiffness == pytest.approx(np.pi * pressure * (n**2 - 1.0))
+    wall, shear = fabric
+    share = wall / (wall + shear * n**2 * kernel.reach**2 / RADIUS**2)
+    expected = 0.5 * np.pi * pressure * RADIUS**2 * (1.0 + 1.0 / n**2)
+    expected += np.pi * RADIUS * shear * share / n**2
+    assert kernel.tension == pytest.approx(expected, rel=1e-12)
+
+
 def test_modes_are_strings_on_a_foundation():
-    found = flattening(RADIUS, PRESSURE, FABRIC)
-    n = np.arange(2, 9)
-    assert found.stiffness == pytest.approx(np.pi * PRESSURE * (n**2 - 1.0))
+    found = Flattening(RADIUS, PRESSURE, FABRIC)
     reach = found.reach
-    share = 6e4 / (6e4 + 1e4 * n**2 * reach**2 / RADIUS**2)
-    expected = 0.5 * np.pi * PRESSURE * RADIUS**2 * (1.0 + 1.0 / n**2)
-    expected += np.pi * RADIUS * 1e4 * share / n**2
-    assert found.tension == pytest.approx(expected, rel=1e-9)
     # Without averaging over the spacing it is exp(-s / lambda) / (2 sqrt(k G)).
     matrix, spacing = kernel(400, 2e-4), 2e-4
     far = np.array([50, 100, 300])
@@ -54,7 +60,7 @@ def test_modes_are_strings_on_a_foundation():
 @given(robots.generators(), strategies.floats(1e-4, 0.1))
 def test_compliance_is_symmetric_positive_definite(rng, spacing):
     fabric = FABRIC if rng.random() < 0.5 else None
-    found = flattening(rng.uniform(0.02, 0.2), rng.uniform(5e3, 1e5), fabric)
+    found = Flattening(rng.uniform(0.02, 0.2), rng.uniform(5e3, 1e5), fabric)
     matrix = found.compliance(rng.permutation(200)[:40], spacing)
     assert matrix == pytest.approx(matrix.T, rel=1e-12)
     assert np.linalg.eigvalsh(matrix).min() > 0.0
@@ -66,16 +72,16 @@ def test_pressure_rates_of_the_compliance_agree_with_finite_differences(fabric):
     points, spacing, step = np.array([0, 3, 4, 9]), 0.004, 1.0
 
     def matrix(pressure):
-        return flattening(RADIUS, pressure, fabric).compliance(points, spacing)
+        return Flattening(RADIUS, pressure, fabric).compliance(points, spacing)
 
     slope = (matrix(PRESSURE + step) - matrix(PRESSURE - step)) / (2.0 * step)
-    rates = flattening(RADIUS, PRESSURE, fabric).compliance_rates(points, spacing)
+    rates = Flattening(RADIUS, PRESSURE, fabric).compliance_rates(points, spacing)
     assert rates == pytest.approx(slope, rel=1e-6)
 
 
 def test_flattening_kernel_agrees_with_the_robot_file():
     found = flattening_of(load_robot('nine_member'), PRESSURE)
-    alone = flattening(RADIUS, PRESSURE, FABRIC)
+    alone = Flattening(RADIUS, PRESSURE, FABRIC)
     assert found.radius == RADIUS
     assert found.tension == pytest.approx(alone.tension)
     assert found.rest == pytest.approx(alone.rest)
