@@ -18,7 +18,6 @@ import itertools
 from benchmarks.measuring import part, Table, timed
 from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.kinematics.constraints import Targets
 from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
@@ -121,11 +120,10 @@ def roller_velocities(config: core.Configuration, grip: core.Grip, twist: Array)
 def root_by_hybr(near: core.Configuration, travel: Array) -> Array | None:
     """Return the nodes by MINPACK's hybr (same residual and Jacobian); None if it failed."""
     robot = near.robot
-    lengths = robot.home_targets.lengths.copy()
+    lengths = robot.home_lengths.copy()
     lengths[: robot.topology.n_modules] += robot.topology.incidence @ travel
-    targets = Targets(lengths, robot.home_targets.ground)
     found = scipy.optimize.root(
-        lambda x: robot.constraints.residual(x.view(np.complex128), targets),
+        lambda x: robot.constraints.residual(x.view(np.complex128), lengths),
         near.points.view(np.float64),
         jac=lambda x: robot.constraints.matrix(x.view(np.complex128)),
         method='hybr',

@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import cached_property
 
 from isotruss_ros.core.errors import ConfigurationError, quote
-from isotruss_ros.core.kinematics.constraints import follow_branch, Targets
+from isotruss_ros.core.kinematics.constraints import follow_branch
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -129,8 +129,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             steps.
         """
         robot, start, goal = self.robot, self.roller_positions, self._checked(roller_positions)
-        goal_targets = _targets(robot, goal)
-        goal_lengths = goal_targets.lengths[: robot.topology.n_modules]
+        goal_lengths = _lengths(robot, goal)[: robot.topology.n_modules]
         shortest = float(goal_lengths.min())
         if shortest <= 0.0:
             worst = int(goal_lengths.argmin())
@@ -144,10 +143,8 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         while done < change:
             steps += 1
             end = change if done + step > change * (1.0 - 1e-9) else done + step
-            targets = goal_targets
-            if end < change:
-                targets = _targets(robot, start + (end / change) * (goal - start))
-            moved = follow_branch(robot.constraints, points, targets, factor)
+            ahead = goal if end == change else start + (end / change) * (goal - start)
+            moved = follow_branch(robot.constraints, points, _lengths(robot, ahead), factor)
             if moved is not None:
                 points, factor, done, step = moved, None, end, 2.0 * step
             elif factor is not None:
@@ -222,10 +219,11 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return by_length.take(topology.driven, 1) - by_length.take(before, 1)
 
 
-def _targets(robot: Mechanism, roller_positions: Array) -> Targets:
-    lengths = robot.home_targets.lengths.copy()
+def _lengths(robot: Mechanism, roller_positions: Array) -> Array:
+    """Return the lengths (4m,) at roller travel, see `Constraints.residual` [m]."""
+    lengths = robot.home_lengths.copy()
     lengths[: robot.topology.n_modules] += robot.topology.incidence @ roller_positions
-    return Targets(lengths, robot.home_targets.ground)
+    return lengths
 
 
 class ConfigurationTracker:

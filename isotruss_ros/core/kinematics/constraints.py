@@ -11,8 +11,6 @@ matrix consists of one complex gradient for each node in the constraint.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize
@@ -25,15 +23,6 @@ from scipy.sparse import coo_matrix, csc_matrix
 MAX_DENSE_COORDINATES = 180
 #: Largest ratio of successive residuals at which a factorisation is reused [-].
 MAX_REUSE_CONTRACTION = 0.1
-
-
-@dataclass(frozen=True)
-class Targets:
-    """Prescribed values of the kinematic constraints."""
-
-    #: (4m,) lengths of the m members, then of the m sides AB, m sides AC and m sides BC [m]
-    lengths: Array
-    ground: Array  #: (g,) grounded coordinates [m]
 
 
 class Constraints:
@@ -79,18 +68,23 @@ class Constraints:
         order = np.arange(1, len(rows) + 1)  # from 1: a stored zero could be dropped
         return coo_matrix((order, (rows, columns)), shape=(self.n_rows, self.n_columns)).tocsc()
 
-    def residual(self, points: Points, targets: Targets) -> Array:
-        """Return the residuals (5m + g,): lengths [m], bisection (3) [rad], ground [m]."""
+    def residual(self, points: Points, lengths: Array) -> Array:
+        """
+        Return the residuals (5m + g,): lengths [m], bisection (3) [rad], ground [m].
+
+        The prescribed lengths (4m,) are those of the m members, then of the m sides AB, m sides AC
+        and m sides BC.
+        """
         stretched = self.spans(points)
         return np.concatenate(
             [
-                np.abs(stretched) - targets.lengths,
-                self._bisection(stretched),
-                points.view(np.float64)[self._topology.grounded] - targets.ground,
+                np.abs(stretched) - lengths,
+                self.bisection(stretched),
+                points.view(np.float64)[self._topology.grounded] - self._topology.ground,
             ]
         )
 
-    def _bisection(self, stretched: Points) -> Array:
+    def bisection(self, stretched: Points) -> Array:
         """Return the difference of the two angles between rod and sides in (3) [rad]."""
         side, to_b, to_c, _ = stretched.reshape(4, -1)
         rod = (to_b + to_c).conj()
@@ -114,8 +108,8 @@ class Constraints:
         Return the nonzero entries of the Jacobian (12), see `matrix`.
 
         Each entry is the gradient of one constraint by one node, x + iy: first the gradients of
-        the 4m lengths (see `Targets`) by the end nodes [-], then by the start nodes (the negatives
-        of the first), and last the 5m gradients of the bisection rows [1/m].
+        the 4m lengths (see `residual`) by the end nodes [-], then by the start nodes (the
+        negatives of the first), and last the 5m gradients of the bisection rows [1/m].
         """
         m = self._topology.n_modules
         spans = self.spans(points).reshape(4, m)
@@ -176,20 +170,20 @@ class Constraints:
 
 
 def follow_branch(
-    constraints: Constraints, points: Points, targets: Targets, factor: Factor | None = None
+    constraints: Constraints, points: Points, lengths: Array, factor: Factor | None = None
 ) -> Points | None:
     """
-    Solve the constraints for new prescribed values, on the same branch of solutions.
+    Solve the constraints for new prescribed lengths, on the same branch of solutions.
 
     The predictor is a tangent step (12); the corrector consists of modified Newton steps.
 
-    :param points: (n,) nodes that fulfil the constraints for nearby prescribed values [m].
+    :param points: (n,) nodes that fulfil the constraints for nearby lengths [m].
     :param factor: factorised matrix at `points`; None: it is computed.
     :return: nodes; None if the step is too long or no configuration exists.
     """
     # Largest residual [m, rad], not less than the rounding error of the coordinates.
     tolerance = max(COINCIDENCE, 64.0 * EPSILON * float(np.abs(points).max()))
-    residual = constraints.residual(points, targets)
+    residual = constraints.residual(points, lengths)
     error = np.abs(residual).max()
     start, predictor = points, None
     for _ in range(MAX_NEWTON_ITERATIONS):
@@ -201,7 +195,7 @@ def follow_branch(
         except np.linalg.LinAlgError:
             return None
         moved = points - factor.solve(residual).view(np.complex128)
-        residual = constraints.residual(moved, targets)
+        residual = constraints.residual(moved, lengths)
         previous, error = error, np.abs(residual).max()
         if not error < np.inf:
             return None

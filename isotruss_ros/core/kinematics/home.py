@@ -12,7 +12,7 @@ locked rollers must be rigid and kinematically determinate.
 from __future__ import annotations
 
 from isotruss_ros.core.errors import RobotFileError
-from isotruss_ros.core.kinematics.constraints import Constraints, Targets
+from isotruss_ros.core.kinematics.constraints import Constraints
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -90,14 +90,13 @@ def _bisection(
 ) -> tuple[Array, csc_matrix]:
     """Return the bisection residual (m,), and its Jacobian (m, m) by the modules' angles."""
     m, numbers = topology.n_modules, np.arange(topology.n_modules)
-    targets = Targets(np.abs(constraints.spans(points)), np.zeros(len(topology.grounded)))
-    bisection = np.split(constraints.residual(points, targets), [4 * m, 5 * m])[1]
     # Entries by the next C, own B and C, the joint (fixed), and the previous B.
     ahead, b, c, _, back = constraints.gradients(points).reshape(13, m)[8:]
     modules = np.concatenate([topology.following, numbers, numbers, topology.previous])
     nodes = np.concatenate([topology.end, topology.b, topology.c, topology.b[topology.previous]])
     turning = 1j * (points[nodes] - points[topology.joint[modules]])
     slopes = (np.concatenate([ahead, b, c, back]).conj() * turning).real
+    bisection = constraints.bisection(constraints.spans(points))
     return bisection, csc_matrix((slopes, (np.tile(numbers, 4), modules)), shape=(m, m))
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.kinematics.constraints import Constraints, Targets
+from isotruss_ros.core.kinematics.constraints import Constraints
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.topology import make_topology
 from isotruss_ros.core.numerics.arrays import Array, finite_array
@@ -29,7 +29,8 @@ class Mechanism:
     :ivar topology: names and index arrays of joints, modules, members and rollers.
     """
 
-    home_targets: Targets  #: lengths and grounded coordinates at home
+    #: (4m,) lengths at home, see `Constraints.residual`; only in `Robot` [m]
+    home_lengths: Array
     home: Any  #: `Configuration` at zero roller travel; only in `Robot`
 
     def __init__(self, description: RobotDescription) -> None:

@@ -11,7 +11,6 @@ import pickle
 
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.constraints import Targets
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.home import place_home, require_determinate
 from isotruss_ros.core.kinematics.mechanism import Mechanism
@@ -42,9 +41,7 @@ class Robot(
         self._hash = hash((description.name, tuple(description.joints.items())))
         points = place_home(description, self.topology, self.constraints)
         require_determinate(description.source, self.topology, self.constraints.matrix(points))
-        self.home_targets = Targets(
-            np.abs(self.constraints.spans(points)), points.view(np.float64)[self.topology.grounded]
-        )
+        self.home_lengths = np.abs(self.constraints.spans(points))
         self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
         _refuse_collision(self)
 

@@ -33,6 +33,7 @@ class Topology:
     tube: Indices  #: (m,) index of the tube of each module
     driven: Indices  #: (r,) indices of the modules with a motor
     grounded: Indices  #: (g,) grounded coordinates, numbered 2 node + (0 for x, 1 for y)
+    ground: Array  #: (g,) values of the grounded coordinates [m]
 
     @cached_property
     def n_modules(self) -> int:
@@ -107,6 +108,7 @@ def make_topology(description: RobotDescription) -> Topology:
         for name, axes in description.supports.items()
         for axis in sorted(axes)
     ]
+    coordinates = np.array(list(description.joints.values())).ravel()
     return Topology(
         joint_names=joint_names,
         module_names=tuple(f'{tube.name}/{name}' for tube, name in modules),
@@ -116,6 +118,7 @@ def make_topology(description: RobotDescription) -> Topology:
         tube=np.repeat(np.arange(len(tubes)), sizes),
         driven=np.flatnonzero([name != tube.passive for tube, name in modules]),
         grounded=np.array(grounded, dtype=np.intp),
+        ground=coordinates[np.array(grounded, dtype=np.intp)],
     )
 
 

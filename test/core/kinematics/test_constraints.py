@@ -38,7 +38,7 @@ def differences(rows, points):
 def test_matrix_is_the_derivative_of_the_residual(robot, rng):
     config = robots.random_state(robot, rng)
     for points in (robot.home.points, config.points, shaken(config, rng)):
-        wanted = differences(lambda p: robot.constraints.residual(p, robot.home_targets), points)
+        wanted = differences(lambda p: robot.constraints.residual(p, robot.home_lengths), points)
         assert robot.constraints.matrix(points) == pytest.approx(wanted, abs=1e-6)
 
 

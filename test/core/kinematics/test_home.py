@@ -94,7 +94,7 @@ def check_home(robot, document):
         corner = intersection(b, ahead, c, back)
         assert (np.conj(rod) * (corner - 0.5 * (b + c))).real < 0.0
         assert abs(abs(ahead) - length) < 1e-12
-    assert np.abs(robot.constraints.residual(robot.home.points, robot.home_targets)).max() < 1e-12
+    assert np.abs(robot.constraints.residual(robot.home.points, robot.home_lengths)).max() < 1e-12
 
 
 def intersection(b, ahead, c, back):
