@@ -18,7 +18,7 @@ from isotruss_ros.core.holding.pressed_contacts import POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.numerics.tolerances import EPSILON, NEGLIGIBLE_SHARE, ROUNDING
+from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
 from isotruss_ros.core.statics.structure import section_rates
 from isotruss_ros.core.statics.wrinkling import evaluate_utilisation, find_utilisation
@@ -212,28 +212,13 @@ class LoadedTubes:
         changes = np.stack([-first, second, pulled, force_rates[:, 0]])
         sections = np.vstack([frame.length[piece], members.section[1:, piece]])
         others = self.sections[[0, 2, 3]][:, piece]
-        # Central difference of the utilisation at the same kind of place.
-        loads, sections = loads[..., None], sections[..., None]
-        # The step is small relative to moments and pulls, so the moments keep their signs.
-        most_loaded = np.abs(loads).reshape(2, 2, len(piece), 1).max(axis=1)
-        most_loaded[0] = np.maximum(most_loaded[0], EPSILON * radius * most_loaded[1])
-        size = np.maximum(
-            (np.abs(changes) / most_loaded.repeat(2, axis=0)).max(axis=0),
-            (np.abs(others) / sections).max(axis=0),
+        # Complex step at the same kind of place. The utilisation of a tube without wall tension is
+        # infinite and has no derivative.
+        step = 1j * EPSILON
+        used, _ = evaluate_utilisation(
+            loads[..., None] + step * changes, sections[..., None] + step * others, radius
         )
-        small = NEGLIGIBLE_SHARE / np.maximum(size, np.finfo(float).tiny)
-        ahead, behind = (
-            np.take_along_axis(
-                evaluate_utilisation(loads + step * changes, sections + step * others, radius)[0],
-                most.kind[None, :, None],
-                axis=0,
-            )[0]
-            for step in (small, -small)
-        )
-        # The utilisation of a tube without wall tension is infinite and has no derivative.
-        taut = np.isfinite(ahead) & np.isfinite(behind)
-        change = np.subtract(ahead, behind, out=np.zeros_like(ahead), where=taut)
-        return most.used, change / (2.0 * small)
+        return most.used, np.take_along_axis(used, most.kind[None, :, None], 0)[0].imag / EPSILON
 
 
 class HeldGradient(NamedTuple):

@@ -88,7 +88,8 @@ def evaluate_utilisation(
 
     Without an inner maximum it is zero there. The loads are bending moments (...) at start and end
     [N m], tension of the wall (3, ...) or (...), and axial force (...), which amplifies the moment
-    between the ends [N]. The sections (3, ...) are length [m], EI [N m^2] and GA [N].
+    between the ends [N]. The sections (3, ...) are length [m], EI [N m^2] and GA [N]. All of them may
+    be complex, for derivatives by complex steps.
     """
     begin, end, moment_capacity, pull = loads
     length, flexural, shear = sections
@@ -96,12 +97,13 @@ def evaluate_utilisation(
     wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
     turned = np.maximum(wave * length, ROUNDING)
     sine = (end - begin * np.cos(turned)) / np.sin(turned)
-    crest = np.arctan2(sine, begin) % np.pi
-    within = (wave > 0.0) & (crest < turned)
-    peak = np.where(within, np.hypot(begin, sine), 0.0)
-    moments = np.abs(np.stack([begin, end, peak]))
-    used = np.full(moments.shape, np.inf)
-    np.divide(2.0 * moments, radius * moment_capacity, out=used, where=moment_capacity > 0.0)
+    crest = np.arctan2(sine.real, begin.real) % np.pi
+    within = (wave.real > 0.0) & (crest < turned.real)
+    peak = np.where(within, np.sqrt(begin * begin + sine * sine), 0.0)
+    moments = np.stack([begin, end, peak])
+    moments = np.where(moments.real < 0.0, -moments, moments)
+    used = np.full(moments.shape, np.inf, dtype=moments.dtype)
+    np.divide(2.0 * moments, radius * moment_capacity, out=used, where=moment_capacity.real > 0.0)
     return used, np.where(within, crest / turned * length, 0.0)
 
 
