@@ -34,7 +34,6 @@ from isotruss_ros.core.holding.pressed_contacts import (
     ANGLE,
     CENTER,
     ContactForces,
-    facing_lines,
     Places,
     POSE,
     PressedContacts,
@@ -44,7 +43,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import PLANNED_DEPTH
 from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD, Points
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, SETTLED_MOTION
+from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, Lines, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
@@ -327,19 +326,14 @@ def build_statics(
     The dents depend on the normals (k,) of the tubes at the contacts; None: straight tubes.
     """
     structure = structure_of(config, tubes.pressure)
-    starts, straight = facing_lines(config, body, contacts.members)
-    points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
-    spans = config.points[config.robot.topology.end[contacts.members]] - starts
-    length, axis = np.abs(spans), spans / np.abs(spans)
+    starts, axis, length, _ = Lines.of(structure, contacts.members)
     # The normals point away from the object: left of the member if the object is on its right.
-    sides = np.sign((straight * axis.conj()).imag)
+    sides = np.where((axis.conj() * (body.middle - starts)).imag < 0.0, 1.0, -1.0)
+    straight = 1j * sides * axis
+    points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
     feet = ((body.center + body.turn * points - starts) * axis.conj()).real
-    bent = BentTubes.straight(
-        structure,
-        contacts.members,
-        np.clip(feet, 0.0, length),
-        tubes.stiffness_scale,
-    )
+    places = np.clip(feet, 0.0, length)
+    bent = BentTubes.straight(structure, contacts.members, places, tubes.stiffness_scale)
     return ContactStatics(
         bent=bent,
         body=body,

@@ -204,19 +204,13 @@ class SettledGrasp(
         return self._named(lambda grip: grip.sections.place, every=True)
 
     @property
-    def contact_spans(self) -> dict[str, tuple[float, float]]:
+    def contact_lengths(self) -> dict[str, float]:
         """
-        Return the distances of the contact's first and last point from each member's start [m].
+        Return the length of tube in contact at each grasping member [m].
 
-        These seven properties have one value for each grasping member. They are empty without an
+        These six properties have one value for each grasping member. They are empty without an
         equilibrium.
         """
-        spans = self._named(lambda grip: grip.patches.spans)
-        return {name: (first, last) for name, (first, last) in spans.items()}
-
-    @property
-    def contact_lengths(self) -> dict[str, float]:
-        """Return the length of tube in contact at each grasping member [m]."""
         return self._named(lambda grip: grip.patches.lengths)
 
     @property

@@ -88,8 +88,8 @@ def evaluate_utilisation(
 
     Without an inner maximum it is zero there. The loads are bending moments (...) at start and end
     [N m], tension of the wall (3, ...) or (...), and axial force (...), which amplifies the moment
-    between the ends [N]. The sections (3, ...) are length [m], EI [N m^2] and GA [N]. All of them may
-    be complex, for derivatives by complex steps.
+    between the ends [N]. The sections (3, ...) are length [m], EI [N m^2] and GA [N]. All of them
+    may be complex, for derivatives by complex steps.
     """
     begin, end, moment_capacity, pull = loads
     length, flexural, shear = sections

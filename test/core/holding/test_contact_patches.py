@@ -13,7 +13,7 @@ from skin_depths import contact_loads
 
 RADIUS = 0.5 * NINE.description.tube_diameter
 GAUGE = 34500.0
-TABLES = ('contact_spans', 'contact_lengths', 'contact_widths', 'contact_areas')
+TABLES = ('contact_lengths', 'contact_widths', 'contact_areas')
 TABLES += ('contact_pressures', 'peak_pressures')
 
 
@@ -56,7 +56,7 @@ def test_span_of_a_disc_is_about_its_contact_point():
     grasp = settled(Disc(0.4))
     grip = grasp.equilibrium
     for name, foot in zip(grip.member_names, grip.state.feet, strict=True):
-        first, last = grasp.contact_spans[name]
+        first, last = grip.patches.spans[grip.member_names.index(name)]
         assert 0.5 * (first + last) == pytest.approx(foot, abs=1e-9)
         assert last - first == pytest.approx(grasp.contact_lengths[name])
         chord = 2.0 * np.sqrt(2.0 * 0.2 * grip.statics.dents(grip.state.normal_forces)[0].max())
@@ -75,7 +75,7 @@ def test_span_of_a_pressed_face_has_both_of_its_ends(members, angle, descends):
     grip = grasp.equilibrium
     feet = grip.state.feet[grip.contacts.owners == 1]
     assert (feet[0] > feet[1]) == descends
-    first, last = grasp.contact_spans[grip.member_names[1]]
+    first, last = grip.patches.spans[1]
     assert first < feet.min() < feet.max() < last
     assert last - first == pytest.approx(np.ptp(feet), abs=0.05)
 
