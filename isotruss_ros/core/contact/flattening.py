@@ -108,6 +108,6 @@ def flattening_of(robot: Mechanism, pressure: float) -> Flattening:
     return Flattening(
         0.5 * file.tube_diameter,
         pressure,
-        tube_stiffness(file).fabric,
+        tube_stiffness(file).model.fabric,
         local_stiffness=file.local_stiffness,
     )

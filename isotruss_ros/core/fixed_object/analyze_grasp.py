@@ -137,9 +137,6 @@ def _pressed(
 ) -> tuple[Array, Array]:
     """Return the tubes' wrench (3,) on the object, and the lever arms (c,) of friction forces."""
     push, normals = contact.forces * contact.normals, contact.normals
-    if body.shape.is_round:
-        force = push.sum()
-        return np.array([-force.real, -force.imag, 0.0]), np.ones(len(push))
     # Points of the object's surface at which the forces act, relative to its frame's origin.
     arms: Points = points.points + contact.displacements - body.center
     arms = arms - (contact.gaps + margin) * normals

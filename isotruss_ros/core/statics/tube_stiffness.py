@@ -24,7 +24,6 @@ from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
 from isotruss_ros.core.statics.section import (
     as_floats,
     broadcast_members,
-    Fabric,
     InflatableBeam,
     SectionStiffness,
     TubeStiffness,
@@ -170,11 +169,6 @@ class TubeSections:
 
     model: TubeStiffness  #: the stiffness model
     scale: float = 1.0  #: ratio of the tube's true stiffness to the modelled one [-]
-
-    @property
-    def fabric(self) -> Fabric | None:
-        """Return the elastic constants of the model's wall, not scaled by the factor."""
-        return self.model.fabric
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
         """Return the scaled stiffness of the model; see `TubeStiffness.section_stiffness`."""
