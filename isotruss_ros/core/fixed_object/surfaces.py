@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.shapes import normalize, Shape, SurfacePoints
+from isotruss_ros.core.model.shapes import Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 
@@ -35,6 +35,8 @@ class Surface:
 
     def support(self, normals: Points) -> Array:
         """Return the distances (c,) between the centre and tangents with given normals [m]."""
+        if self.shape.is_round:
+            return np.full(len(normals), self.reach)
         local = normals * self.body.turn.conjugate()
         inside = (self.shape.centroid * local.conj()).real
         return self.shape.support(local) - inside + self.margin
@@ -42,8 +44,11 @@ class Surface:
     def nearest(self, away: Points) -> SurfacePoints:
         """Return the surface points nearest to points relative to the centre (5)."""
         if self.shape.is_round:
-            gaps = np.abs(away) - self.reach
-            return SurfacePoints(gaps, normalize(away), np.full(len(away), self.reach))
+            sizes = np.abs(away)
+            # The normal nearest to the centre is arbitrary; upward is used.
+            upward = np.full(len(away), 1j)
+            normals = np.divide(away, sizes, out=upward, where=sizes > 0.0)
+            return SurfacePoints(sizes - self.reach, normals, np.full(len(away), self.reach))
         local = away * self.body.turn.conjugate() + self.shape.centroid
         gaps, normals, radii = self.shape.nearest(local)
         return SurfacePoints(gaps - self.margin, normals * self.body.turn, radii + self.margin)
