@@ -68,11 +68,9 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     @cached_property
     def reactions(self) -> dict[str, tuple[float, float]]:
         """Return the force (rx, ry) of each support on the robot [N], by the joint's name."""
-        return {
-            joint: (float(self.state.reactions[node, 0]), float(self.state.reactions[node, 1]))
-            for joint in self.structure.config.robot.description.supports
-            for node in (self.structure.node(joint),)
-        }
+        supports = self.structure.config.robot.description.supports
+        forces = self.state.reactions[:, :2].tolist()
+        return {joint: tuple(forces[self.structure.node(joint)]) for joint in supports}
 
     @cached_property
     def utilisation(self) -> dict[str, float]:
@@ -197,10 +195,9 @@ def _bend(rest: Tangent, loads: Array) -> FrameState:
             return state_under(bent, loads)
     path = follow_loads(rest, loads, 1.0)
     if path.factors[-1] < 1.0:
-        limit = min(path.limit, path.factors[-1])
         raise StructureError(
-            f'the loads are beyond the limit load: the structure is unstable at {limit:.4g} '
-            'times these loads; must be smaller'
+            'the loads are beyond the limit load: the structure is unstable at '
+            f'{path.factors[-1]:.4g} times these loads; must be smaller'
         )
     return state_under(path.tangents[-1], loads)
 
