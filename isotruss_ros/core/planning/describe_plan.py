@@ -102,7 +102,8 @@ def _grasp_in_words(grasp: PlannedGrasp) -> str:
         first, second, *_ = grasp.chance.shares.items()
         shares = ', '.join(f'{name} {100.0 * share:.0f} %' for name, share in (first, second))
         chance = (
-            f'; held with a chance of {grasp.chance.probability:.3g}, otherwise most probably '
+            f'; held with a chance of {grasp.chance.probability:.3g} ({grasp.chance.method}), '
+            f'otherwise most probably '
             f'{grasp.chance.limit} ({shares})'
         )
     where = '' if grasp.module is None else f'at {grasp.module} '
