@@ -39,12 +39,7 @@ STEP = 3e-3
 
 
 def changed_grip(grip: HeldGrip, change: Array) -> HeldGrip:
-    """
-    Return the equilibrium with unknown contact history for changed parameters.
-
-    :param change: (p,) changes of the parameters, see `criteria`.
-    :raises NotHeldError: there is no equilibrium.
-    """
+    """Return the equilibrium with unknown contact history for changes (p,) of parameters."""
     columns, body = GraspParameters.of(grip.config), grip.statics.body
     travel = grip.config.roller_positions + change[columns.rollers]
     body = scaled(body, max(1.0 + change[-1], MIN_FACTOR))
@@ -115,8 +110,6 @@ def chance_gradient(settled: SettledGrasp, find_covariance: Callable[[Array], Ar
     derivatives A of g and the covariance C of the parameters. By symmetry of second derivatives,
     the derivative of A C a_j by the parameters is the derivative of A along C a_j. It is computed
     by central differences of the exact A, two equilibria for each likely violation.
-
-    :param find_covariance: covariance of the parameters for changes (p,) of the parameters.
     """
     grip, friction = settled.equilibrium, settled.friction
     columns = GraspParameters.of(grip.config)
