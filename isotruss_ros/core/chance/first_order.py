@@ -117,10 +117,7 @@ def chance_of(failure: Failure, covariance: Array, grip: HeldGrip) -> Chance:
     variances = rates * (covariance @ rates)
     variances = variances / max(variances.sum(), SMALLEST_NORMAL)
     shares = {
-        name: float(
-            variances[getattr(columns, field)].sum() / max(variances.sum(), SMALLEST_NORMAL)
-        )
-        for field, name in QUANTITIES.items()
+        name: float(variances[getattr(columns, field)].sum()) for field, name in QUANTITIES.items()
     }
     return Chance(
         probability=1.0 - failure.probability,
