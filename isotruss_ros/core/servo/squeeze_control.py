@@ -55,7 +55,8 @@ class SqueezeControl:
 
     :ivar belief: estimated state of the grip; None before the first `follow`.
     :ivar reference: desired pose (x, y, angle) of the object [m, rad]. It is the pose at the
-        start of a motion plus the integral of the executed twists; None before the first twist.
+        start of a motion plus the integral of the executed twists, and follows the object along
+        unreachable directions; None before the first twist.
     :ivar frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
     :ivar gain: pose gain for this frequency [1/s]; before the first `follow`, that for an unknown
         frequency.
@@ -92,6 +93,7 @@ class SqueezeControl:
         self._since = 0.0  # time since the last pose [s]
         self.slipped = 0.0
         self._start = BeliefStart()
+        self._corrected = np.zeros(3)  # correction in the last command [m/s, rad/s]
         self.rest()
 
     def rest(self) -> None:
@@ -184,6 +186,7 @@ class SqueezeControl:
         if self.fault is not None:
             return replace(solve(np.zeros(3), opening), scale=0.0, status=self.fault)
         twist, correction = np.asarray(twist), self._correction(belief, period)
+        self._corrected = correction
         command = _solve_within_limits(twist + correction, opening, solve)
         if command.status in CHANGED and not twist.any():
             # Contacts or limits do not admit the correction of the pose.
@@ -220,8 +223,10 @@ class SqueezeControl:
         :param missing: (3,) part that limits of acceleration, or barriers, took away.
         """
         if command.status in CHANGED:
-            self.reference = None
-        self._velocity = command.scale * np.asarray(twist) - missing
+            # Where the twist is unreachable, its correction is as well: the desired pose follows.
+            self._velocity = command.achieved_twist - self._corrected - missing
+        else:
+            self._velocity = command.scale * np.asarray(twist) - missing
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
         """Return the twist (3,) that corrects the pose error and the motion that (19) neglects."""

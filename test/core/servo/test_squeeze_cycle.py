@@ -73,13 +73,18 @@ def test_pose_correction_of_a_late_loop_takes_at_most_half_of_the_error_in_the_l
     assert asked_of(control, np.zeros(3), 0.01)[0] == pytest.approx(0.5 / late * error, rel=1e-4)
 
 
-@pytest.mark.parametrize('status', [Status.OK, Status.SLIDING, Status.UNREACHABLE])
-def test_reference_of_a_motion_in_another_direction_is_discarded(status):
-    control, twist = controlled(), np.array([0.01, -0.02, 0.1])
-    asked_of(control, twist, 0.01)
+@pytest.mark.parametrize('status', [Status.SLIDING, Status.UNREACHABLE])
+def test_pose_error_ends_only_along_the_directions_of_an_unreachable_twist(status):
+    control, twist, elapsed = controlled(), np.array([0.01, -0.02, 0.1]), 0.01
+    asked_of(control, twist, elapsed)
+    error, reachable = np.array([1e-3, -2e-3, 3e-2]), np.array([1.0, 0.0, 1.0])
+    control.reference = before = control.reference + error
+    achieved = reachable * asked_of(control, twist, elapsed)[0]
     still = np.zeros(len(CONFIG.roller_positions))
-    control.advance(twist, RollerCommand(still, np.zeros(3), 1.0, status))
-    assert (control.reference is None) is (status is not Status.OK)
+    control.advance(twist, RollerCommand(still, achieved, 1.0, status))
+    assert control.follow(CONFIG, GRASP, elapsed) is HoldStatus.HELD
+    decay = (1.0 - reachable) * control.gain * error
+    assert control.reference - before == pytest.approx(elapsed * (reachable * twist - decay))
 
 
 def test_reference_moves_by_the_twist_without_the_part_that_limits_took_away():
