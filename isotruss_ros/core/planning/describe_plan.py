@@ -103,8 +103,7 @@ def _grasp_in_words(grasp: PlannedGrasp) -> str:
         shares = ', '.join(f'{name} {100.0 * share:.0f} %' for name, share in (first, second))
         chance = (
             f'; held with a chance of {grasp.chance.probability:.3g} ({grasp.chance.method}), '
-            f'otherwise most probably '
-            f'{grasp.chance.limit} ({shares})'
+            f'otherwise most probably {grasp.chance.limit} ({shares})'
         )
     where = '' if grasp.module is None else f'at {grasp.module} '
     return (

@@ -185,8 +185,8 @@ class SqueezeControl:
         opening = rate / belief.grasp.squeeze_stiffness()
         if self.fault is not None:
             return replace(solve(np.zeros(3), opening), scale=0.0, status=self.fault)
-        twist, correction = np.asarray(twist), self._correction(belief, period)
-        self._corrected = correction
+        twist = np.asarray(twist)
+        correction = self._corrected = self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening, solve)
         if command.status in CHANGED and not twist.any():
             # Contacts or limits do not admit the correction of the pose.
