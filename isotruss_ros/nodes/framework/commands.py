@@ -44,10 +44,10 @@ class RollerCommands:
     def subscribe(self) -> None:
         """Start to detect commands of other nodes, until the node is deactivated."""
         self._received, self._heard = self._sent, -math.inf
-        self._node.create_subscription(
+        self._subscription = self._node.create_subscription(
             Float64MultiArray,
             TOPIC,
-            self.note,
+            self._receive,
             NEWEST_MESSAGES,
             event_callbacks=NO_EVENTS,
             raw=True,
@@ -76,7 +76,17 @@ class RollerCommands:
             return None
         return f'another node publishes on {TOPIC}: end or deactivate one of the two nodes'
 
-    def note(self, _message: bytes, info: dict[str, Any]) -> None:
+    def _receive(self, _message: bytes, info: dict[str, Any]) -> None:
+        """Record a received command and those queued behind it."""
+        self.note(info)
+        # The executor passes on one message per cycle: always the node's own if another node
+        # commands at the same rate.
+        for _ in range(NEWEST_MESSAGES.depth):
+            taken = self._subscription.handle.take_message(Float64MultiArray, True)
+            if taken is not None:
+                self.note(taken[1])
+
+    def note(self, info: dict[str, Any]) -> None:
         """Record a received command of this node or of another node."""
         number = info['publication_sequence_number']
         if number is None:

@@ -8,9 +8,12 @@ from types import SimpleNamespace
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.framework import commands
 from isotruss_ros.nodes.framework.commands import RollerCommands
+from isotruss_ros.nodes.framework.cycle import PacedExecutor
+from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
-from probe import N, overrides, world
+from probe import begin_context, DEADLINE, N, overrides, world
 import pytest
+import rclpy
 from std_msgs.msg import Float64MultiArray
 
 OWN = [1, 2, 3]
@@ -27,13 +30,20 @@ class SilentNode:
         """Forget it."""
 
 
+class CommandingNode(StoppableNode):
+    """Executes callbacks, one of each subscription in a turn."""
+
+    node_name = 'commanding'
+    specs = ()
+
+
 def find_others(numbers):
     """Publish three times, receive messages with such numbers, and return who else commands."""
     made = RollerCommands(SilentNode(), N)
     for _ in OWN:
         made.stop()
     for number in numbers:
-        made.note(b'', {'publication_sequence_number': number})
+        made.note({'publication_sequence_number': number})
     return made.find_others()
 
 
@@ -53,9 +63,26 @@ def test_another_publisher_is_there_until_it_was_silent_for_a_second(monkeypatch
     now = 100.0
     monkeypatch.setattr(commands, 'time', SimpleNamespace(monotonic=lambda: now))
     made = RollerCommands(SilentNode(), N)
-    made.note(b'', {'publication_sequence_number': 1})
+    made.note({'publication_sequence_number': 1})
     now += silent
     assert (made.find_others() is not None) is there
+
+
+def test_commands_of_another_node_are_noticed_behind_own_ones_of_the_same_rate():
+    begin_context()
+    node = CommandingNode()
+    try:
+        made, other = RollerCommands(node, N), node.advertise(Float64MultiArray, commands.TOPIC)
+        made.subscribe()
+        executor = PacedExecutor(node)
+        for _ in range(20):
+            made.stop()
+            other.publish(Float64MultiArray(data=[0.0] * N))
+            executor.spin_once(DEADLINE)
+        assert made.find_others() is not None
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 def test_commands_of_another_publisher_count_until_it_is_quiet():
