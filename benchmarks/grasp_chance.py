@@ -29,7 +29,7 @@ from isotruss_ros.core import (
     settle_grasp,
     Uncertainty,
 )
-from isotruss_ros.core.chance.drawn_grips import changed_grip
+from isotruss_ros.core.chance.probability import changed_grip, find_chance
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
@@ -164,7 +164,8 @@ class Carry:
     @property
     def chance(self) -> float:
         """Return the predicted chance."""
-        return UNCERTAIN.path_chance(FRICTION, self.passed, self.passed[0]).probability
+        covariance = UNCERTAIN.covariance(self.passed[0])
+        return find_chance(self.passed, FRICTION, covariance).probability
 
     def simulate(self, body: ConvexObject, z: np.ndarray) -> tuple[bool, float]:
         """Return whether MuJoCo's object is lost, and the largest utilisation [-]."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import math
 
-from isotruss_ros.core.chance.first_order import Chance
+from isotruss_ros.core.chance.probability import Chance, find_chance
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
@@ -104,7 +104,8 @@ def _find_margin(
         body = grasp.body.moved_to(grasp.pose)
         rest = attach_grip(grasp.config, body, grasp.members)
         grips = [rest] if loaded is grasp else [rest, loaded]
-        return slip, closing.uncertainty.path_chance(needs.friction, grips, loaded)
+        covariance = closing.uncertainty.covariance(loaded)
+        return slip, find_chance(grips, needs.friction, covariance)
     except GraspError:
         raise RequirementError('held', 0.0, 1.0) from None
 

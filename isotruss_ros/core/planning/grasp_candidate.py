@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+from isotruss_ros.core.chance.probability import find_chance
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -87,7 +88,8 @@ def _check_carry(grip: ClosedGrip, closing: Closing, needs: GraspRequirements) -
         raise RequirementError('carry', share, 1.0)
     if closing.uncertainty is None:
         return grip
-    return grip._replace(chance=closing.uncertainty.path_chance(needs.friction, passed, held))
+    covariance = closing.uncertainty.covariance(held)
+    return grip._replace(chance=find_chance(passed, needs.friction, covariance))
 
 
 def _planned(

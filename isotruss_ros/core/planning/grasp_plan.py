@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, overload
 
-from isotruss_ros.core.chance.first_order import Chance
+from isotruss_ros.core.chance.probability import Chance
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at

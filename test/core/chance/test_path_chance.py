@@ -5,8 +5,8 @@
 
 from carries import make_robot, place
 from isotruss_ros import core
-from isotruss_ros.core.chance.criteria import carried_criteria, rest_criteria
-from isotruss_ros.core.chance.drawn_grips import changed_grip
+from isotruss_ros.core.chance.criteria import find_criteria
+from isotruss_ros.core.chance.probability import changed_grip, find_chance
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -46,29 +46,29 @@ def rolled(passed, change):
 @pytest.mark.parametrize('name', ['disc 0.2 m', 'brick'])
 def test_rates_of_carried_criteria_are_those_of_rolled_equilibria(name):
     passed = carried(name)
-    _, history = rest_criteria(passed[0], FRICTION)
-    criteria = carried_criteria(passed[-1], FRICTION, history)
-    near = [not text.startswith('contact with') for text in criteria.names]
+    at_rest = len(find_criteria(passed[:1], FRICTION).names)
+    criteria = find_criteria([passed[0], passed[-1]], FRICTION)
+    near = [not text.startswith('contact with') for text in criteria.names[at_rest:]]
     columns = GraspParameters.of(HOME)
     spread = np.sqrt(np.diag(UNCERTAIN.covariance(passed[0])))
     for k, step in enumerate(3e-3 * np.maximum(spread, 1e-3)):
         ahead, behind = (
-            carried_criteria(
-                rolled(passed, way * step * np.eye(len(spread))[k])[-1],
+            find_criteria(
+                [passed[0], rolled(passed, way * step * np.eye(len(spread))[k])[-1]],
                 FRICTION + way * step * (k == columns.friction),
-                history,
-            ).values[near]
+            ).values[at_rest:][near]
             for way in (1.0, -1.0)
         )
-        errors = np.abs((ahead - behind) / (2.0 * step) - criteria.rates[near, k])
-        scale = np.maximum(np.abs(criteria.values[near]), 1e-3)
+        values, rates = criteria.values[at_rest:][near], criteria.rates[at_rest:][near, k]
+        errors = np.abs((ahead - behind) / (2.0 * step) - rates)
+        scale = np.maximum(np.abs(values), 1e-3)
         assert (errors * spread[k] / scale).max() < 2e-3
 
 
 def test_chance_along_a_path_is_the_frequency_of_held_draws():
     passed, rng = carried(), np.random.default_rng(0)
     friction = 0.03 + max(grip.required_friction for grip in passed)
-    chance = UNCERTAIN.path_chance(friction, passed, passed[0])
+    chance = find_chance(passed, friction, UNCERTAIN.covariance(passed[0]))
     columns, held = GraspParameters.of(HOME), []
     spread = np.sqrt(np.diag(UNCERTAIN.covariance(passed[0])))
     for _ in range(40):
@@ -84,7 +84,8 @@ def test_chance_along_a_path_is_the_frequency_of_held_draws():
 def test_a_longer_path_has_a_smaller_chance():
     passed = carried()
     friction = 0.05 + passed[0].required_friction
-    chances = [UNCERTAIN.path_chance(friction, passed[:n], passed[0]) for n in (1, len(passed))]
+    covariance = UNCERTAIN.covariance(passed[0])
+    chances = [find_chance(passed[:n], friction, covariance) for n in (1, len(passed))]
     assert chances[1].probability < chances[0].probability
 
 
@@ -107,7 +108,7 @@ def test_the_best_grasp_has_a_larger_chance_than_the_nominal_one(plans):
     grasp = plans[0][0]
     body = grasp.grip.body
     held = attach_grip(grasp.config, body, grasp.equilibrium.members)
-    nominal = UNCERTAIN.path_chance(0.5, [held], held)
+    nominal = find_chance([held], 0.5, UNCERTAIN.covariance(held))
     assert plans[1][0].chance.reliability > nominal.reliability
 
 
@@ -121,7 +122,7 @@ def test_words_and_figures_have_the_chance(plans):
 def test_without_uncertainty_no_chance_is_computed(monkeypatch):
     calls = []
     monkeypatch.setattr(closing_in_place, 'attach_grip', calls.append)
-    monkeypatch.setattr(core.Uncertainty, 'path_chance', calls.append)
+    monkeypatch.setattr(closing_in_place, 'find_chance', calls.append)
     plan = core.plan_grasps(HOME, DISC, thorough=False, max_rounds=1)
     assert plan.grasps
     assert plan[0].chance is None

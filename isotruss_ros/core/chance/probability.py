@@ -1,0 +1,138 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Probability that an object is held: to first order in normal parameters, and from samples.
+
+The violations of two conditions are jointly normal. Ditlevsen's upper bound
+p <= sum_i p_i - sum_(i > 1) max_(j < i) p_ij (in descending order of p_i) is exact for up to two
+conditions, and has no random error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import math
+
+from isotruss_ros.core.chance.criteria import find_criteria, scaled
+from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.held_gradient import GraspParameters
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.numerics.tolerances import EPSILON, SMALLEST_NORMAL
+import numpy as np
+import scipy
+
+#: Conditions whose values exceed this many standard deviations are fulfilled [-]. The probability
+#: of a violation is then below 1e-15.
+MAX_SIGMAS = 8.0
+#: Quantities that the fields of `GraspParameters` vary, in their order.
+QUANTITIES = 'roller offsets', 'pose', 'pressures', 'friction', 'load', 'stiffness', 'size'
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Chance(Record, headline=('probability', 'method', 'limit', 'shares', 'standard_error')):
+    """
+    Probability that an object is held although parameters are uncertain.
+
+    :ivar probability: probability that the object is held. To first order, it is a lower bound,
+        see this module.
+    :ivar method: `first order`, `samples`, or `no equilibrium`.
+    :ivar limit: most probable violation, for example `slip at south/P-Q`.
+    :ivar shares: shares of the uncertain quantities in the variance of the limiting condition to
+        first order, largest first [-].
+    :ivar standard_error: standard error of a probability from samples; 0 to first order.
+    :ivar reliability: standard normal quantile of the probability; larger is better [-].
+    """
+
+    probability: float
+    method: str
+    limit: str
+    shares: dict[str, float]
+    standard_error: float = 0.0
+    reliability: float = 0.0
+
+
+@single_threaded
+def find_chance(grips: Sequence[HeldGrip], friction: float, covariance: Array) -> Chance:
+    """Return the chance to first order that an object is held along a path."""
+    criteria, columns = find_criteria(grips, friction), GraspParameters.of(grips[0].config)
+    spread = np.sqrt(np.einsum('cp,pq,cq->c', criteria.rates, covariance, criteria.rates))
+    with np.errstate(divide='ignore', invalid='ignore'):
+        sigmas = np.nan_to_num(criteria.values / spread, nan=np.inf)
+    order = np.argsort(sigmas, kind='stable')[: max(1, int((sigmas < MAX_SIGMAS).sum()))]
+    axes = criteria.rates[order] / np.maximum(spread[order, None], SMALLEST_NORMAL)
+    failure = failure_probability(sigmas[order], axes @ covariance @ axes.T)
+    variances = axes[0] * (covariance @ axes[0])
+    shares = zip(QUANTITIES, (float(variances[at].sum()) for at in columns), strict=True)
+    return Chance(
+        probability=1.0 - failure,
+        method='first order',
+        limit=criteria.names[order[0]],
+        shares=dict(sorted(shares, key=lambda item: -item[1])),
+        reliability=-float(scipy.special.ndtri(failure)),
+    )
+
+
+def failure_probability(sigmas: Array, correlation: Array) -> float:
+    """Return the bound for conditions at distances (c,) in standard deviations, nearest first."""
+    # Probabilities (c, c) that two conditions are violated, by Owen's function.
+    root = np.sqrt(np.maximum(1.0 - correlation**2, EPSILON))
+    limits = np.where(np.abs(sigmas) < EPSILON, -EPSILON, -sigmas.clip(-MAX_SIGMAS, MAX_SIGMAS))
+    single, h, k = scipy.special.ndtr(limits), limits[:, None], limits[None]
+    both = 0.5 * (single[:, None] + single - (h * k < 0.0))
+    both -= scipy.special.owens_t(h, (k / h - correlation) / root)
+    both -= scipy.special.owens_t(k, (h / k - correlation) / root)
+    both = np.tril(both.clip(0.0, np.minimum(single[:, None], single)), -1)
+    return min(1.0, float(scipy.special.ndtr(-sigmas).sum() - both.max(axis=1).sum()))
+
+
+def changed_grip(grip: HeldGrip, change: Array) -> HeldGrip:
+    """Return the equilibrium with unknown contact history for changes (p,) of parameters."""
+    columns, body = GraspParameters.of(grip.config), scaled(grip.statics.body, 1.0 + change[-1])
+    body = body.moved_to(np.array(body.pose) + change[columns.place])
+    pressures = grip.statics.bent.structure.pressures + change[columns.pressures]
+    # A normal number may be negative.
+    stiffness = max(grip.tubes.stiffness_scale + change[columns.stiffness], 0.05)
+    tubes = TubeModel(stiffness, pressure=tuple(pressures.tolist()))
+    config = grip.config.moved_to(grip.config.roller_positions + change[columns.rollers])
+    wrench = grip.wrench * (1.0, 1.0, grip.arm) + change[columns.wrench]
+    return attach_grip(config, body, grip.members, wrench, tubes, near=grip)
+
+
+def sample_friction(
+    grip: HeldGrip,
+    covariance: Array,
+    samples: int,
+    seed: int,
+    on_progress: Callable[[float], None] | None,
+) -> Array:
+    """Return the required friction (s,) in random samples; infinite if the object is not held."""
+    rng, spread = np.random.default_rng(seed), np.sqrt(np.diag(covariance))
+    changes = rng.multivariate_normal(np.zeros(len(spread)), covariance, samples)
+    # Values with the first five moments of a normal number, so that few dents are tabulated.
+    tabulated = np.append(np.r_[GraspParameters.of(grip.config).pressures], -1)
+    shape, shares = (samples, len(tabulated)), (1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0)
+    changes[:, tabulated] = rng.choice([-1.0, 0.0, 1.0], shape, p=shares)
+    changes[:, tabulated] *= math.sqrt(3.0) * spread[tabulated]
+    needed: list[float] = []
+    for i, change in enumerate(changes):
+        try:
+            drawn = changed_grip(grip, change)
+            held = assess_equilibrium(drawn.statics.body.pose, drawn, math.inf).held
+            needed.append(drawn.required_friction if held else math.inf)
+        except ConfigurationError:
+            pass  # The sample is left out, because the robot has a configuration.
+        except IsotrussError:  # no equilibrium
+            needed.append(math.inf)
+        if on_progress is not None:
+            on_progress((i + 1) / samples)
+    if not needed:
+        raise GraspError('no sample has a configuration: the roller offsets must deviate less')
+    return np.array(needed)
