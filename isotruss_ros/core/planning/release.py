@@ -4,8 +4,8 @@
 """
 Release of a held object: unloading without motion, opening of the grip, and retreat.
 
-The squeeze is decreased while the object keeps its pose. When the squeeze is negligible, the
-members move away from the object.
+The rollers move on a straight line to a grip that is almost without forces, with the object at its
+pose. Then the members move away from the object.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
-#: Squeeze at the waypoints of the unloading relative to the initial squeeze [-]. When the last
-#: contact opens, the object springs back by the last of these fractions times its deflection.
-UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
+#: Squeeze at the end of the unloading relative to the initial squeeze [-]. When the last contact
+#: opens, the object springs back by this fraction of its deflection.
+REMAINING_SQUEEZE = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def _unload(
     config: Configuration, closing: Closing, held: HeldGrip | None
 ) -> tuple[list[Configuration], Closing]:
     """
-    Return the path of decreasing squeeze, and `closing` with the object at its pose at the end.
+    Return the path that opens the grip, and `closing` with the object at its pose at the end.
 
     Without contact forces the path consists of its start only. With few rollers the object is
     displaced a little.
@@ -106,9 +106,10 @@ def _unload(
     grasp = hold_between(config, closing) if held is None else held
     if grasp.normal_forces.min() <= 0.0:
         return path, closing
-    for force in grasp.squeeze * np.array(UNLOADING_SHARES):
-        grasp = squeeze_in_place(grasp, force, closing)
-        path.append(grasp.config)
+    # On the straight line to a grip almost without forces, all contact forces decrease in
+    # proportion. With waypoints between, the friction may rise until contacts slip.
+    grasp = squeeze_in_place(grasp, REMAINING_SQUEEZE * grasp.squeeze, closing)
+    path.append(grasp.config)
     # The grip is opened in place, because a retreat of members in contact would roll the object.
     grip, config = grasp.touching(closing.body.friction_or(None)), grasp.config
     opening = GAP_TOLERANCE * diameter

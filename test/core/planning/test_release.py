@@ -32,6 +32,7 @@ MEMBERS = members_at(HOME.robot, 'north/Z')
 #: Of different tubes, around the hole between them.
 THREE = ('south/P-Q', 'east/Q-R', 'north/R-P')
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
+SMALL_BOX = Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], corner_radius=0.02)
 #: Angles count at an arm [m].
 ARMS = np.array([1.0, 1.0, 0.2])
 SMALL = ConvexObject.disc(CENTER, 0.2)
@@ -52,14 +53,14 @@ def disc(diameter, angle):
 @pytest.mark.parametrize(
     ('body', 'members', 'moved'),
     [
-        pytest.param(disc(0.2, 0.0), MEMBERS, 1e-4, marks=pytest.mark.nightly),
+        pytest.param(disc(0.2, 0.0), MEMBERS, 1e-3, marks=pytest.mark.nightly),
         pytest.param(
-            disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 1e-4, marks=pytest.mark.nightly
+            disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 1e-3, marks=pytest.mark.nightly
         ),
         (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3),
-        pytest.param(disc(0.3, 2.5), MEMBERS, 1e-4, marks=pytest.mark.nightly),
+        pytest.param(disc(0.3, 2.5), MEMBERS, 1e-3, marks=pytest.mark.nightly),
         pytest.param(
-            disc(0.2, -3.1), members_at(HOME.robot, 'north/P'), 1e-4, marks=pytest.mark.nightly
+            disc(0.2, -3.1), members_at(HOME.robot, 'north/P'), 1e-3, marks=pytest.mark.nightly
         ),
         pytest.param(
             ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2)), THREE, 3e-3, marks=pytest.mark.nightly
@@ -77,14 +78,14 @@ def test_a_released_object_stays_at_its_pose(body, members, moved):
     release = plan_release(robot.config, body.moved_to(held), grasp.grip.members, CLEARANCE)
     assert release.violation is None
     squeezes, apart = [thing.grasp.squeeze], release.apart
-    for piece in itertools.pairwise(release.path[:apart]):
+    assert apart == 2
+    for piece in itertools.pairwise(np.linspace(*release.path[:apart], 11)):
         closings.drive(robot, piece)
         squeezes.append(0.0 if thing.grasp is None else thing.grasp.squeeze)
         assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=moved)
     assert (np.diff(squeezes) <= 0.0).all()
     shares = np.array(squeezes[1:10]) / squeezes[0]
-    # The end of a face that opens on the way changes the last forces by hundredths of a newton.
-    assert shares == pytest.approx(np.linspace(0.9, 0.1, 9), rel=0.05, abs=0.01)
+    assert shares == pytest.approx(np.linspace(0.9, 0.1, 9), abs=0.05)
     assert squeezes[-1] < 0.01 * squeezes[0]
     closings.drive(robot, release.path[[apart - 1, apart]])
     assert thing.grasp is None
@@ -95,6 +96,21 @@ def test_a_released_object_stays_at_its_pose(body, members, moved):
     ours = [HOME.robot.member_names.index(name) for name in grasp.grip.members]
     assert gaps[ours] == pytest.approx(CLEARANCE, abs=1e-3)
     assert gaps.min() > 0.01
+
+
+def test_contacts_that_share_a_face_do_not_slip_in_the_release():
+    body = ConvexObject(SMALL_BOX, (0.629, 0.276, -1.671), friction=0.8)
+    needs = GraspRequirements(members=MEMBERS, squeeze=15.0, count=1)
+    grasp, thing = plan_grasps(HOME, body, needs, max_rounds=1)[0], ElasticObject(body, 0.8)
+    robot = SimulatedRobot(HOME, thing, RollerFaults())
+    closings.drive(robot, grasp.path)
+    held, friction = robot.object_pose, thing.grasp.required_friction
+    release = plan_release(robot.config, body.moved_to(held), MEMBERS, CLEARANCE)
+    for piece in itertools.pairwise(np.linspace(*release.path[:2], 11)[:-1]):
+        closings.drive(robot, piece)
+        assert thing.grasp.required_friction < friction + 0.2
+    closings.drive(robot, np.vstack([piece[-1:], release.path[1:]]))
+    assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=3e-3)
 
 
 def test_a_release_that_turns_the_object_by_more_than_allowed_is_no_path():
