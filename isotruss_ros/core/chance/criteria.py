@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_search import depths_in_others
-from isotruss_ros.core.holding.grasp_gradient import turn_dents
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT, travel_rates
 from isotruss_ros.core.holding.pressed_contacts import ANGLE
@@ -52,15 +51,14 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
         raise GraspError('the equilibrium is neutral: it must resist every motion')
     parameters = GraspParameters.of(first.config)
     chosen = np.eye(parameters.size, parameters.size + 1)
-    turns = turn_dents(first, chosen, parameters)
-    tubes = LoadedTubes(first, chosen, parameters, turns)
+    tubes = LoadedTubes(first, chosen, parameters)
     change = -np.linalg.solve(first.state.jacobian, _equation_rates(first, tubes))
     parts = [_criteria(first, friction, tubes, change), _near(first, tubes, change)]
     rolling = first.statics.rolling_rows(first.state.unknowns, first.state.normals)
     anchors = rolling @ change + _rolled(first, tubes)
     for grip in critical:
         old = _same_contacts(first, grip)  # new contacts have no history
-        tubes = LoadedTubes(grip, chosen, parameters, old @ turns, FOLLOWED_MOTION)
+        tubes = LoadedTubes(grip, chosen, parameters, FOLLOWED_MOTION)
         rates = _equation_rates(grip, tubes, sticks=True)
         rates[grip.state.places.conditions] = _rolled(grip, tubes) - old @ anchors
         parts.append(_criteria(grip, friction, tubes, grip.respond(rates)))

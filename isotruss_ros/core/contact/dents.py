@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Depth of the dent of a tube's skin at one contact, as a function of the normal force.
+Depth of the dent of a tube's skin at one contact, by normal force and angle of the normal.
 
 The dent is the deformation of the tube's section by `flattening` while the centre line is fixed.
 Its depth is the overlap of the object with the tube's undeformed section. Each point of the skin
@@ -16,15 +16,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 import cmath
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 import copy
 import functools
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.pressed_skin import (
-    DentSamples,
-    DEPTH_EXPONENT,
     find_profile,
     MAX_EXTENT,
     OUTLINE_SPACING,
@@ -35,234 +34,224 @@ from isotruss_ros.core.contact.pressed_skin import (
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
-from numpy.typing import ArrayLike
 import scipy
 
+DEPTH_EXPONENT = 2.0 / 3.0
 #: Depths in the tables [-]: of discs relative to the smaller radius of tube and disc, of corners
 #: relative to the tube radius.
-DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n)[1:] ** 2 for n in (15, 10))
-#: Largest step of the angles of normals for which forces are sampled; a divisor of 15 degrees, so
-#: that turned and mirrored objects have the same samples [rad]. Between them the forces are
+DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n) ** 2 for n in (15, 10))
+#: Largest step of the angles of normals for which depths are sampled; a divisor of 15 degrees, so
+#: that turned and mirrored objects have the same samples [rad]. Between them the depths are
 #: interpolated: depths err by up to 1 %, at a third of the step by 0.3 %, and at three times the
 #: step by 30 %, all of them where a face is within 0.05 rad of the tube.
 ANGLE_STEP = math.radians(15.0) / 16
+#: Relative change of the gauge pressure in the central differences of depths [-].
+PRESSURE_STEP = 1e-4
+#: Cubic interpolation of Catmull and Rom.
+CATMULL_ROM = 0.5 * np.array([[0, -1, 2, -1], [2, 0, -5, 3], [0, 1, 4, -3], [0, 0, -1, 1]])
+
+
+class Spline:
+    """Natural cubic spline through n points, the first at zero; linear beyond the last."""
+
+    def __init__(self, places: Array, values: Array) -> None:
+        # It is evaluated from lists, because for single numbers this is several times faster.
+        self._places: list[float] = places.tolist()
+        spline = scipy.interpolate.CubicSpline(places, values, bc_type='natural')
+        self._pieces: list[list[float]] = spline.c.T.tolist()
+
+    def __call__(self, place: float, near: float) -> tuple[float, float]:
+        """Return value and slope at a place, by the polynomial that is valid at a near place."""
+        last, piece = (
+            self._places[-1],
+            min(bisect_right(self._places, near), len(self._pieces)) - 1,
+        )
+        inside, beyond = (place, 0.0) if near < last else (last, place - last)
+        x, (a, b, c, d) = inside - self._places[piece], self._pieces[piece]
+        slope = (3.0 * a * x + 2.0 * b) * x + c
+        return ((a * x + b) * x + c) * x + d + slope * beyond, slope
+
+
+class DentSample:
+    """Dents at increasing depths (n,) [m], the first zero, for a normal with a given angle."""
+
+    def __init__(
+        self, depths: Array, press: Callable[[float], PressedSkin], kernel: Flattening
+    ) -> None:
+        self._depths, self._kernel = depths, kernel
+        self._skins = [press(depth) for depth in depths[1:].tolist()]
+        forces = np.array([skin.forces.sum() for skin in self._skins])
+        self._places = np.append(0.0, forces) ** DEPTH_EXPONENT
+        #: depth [m] by the 2/3 power of the force [N^(2/3)]
+        self.depth = Spline(self._places, depths)
+
+    @functools.cached_property
+    def inflated(self) -> tuple[Spline, Spline, float]:
+        """Return `depth` at a higher and at a lower pressure, and their difference [Pa]."""
+        rates, step = [0.0], PRESSURE_STEP * self._kernel.pressure.real
+        for _, spacing, _, forces in self._skins:
+            # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
+            closed = np.flatnonzero(forces)
+            dents = self._kernel.compliance(closed, spacing)
+            by_gaps = np.linalg.solve(dents, np.ones(len(closed)))
+            lost = float(by_gaps @ self._kernel.compliance_rates(closed, spacing) @ forces[closed])
+            rates.append(-DEPTH_EXPONENT * forces.sum() ** (DEPTH_EXPONENT - 1.0) * lost)
+        change = step * np.array(rates)
+        wide, narrow = (Spline(self._places + way * change, self._depths) for way in (1.0, -1.0))
+        return wide, narrow, 2.0 * step
 
 
 class DentTable:
     """
-    Table of a dent's depth as a function of the normal force, for one tube and one object.
+    Depth of the dent of one corner, face or smooth surface of an object in a tube.
 
-    The depths are increasing [m]. `turning` are the derivatives of the samples' weights by the
-    angle of the normal [1/rad].
+    The angle is that of the object's outward normal perpendicular to the tube, in the object's
+    frame [rad]. The depths are interpolated between angles by cubic polynomials, so their
+    derivatives are continuous. The cuts are the largest extents of the contact along the surface,
+    clockwise and counter-clockwise from the contact point [m]: half of the length of a face whose
+    other end is another contact, otherwise infinite.
     """
 
     def __init__(
-        self,
-        depths: Array,
-        samples: Sequence[DentSamples],
-        press: Callable[[float], PressedSkin],
-        weights: ArrayLike = (1.0,),
-        turning: ArrayLike = (0.0,),
+        self, kernel: Flattening, shape: Shape, corner: int, cuts: tuple[float, float]
     ) -> None:
-        self._samples, self._weights, self._turning = samples, weights, turning
-        abscissae = np.asarray(weights) @ [sample.places for sample in samples]
-        self._spline = scipy.interpolate.CubicSpline(
-            abscissae, np.append(0.0, depths), bc_type='natural'
-        )
-        # The splines are evaluated from lists, because for single numbers this is several times
-        # faster than calling them.
-        self._places: list[float] = abscissae.tolist()
-        self._pieces: list[list[float]] = self._spline.c.T.tolist()
-        self._press, self._deepest = press, float(depths[-1])
+        self._kernel, self._shape, self._corner, self._cuts = kernel, shape, corner, cuts
+        self._depths = CORNER_DEPTHS * kernel.radius
+        if shape.is_round:
+            self._depths = DISC_DEPTHS * min(shape.reach, kernel.radius)
+        self._faces = shape.faces_at(corner)
+        if self._faces:
+            before, after = (face.normal for face in self._faces)
+            self._middle = cmath.phase(before + after)
+            self._half = 0.5 * cmath.phase(after / before)
+            self._count = math.ceil(self._half / ANGLE_STEP)
+        self._samples: dict[int, DentSample] = {}
+        #: place and angle of `smooth_near`
+        self._near: tuple[float, float] | None = None
 
-    def __call__(self, force: float) -> tuple[float, float]:
+    def __call__(self, force: float, angle: float) -> tuple[float, float, float]:
         """
-        Return the dent's depth [m] and its derivative with respect to the force [m/N].
+        Return the dent's depth [m], and its derivatives by force [m/N] and angle [m/rad].
 
         It is extrapolated linearly, and negative for negative forces in an iteration.
         """
-        piece, x, beyond, per_force = self._locate(force)
-        depth, slope = _evaluate(self._pieces[piece], x)
-        return (depth + slope * beyond) * force / max(abs(force), 1e-9), slope * per_force
-
-    def _locate(self, force: float) -> tuple[int, float, float, float]:
-        """
-        Locate the 2/3 power of a force in the table, and differentiate it by the force.
-
-        The place is an interval, the position in it, and the excess beyond the end of the table.
-        """
         size = max(abs(force), 1e-9)
-        place = size**DEPTH_EXPONENT
-        inside = min(place, self._places[-1])
-        piece = max(min(bisect_right(self._places, inside), len(self._pieces)) - 1, 0)
-        return piece, inside - self._places[piece], place - inside, DEPTH_EXPONENT * place / size
+        place, sign = size**DEPTH_EXPONENT, force / size
+        samples, near, weights = self._find_samples(place, angle)
+        depths = weights @ [sample.depth(place, near) for sample in samples]
+        (depth, slope), (turned, _) = depths.tolist()
+        return sign * depth, DEPTH_EXPONENT * place / size * slope, sign * turned
 
-    def press(self, force: float) -> PressedSkin:
+    def pressure_rate(self, force: float, angle: float) -> float:
+        """Return the derivative of the depth by the tube's gauge pressure [m/Pa]."""
+        place = abs(force) ** DEPTH_EXPONENT
+        samples, near, weights = self._find_samples(place, angle)
+        rates = [
+            (wide(place, near)[0] - narrow(place, near)[0]) / difference
+            for wide, narrow, difference in (sample.inflated for sample in samples)
+        ]
+        return math.copysign(1.0, force) * float(weights[0] @ rates)
+
+    def press(self, force: float, angle: float) -> PressedSkin:
         """Return the skin under a normal force [N], at most at the largest depth of the table."""
-        skin = self._press(min(max(self(force)[0], 0.0), self._deepest))
+        depth = min(max(self(force, angle)[0], 0.0), float(self._depths[-1]))
+        skin = self._press(angle)(depth)
         total = float(skin.forces.sum())
         return skin._replace(forces=skin.forces * (force / total if total > 0.0 else 0.0))
 
-    def smooth_near(self, force: float) -> DentTable:
-        """Return the table with one polynomial for all forces, that at a given force [N]."""
-        piece, _, beyond, _ = self._locate(force)
-        if beyond > 0.0:
-            return self
+    def smooth_near(self, force: float, angle: float) -> DentTable:
+        """Return the table with the polynomials at a given force [N] for all forces and angles."""
         smooth = copy.copy(self)
-        smooth._places, smooth._pieces = [self._places[piece], math.inf], [self._pieces[piece]]
-        smooth._by_pressure = [self._by_pressure[piece]]
-        smooth._by_angle = [self._by_angle[piece]]
+        smooth._near = abs(force) ** DEPTH_EXPONENT, angle
         return smooth
 
-    def rates(self, force: float) -> tuple[float, float]:
-        """Return the depth's derivatives by gauge pressure [m/Pa] and normal's angle [m/rad]."""
-        piece, x, beyond, _ = self._locate(force)
-        blown, by_blown = _evaluate(self._by_pressure[piece], x)
-        turned, by_turned = _evaluate(self._by_angle[piece], x)
-        sign = math.copysign(1.0, force)
-        return sign * (blown + by_blown * beyond), sign * (turned + by_turned * beyond)
+    def _find_samples(self, place: float, angle: float) -> tuple[list[DentSample], float, Array]:
+        """Return samples nearby, the place of their polynomials, and weights (2, s) with rates."""
+        near, beside = self._near or (place, angle)
+        numbers, weights = [0], np.array([[1.0], [0.0]])
+        if not self._shape.is_round:
+            numbers, weights = self._weigh(angle, beside)
+        for number in numbers:
+            if number not in self._samples:
+                press = self._press(self._sampled_angle(number))
+                self._samples[number] = DentSample(self._depths, press, self._kernel)
+        return [self._samples[number] for number in numbers], near, weights
 
-    @functools.cached_property
-    def _by_pressure(self) -> list[list[float]]:
-        """Return the polynomials of the depth's derivative by pressure, at constant force."""
-        rates = [sample.pressure_rates for sample in self._samples]
-        return self._moved_pieces(np.asarray(self._weights) @ rates)
+    def _sampled_angle(self, number: int) -> float:
+        """Return the angle of a sample [rad]."""
+        if not self._faces:
+            return ANGLE_STEP * number
+        return self._middle + self._half * math.sin(0.5 * math.pi * number / self._count)
 
-    @functools.cached_property
-    def _by_angle(self) -> list[list[float]]:
-        """Return the polynomials of the depth's derivative by the angle, at constant force."""
-        abscissae = [sample.places for sample in self._samples]
-        return self._moved_pieces(np.asarray(self._turning) @ abscissae)
+    def _locate(self, angle: float, near: int) -> tuple[float, float]:
+        """Return the coordinate of an angle among the numbers of samples, and its derivative."""
+        if not self._faces:
+            away = math.remainder(angle - ANGLE_STEP * near, 2.0 * math.pi)
+            return near + away / ANGLE_STEP, 1.0 / ANGLE_STEP
+        # Near the normal of a face the depth is almost linear in the root of the angle from it, so
+        # the samples are at equal steps of the arc sine. Beyond the face it is constant.
+        sine = math.remainder(angle - self._middle, 2.0 * math.pi) / self._half
+        sine, quarter = min(max(sine, -1.0), 1.0), 0.5 * math.pi / self._count
+        cosine = math.sqrt(1.0 - sine * sine)
+        return math.asin(sine) / quarter, cosine and 1.0 / (self._half * cosine * quarter)
 
-    def _moved_pieces(self, moved: Array) -> list[list[float]]:
-        """Return the spline's derivative for given derivatives (n + 1,) of its knots."""
-        spline = self._spline
-        third = 6.0 * spline.c[0]
-        # If a place moves by m, the spline changes by -m times its slope there. The second
-        # derivative of this change jumps by -m times the jump of the spline's third derivative.
-        jumps = np.append(0.0, -np.diff(third) * moved[1:-1]).cumsum()
-        bent = scipy.interpolate.PPoly(jumps[None], spline.x).antiderivative(2)
-        values = -spline(spline.x, 1) * moved - bent(spline.x)
-        ends = (2, 0.0), (2, -third[-1] * moved[-1] - jumps[-1])
-        change = scipy.interpolate.CubicSpline(spline.x, values, bc_type=ends)
-        change.c[1:] += bent.c
-        return change.c.T.tolist()
+    def _weigh(self, angle: float, beside: float) -> tuple[list[int], Array]:
+        """Return the numbers of four samples around an angle `beside`, and weights (2, 4)."""
+        first = math.floor(self._locate(beside, 0)[0])
+        first = min(first, self._count - 1) if self._faces else first
+        place, rate = self._locate(angle, first)
+        t = place - first
+        powers = [[1.0, t, t * t, t**3], [0.0, rate, 2.0 * rate * t, 3.0 * rate * t * t]]
+        weights, numbers = powers @ CATMULL_ROM.T, [first + i for i in (-1, 0, 1, 2)]
+        if self._faces:  # samples beyond the faces are extrapolated
+            if first == -self._count:
+                weights[:, 1:] += np.outer(weights[:, 0], [3.0, -3.0, 1.0])
+                weights[:, 0] = 0.0
+            if first == self._count - 1:
+                weights[:, :-1] += np.outer(weights[:, -1], [1.0, -3.0, 3.0])
+                weights[:, -1] = 0.0
+            numbers = [min(max(number, -self._count), self._count) for number in numbers]
+        return numbers, weights
+
+    def _press(self, angle: float) -> Callable[[float], PressedSkin]:
+        """Return the skin as a function of the depth."""
+        kernel = self._kernel
+        if self._shape.is_round:
+            return functools.partial(press_disc, kernel, self._shape.reach)
+        spacing, reach = OUTLINE_SPACING * kernel.radius, MAX_EXTENT * kernel.radius
+        profile = find_profile(self._shape, angle, self._corner, spacing)
+        return functools.partial(press_corner, kernel, *profile, np.minimum(self._cuts, reach))
 
 
-def _evaluate(piece: list[float], x: float) -> tuple[float, float]:
-    """Return a cubic polynomial and its derivative."""
-    a, b, c, d = piece
-    return ((a * x + b) * x + c) * x + d, (3.0 * a * x + 2.0 * b) * x + c
+#: Returns a `DentTable`, cached.
+dent_table = functools.lru_cache(maxsize=256)(DentTable)
 
 
-class Dents:
-    """
-    Depths of the dents at k contacts with one object, each as a function of the normal force.
+class Dents(NamedTuple):
+    """Depths of the dents at k contacts with one object."""
 
-    `scale` is the ratio of the tubes' stiffness to that of the tables [-].
-    """
+    tables: Sequence[DentTable]
+    scale: float  #: ratio of the tubes' stiffness to that of the tables [-]
 
-    def __init__(self, tables: Sequence[DentTable], scale: float) -> None:
-        self._tables, self._scale = tables, scale
+    def __call__(self, forces: Array, angles: Array) -> tuple[Array, Array, Array]:
+        """Return the depths (k,) [m], and their derivatives by forces [m/N] and angles [m/rad]."""
+        depths, softs, tilts = np.array([table(*at) for table, *at in self._at(forces, angles)]).T
+        return depths, softs / self.scale, tilts
 
-    def __call__(self, forces: Array) -> tuple[Array, Array]:
-        """Return the dents' depths (k,) [m], and their derivatives (k,) by the forces [m/N]."""
-        pressing = zip(self._tables, forces.tolist(), strict=True)
-        depths_and_slopes = np.array([table(force / self._scale) for table, force in pressing])
-        return depths_and_slopes[:, 0], depths_and_slopes[:, 1] / self._scale
-
-    def press(self, forces: Array) -> list[PressedSkin]:
+    def press(self, forces: Array, angles: Array) -> list[PressedSkin]:
         """Return the skin at each contact under positive normal forces (k,) [N]."""
-        pressing = zip(self._tables, forces.tolist(), strict=True)
-        pressed = [table.press(force / self._scale) for table, force in pressing]
-        return [skin._replace(forces=self._scale * skin.forces) for skin in pressed]
+        pressed = [table.press(*at) for table, *at in self._at(forces, angles)]
+        return [skin._replace(forces=self.scale * skin.forces) for skin in pressed]
 
-    def smooth_near(self, forces: Array) -> Dents:
-        """Return the depths with one polynomial at each contact, that at a given force [N]."""
-        pressing = zip(self._tables, forces.tolist(), strict=True)
-        tables = [table.smooth_near(force / self._scale) for table, force in pressing]
-        return Dents(tables, self._scale)
+    def smooth_near(self, forces: Array, angles: Array) -> Dents:
+        """Return the dents with the polynomials at given forces [N] and angles."""
+        tables = [table.smooth_near(*at) for table, *at in self._at(forces, angles)]
+        return self._replace(tables=tables)
 
-    def rates(self, forces: Array) -> Array:
-        """Return the depths' derivatives (2, k) by pressure and angle, see `DentTable.rates`."""
-        pressing = zip(self._tables, forces.tolist(), strict=True)
-        return np.array([table.rates(force / self._scale) for table, force in pressing]).T
+    def pressure_rates(self, forces: Array, angles: Array) -> Array:
+        """Return the derivatives (k,) of the depths by the tubes' gauge pressures [m/Pa]."""
+        return np.array([table.pressure_rate(*at) for table, *at in self._at(forces, angles)])
 
-
-@functools.lru_cache(maxsize=32)
-def disc_dents(kernel: Flattening, radius: float) -> DentTable:
-    """Return the table of the dent of a disc with a given radius [m] in a tube, cached."""
-    depths = DISC_DEPTHS * min(radius, kernel.radius)
-    press = functools.partial(press_disc, kernel, radius)
-    return DentTable(depths, [DentSamples(depths, press, kernel)], press)
-
-
-@functools.lru_cache(maxsize=256)
-def corner_dents(
-    kernel: Flattening, shape: Shape, angle: float, corner: int, cuts: tuple[float, float]
-) -> DentTable:
-    """
-    Return the table of the dent of a corner or face in a tube, cached.
-
-    The forces are interpolated between neighbouring angles by cubic polynomials, so their
-    derivatives are continuous. The angle is that of the object's outward normal perpendicular to
-    the tube, in the object's frame [rad]. The cuts are the largest extents of the contact along
-    the surface, clockwise and counter-clockwise from the contact point [m]: half of the length of
-    a face whose other end is another contact, otherwise infinite.
-    """
-    angles, weights = _weigh_angles(shape, corner, angle)
-    samples = [_sample_corner(kernel, shape, near, corner, cuts) for near in angles]
-    press = _corner_press(kernel, shape, angle, corner, cuts)
-    return DentTable(CORNER_DEPTHS * kernel.radius, samples, press, *weights.T)
-
-
-def _weigh_angles(shape: Shape, corner: int, angle: float) -> tuple[list[float], Array]:
-    """Return the four sampled angles nearby, and their weights with derivatives by the angle."""
-    faces = shape.faces_at(corner)
-    if faces:
-        # Near the normal of a face the depth is almost linear in the root of the angle from it,
-        # so the samples are at equal steps of the arc sine. Beyond the face it is constant.
-        before, after = (face.normal for face in faces)
-        middle, half = cmath.phase(before + after), 0.5 * cmath.phase(after / before)
-        count = math.ceil(half / ANGLE_STEP)
-        sine = min(max(math.remainder(angle - middle, 2.0 * math.pi) / half, -1.0), 1.0)
-        cosine, quarter = math.sqrt(1.0 - sine * sine), 0.5 * math.pi / count
-        place, rate = math.asin(sine) / quarter, cosine and 1.0 / (half * cosine * quarter)
-        first = min(math.floor(place), count - 1)
-    else:
-        place, rate = angle / ANGLE_STEP, 1.0 / ANGLE_STEP
-        first = math.floor(place)
-    t = place - first
-    powers, rates = np.array([1.0, t, t * t, t**3]), np.array([0.0, 1.0, 2.0 * t, 3.0 * t * t])
-    # Cubic interpolation of Catmull and Rom.
-    weights = np.array([[0, -1, 2, -1], [2, 0, -5, 3], [0, 1, 4, -3], [0, 0, -1, 1]])
-    weights = 0.5 * weights @ np.column_stack([powers, rate * rates])
-    if not faces:
-        return [ANGLE_STEP * (first + i) for i in (-1, 0, 1, 2)], weights
-    # Samples beyond the faces are extrapolated.
-    if first == -count:
-        weights[1:] += np.outer([3.0, -3.0, 1.0], weights[0])
-        weights[0] = 0.0
-    if first == count - 1:
-        weights[:-1] += np.outer([1.0, -3.0, 3.0], weights[-1])
-        weights[-1] = 0.0
-    numbers = [min(max(first + i, -count), count) for i in (-1, 0, 1, 2)]
-    return [middle + half * math.sin(number * quarter) for number in numbers], weights
-
-
-@functools.lru_cache(maxsize=512)
-def _sample_corner(
-    kernel: Flattening, shape: Shape, angle: float, corner: int, cuts: tuple[float, float]
-) -> DentSamples:
-    """Return the forces at the depths of the table for one angle, cached; see `corner_dents`."""
-    press = _corner_press(kernel, shape, angle, corner, cuts)
-    return DentSamples(CORNER_DEPTHS * kernel.radius, press, kernel)
-
-
-def _corner_press(
-    kernel: Flattening, shape: Shape, angle: float, corner: int, cuts: tuple[float, float]
-) -> Callable[[float], PressedSkin]:
-    """Return the skin under a corner as a function of the depth; see `corner_dents`."""
-    positions, heights = find_profile(shape, angle, corner, OUTLINE_SPACING * kernel.radius)
-    reach = np.minimum(cuts, MAX_EXTENT * kernel.radius)
-    return functools.partial(press_corner, kernel, positions, heights, reach)
+    def _at(self, forces: Array, angles: Array) -> Iterator[tuple[DentTable, float, float]]:
+        """Return the tables with forces at their stiffness, and angles."""
+        return zip(self.tables, (forces / self.scale).tolist(), angles.tolist(), strict=True)

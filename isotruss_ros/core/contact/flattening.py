@@ -54,7 +54,7 @@ class Flattening:
         modes: int = 8,
         local_stiffness: float = 1.0,
     ) -> None:
-        self.radius, self._pressure = radius, pressure
+        self.radius, self.pressure = radius, pressure
         self._others = fabric, modes, local_stiffness
         n = np.arange(2, modes + 1)
         stiffness = np.pi * pressure * (n**2 - 1.0)
@@ -92,7 +92,7 @@ class Flattening:
 
     def compliance_rates(self, points: Indices, spacing: float) -> Array:
         """Return the derivatives (c, c) of `compliance` with respect to pressure [m/N/Pa]."""
-        inflated = Flattening(self.radius, self._pressure + 1j * EPSILON, *self._others)
+        inflated = Flattening(self.radius, self.pressure + 1j * EPSILON, *self._others)
         return inflated.compliance(points, spacing).imag / EPSILON
 
     @property

@@ -11,7 +11,6 @@ heights of the object's surface.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import functools
 from typing import NamedTuple
 
@@ -23,7 +22,6 @@ import numpy as np
 
 #: Number of contact points on the chord along which the object overlaps the round tube [-].
 CHORD_POINTS = 41
-DEPTH_EXPONENT = 2.0 / 3.0
 #: Spacing of the points on a corner's outline, and largest extent of the contact to each side of
 #: the contact point, in tube radii [-].
 OUTLINE_SPACING, MAX_EXTENT = 0.02, 4.0
@@ -37,34 +35,6 @@ class PressedSkin(NamedTuple):
     spacing: float  #: distance between neighbouring points [m]
     heights: Array  #: (c,) heights of the object's surface above the contact point [m]
     forces: Array  #: (c,) contact forces, zero at points that the object does not touch [N]
-
-
-class DentSamples:
-    """
-    Forces at n increasing depths [m] of the dent, for one tube and one object with a given normal.
-
-    `places` (n + 1,) are their 2/3 powers at depth zero and at these depths [N^(2/3)].
-    """
-
-    def __init__(
-        self, depths: Array, press: Callable[[float], PressedSkin], kernel: Flattening
-    ) -> None:
-        self._skins, self._kernel = [press(depth) for depth in depths.tolist()], kernel
-        forces = np.array([skin.forces.sum() for skin in self._skins])
-        self.places: Array = np.append(0.0, forces) ** DEPTH_EXPONENT
-
-    @functools.cached_property
-    def pressure_rates(self) -> Array:
-        """Return the derivatives (n + 1,) of `places` with respect to the gauge pressure."""
-        rates = [0.0]
-        for _, spacing, _, forces in self._skins:
-            # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
-            closed = np.flatnonzero(forces)
-            dents = self._kernel.compliance(closed, spacing)
-            by_gaps = np.linalg.solve(dents, np.ones(len(closed)))
-            lost = float(by_gaps @ self._kernel.compliance_rates(closed, spacing) @ forces[closed])
-            rates.append(-DEPTH_EXPONENT * forces.sum() ** (DEPTH_EXPONENT - 1.0) * lost)
-        return np.array(rates)
 
 
 def press_disc(kernel: Flattening, radius: float, depth: float) -> PressedSkin:

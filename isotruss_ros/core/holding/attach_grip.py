@@ -24,7 +24,6 @@ from isotruss_ros.core.holding.contact_statics import (
     build_statics,
     ContactConditions,
     ContactStatics,
-    find_dents,
     FRICTION_COMPLIANCE,
     NOMINAL_TUBES,
     TubeModel,
@@ -136,19 +135,7 @@ def _rest_solver(
             )
         if solution is None:
             solution = statics.settle(statics.start(), wrench, conditions, steps)
-        if solution is None:
-            return None
-        grip = HeldGrip.of(config, *solution, wrench, tubes)
-        if not contacts.at_faces.any():
-            return grip
-        # Dents for the normals of the bent tubes and the turned object.
-        structure, normals = grip.statics.bent.structure, grip.state.normals
-        dents = find_dents(structure, grip.body, contacts, tubes, normals)
-        statics = replace(grip.statics, dents=dents)
-        solution = statics.settle(grip.state.unknowns, wrench, conditions, steps)
-        if solution is None:
-            return None
-        return replace(HeldGrip.of(config, *solution, wrench, tubes), dent_basis=grip)
+        return None if solution is None else HeldGrip.of(config, *solution, wrench, tubes)
 
     return solve
 

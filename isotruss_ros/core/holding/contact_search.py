@@ -91,10 +91,7 @@ def search_contacts(
         chosen, before = waiting.pop()
         if chosen.key in tried:
             continue
-        # Rolling keeps the tabulated dents until contacts change. With new dents, the first set
-        # may be consistent.
-        if solved > 0 or not rolls:
-            tried.add(chosen.key)
+        tried.add(chosen.key)
         solved += 1
         grip = solve(chosen, before)
         if grip is None:  # without one end of a face

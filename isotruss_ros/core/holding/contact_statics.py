@@ -26,9 +26,10 @@ import cmath
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 import functools
+import itertools
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.dents import corner_dents, Dents, disc_dents
+from isotruss_ros.core.contact.dents import dent_table, Dents
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.holding.pressed_contacts import (
     ANGLE,
@@ -40,7 +41,7 @@ from isotruss_ros.core.holding.pressed_contacts import (
 )
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.shapes import PLANNED_DEPTH
+from isotruss_ros.core.model.shapes import PLANNED_DEPTH, Shape
 from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD, Points
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, Lines, SETTLED_MOTION
@@ -80,9 +81,11 @@ class _Pushes(NamedTuple):
     local: Points  #: (k,) normals in member axes, along + i across
     skin: Array  #: (k,) distance of the dented skin from the centre line [m]
     softs: Array  #: (k,) derivatives of the dents' depths with respect to the normal forces [m/N]
+    tilts: Array  #: (k,) derivatives of the dents' depths by the normals' angles [m/rad]
     force: Points  #: (k,) forces on the tubes, along + i across [N]
     loads: Array  #: (k, 3) forces along and across [N] and moments [N m]
-    #: (3, 3, k) derivatives of the loads with respect to inclination, normal and friction force
+    #: (4, 3, k) derivatives of the loads with respect to inclination, normal and friction force,
+    #: and angle of the object
     rates: Array
 
 
@@ -95,10 +98,7 @@ class ContactStatics:
     contacts: PressedContacts  #: the k contacts
     tube_radius: float  #: radius of the tubes [m]
     sides: Array  #: (k,) +1 if the object is on the right of the member, else -1
-    dents: Dents  #: depths of the dents in the skin as functions of the normal forces
-    #: (k, 3) constants added to the equations of touch along and across [m] and of inclination
-    #: [rad]; or one number for all of them
-    given: Array | float = 0.0
+    dents: Dents  #: depths of the dents in the skin as functions of normal forces and normals
 
     @functools.cached_property
     def places(self) -> Places:
@@ -120,24 +120,31 @@ class ContactStatics:
 
     def load_rates(self, unknowns: Array, change: Array) -> Array:
         """Return the changes (k, 3, c) of the loads on the tubes for c changes of the unknowns."""
-        begin = self.places.inclinations.start
-        bending = change[begin:].reshape(3, len(self.sides), -1)
-        return np.einsum('lnk,nkc->klc', self._push(unknowns).rates, bending)
+        count, columns = len(self.sides), change.shape[1]
+        causes = np.empty((4, count, columns))
+        causes[:3] = change[self.places.inclinations.start :].reshape(3, count, columns)
+        causes[3] = change[ANGLE]
+        return np.einsum('lnk,lkc->knc', self._push(unknowns).rates, causes)
+
+    def angles(self, normals: Points, angle: float) -> Array:
+        """Return the angles (k,) of normals in the frame of the object at an angle [rad]."""
+        return np.angle(normals * cmath.rect(1.0, -angle))
 
     def _push(self, unknowns: Array) -> _Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = 1j * self.sides * np.exp(1j * turned)
-        depths, softs = self.dents(normal)
+        angles = self.angles(self.bent.lines.axis * local, unknowns[ANGLE])
+        depths, softs, tilts = self.dents(normal, angles)
         # Friction acts at the skin of a tube, so it exerts a moment about the centre line.
         skin = self.tube_radius - depths
         force = (normal + 1j * friction) * local
-        changes = np.array([1j * force, local, 1j * local])
-        moments = np.array([np.zeros(len(skin)), softs * friction, -skin])
+        changes = np.array([1j * force, local, 1j * local, np.zeros_like(local)])
+        moments = np.array([tilts * friction, softs * friction, -skin, -tilts * friction])
         loads = np.array([force.real, force.imag, -skin * friction]).T
-        rates = np.array([changes.real, changes.imag, moments])
-        return _Pushes(local, skin, softs, force, loads, rates)
+        rates = np.array([changes.real, changes.imag, moments]).swapaxes(0, 1)
+        return _Pushes(local, skin, softs, tilts, force, loads, rates)
 
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
@@ -164,7 +171,7 @@ class ContactStatics:
         (start, axis, *_), moment = self.bent.lines, indices.balance.start + 2
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet = unknowns[indices.feet]
-        local, skin, softs, force, loads, rates = self._push(unknowns)
+        local, skin, softs, tilts, force, loads, rates = self._push(unknowns)
         normals, back = axis * local, axis.conj()
         in_object = normals * turn.conjugate()
         points, radii = self.body.shape.surface_at(self.contacts.corners, in_object)
@@ -178,22 +185,24 @@ class ContactStatics:
         by_loads = np.concatenate([self.bent.matrix.reshape(3 * count, count, 3), pushes])
         by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
         residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ loads.ravel()
-        bends = np.einsum('rkc,cnk->rnk', by_loads, rates)
-        first = indices.inclinations.start
-        jacobian[: moment + 1, first:] = bends.reshape(moment + 1, -1)
+        bends, first = np.einsum('rkc,nck->rnk', by_loads, rates), indices.inclinations.start
+        jacobian[: moment + 1, first:] = bends[:, :3].reshape(moment + 1, -1)
+        jacobian[: moment + 1, ANGLE] = bends[:, 3].sum(axis=1)
 
         gaps = back * (start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)
-        touch += self.given + self.bent.given + self.bent.rates @ feet
+        touch += self.bent.given + self.bent.rates @ feet
         touch[:, 0] += gaps.real
         touch[:, 1] += gaps.imag
         touch[:, 2] -= unknowns[indices.inclinations]
         rows = jacobian[: 3 * count].reshape(count, 3, -1)
-        rows[:, 0, ANGLE], rows[:, 1, ANGLE] = -swung.real, -swung.imag
+        swept, dented = swung + tilts * local, tilts * local
+        rows[:, 0, ANGLE] -= swept.real
+        rows[:, 1, ANGLE] -= swept.imag
         rows[:, :, indices.feet] += self.bent.rates
         # Derivatives of each contact's gaps by its own inclination and normal force.
         at_same_contact = np.einsum('kank->kan', rows[:, :, POSE:].reshape(count, 3, 4, count))
-        turned = np.array([-1j * (radii + skin) * local, softs * local]).T
+        turned = np.array([dented - 1j * (radii + skin) * local, softs * local]).T
         at_same_contact[:, 0, 1:3] += turned.real
         at_same_contact[:, 1, 1:3] += turned.imag
         at_same_contact[:, 2, 1] -= 1.0
@@ -232,7 +241,7 @@ class ContactStatics:
         depths = self.tube_radius + self.sides * across
         depths = np.maximum(depths, PLANNED_DEPTH * self.tube_radius)
         bend = np.einsum('iaia->ia', bent.matrix)[:, 1]
-        _, dent = self.dents(depths / bend)
+        _, dent, _ = self.dents(depths / bend, np.angle(local))
         start[indices.normal] = depths / (bend + dent)
         return start
 
@@ -318,13 +327,8 @@ def build_statics(
     body: ConvexObject,
     contacts: PressedContacts,
     tubes: TubeModel = NOMINAL_TUBES,
-    normals: Points | None = None,
 ) -> ContactStatics:
-    """
-    Return the equilibrium equations of an object with given contacts, for straight tubes.
-
-    The dents depend on the normals (k,) of the tubes at the contacts; None: straight tubes.
-    """
+    """Return the equilibrium equations of an object with given contacts, for straight tubes."""
     structure = structure_of(config, tubes.pressure)
     starts, axis, length, _ = Lines.of(structure, contacts.members)
     # The normals point away from the object: left of the member if the object is on its right.
@@ -340,31 +344,18 @@ def build_statics(
         contacts=contacts,
         tube_radius=0.5 * config.robot.description.tube_diameter,
         sides=sides,
-        dents=find_dents(
-            structure, body, contacts, tubes, straight if normals is None else normals
-        ),
+        dents=find_dents(structure, body.shape, contacts, tubes),
     )
 
 
 def find_dents(
-    structure: Structure,
-    body: ConvexObject,
-    contacts: PressedContacts,
-    tubes: TubeModel,
-    normals: Points,
+    structure: Structure, shape: Shape, contacts: PressedContacts, tubes: TubeModel
 ) -> Dents:
-    """Return the depths of the dents at all contacts as functions of the normal forces."""
-    robot, shape = structure.config.robot, body.shape
-    tubes_pressed = robot.topology.tube[contacts.members].tolist()
-    kernels = [flattening_of(robot, structure.pressures[tube]) for tube in tubes_pressed]
-    if shape.is_round:
-        return Dents(
-            [disc_dents(kernel, shape.reach) for kernel in kernels], tubes.stiffness_scale
-        )
-    angles = map(cmath.phase, (normals * body.turn.conjugate()).tolist())
-    corners, cuts = contacts.corners.tolist(), map(tuple, contacts.cuts.tolist())
-    tables = [
-        corner_dents(kernel, shape, *at)
-        for kernel, *at in zip(kernels, angles, corners, cuts, strict=True)
+    """Return the depths of the dents at all contacts."""
+    robot, cuts = structure.config.robot, map(tuple, contacts.cuts.tolist())
+    kernels = [
+        flattening_of(robot, structure.pressures[tube])
+        for tube in robot.topology.tube[contacts.members].tolist()
     ]
-    return Dents(tables, tubes.stiffness_scale)
+    tables = map(dent_table, kernels, itertools.repeat(shape), contacts.corners.tolist(), cuts)
+    return Dents(list(tables), tubes.stiffness_scale)

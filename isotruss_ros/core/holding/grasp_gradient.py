@@ -18,9 +18,9 @@ from typing import Any
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_response import slip_planes
-from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes, member_motions
+from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
+from isotruss_ros.core.holding.pressed_contacts import POSE
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -210,7 +210,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         )
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)
-    tubes = LoadedTubes(grip, chosen, parameters, turns=turn_dents(grip, chosen, parameters))
+    tubes = LoadedTubes(grip, chosen, parameters)
     state, indices = grip.state, grip.state.places
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
     change[:, -3:] = grip.response.change
@@ -234,17 +234,6 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         most_used=tuple(names[i] for i in _find_largest(used)),
         _changes=(tubes, change),
     )
-
-
-def turn_dents(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> Array:
-    """Return the derivatives (k, p) of the angles in the object's frame of the dents' normals."""
-    basis = grip.dent_basis
-    if basis is None:  # straight tubes and the given pose
-        spins = member_motions(grip, chosen[parameters.rollers])[2]
-        return spins - chosen[parameters.place][2]
-    tubes = LoadedTubes(basis, chosen, parameters, turns=turn_dents(basis, chosen, parameters))
-    change = -np.linalg.solve(basis.state.jacobian, tubes.equation_rates())
-    return tubes.spins + change[basis.state.places.inclinations] - change[ANGLE]
 
 
 def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
@@ -303,9 +292,10 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array, response:
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
     """Return the derivatives of the equilibrium equations by parameters in a displaced state."""
-    dents, indices = grip.statics.dents.smooth_near(grip.state.normal_forces), grip.state.places
-    statics, unknowns = replace(grip.statics, dents=dents), grip.state.unknowns + moved
-    bent = statics.bent.update(statics.loads(unknowns), unknowns[indices.feet])
+    state, unknowns = grip.state, grip.state.unknowns + moved
+    dents = grip.statics.dents.smooth_near(state.normal_forces, grip.angles)
+    statics = replace(grip.statics, dents=dents)
+    bent = statics.bent.update(statics.loads(unknowns), unknowns[state.places.feet])
     statics = replace(statics, bent=bent)
     _, there = statics.equations(unknowns, grip.wrench, statics.sticking)
     body = grip.body.moved_to(unknowns[:3])

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_statics import build_statics, TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.pressed_contacts import facing_lines, Places, PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
@@ -66,18 +66,12 @@ class GripRecord(NamedTuple):
         body = body.moved_to(self.unknowns[:3])
         body = body.smoothed(0.5 * config.robot.description.tube_diameter)
         contacts, tubes = self.contacts, TubeModel(pressure=self.pressures)
-        turned = np.exp(1j * self.unknowns[Places.of(len(contacts.members)).inclinations])
         try:
-            normals = facing_lines(there, body, contacts.members)[1] * turned
-            statics = build_statics(there, body, contacts, tubes, normals)
+            statics = build_statics(there, body, contacts, tubes)
         except IndexError as error:
             raise GraspError(
                 f'held grip: corners {self.contacts.corners}: the object has no such corners'
             ) from error
-        bent = statics.bent.bent_to(self.places, self.bent)
-        statics = replace(statics, bent=bent)
-        residual, state = statics.equations(self.unknowns, np.zeros(3), statics.sticking)
-        # The recorded dents were tabulated at other normals. `given` keeps this difference
-        # constant, so the recorded forces fulfil the equations.
-        given = -residual[: 3 * len(normals)].reshape(-1, 3)
-        return HeldGrip.of(there, replace(statics, given=given), state, np.zeros(3), tubes)
+        statics = replace(statics, bent=statics.bent.bent_to(self.places, self.bent))
+        _, state = statics.equations(self.unknowns, np.zeros(3), statics.sticking)
+        return HeldGrip.of(there, statics, state, np.zeros(3), tubes)

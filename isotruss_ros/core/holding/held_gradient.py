@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
-from isotruss_ros.core.holding.pressed_contacts import POSE
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -85,8 +85,6 @@ class LoadedTubes:
     :ivar sections: derivatives of the tubes' sections, see `section_rates`.
 
     :param chosen: (n, p) each column is a direction of change of the n parameters.
-    :param turns: (k, p) derivatives of the angles of the dents' normals in the object's frame
-        [rad]; None: zero.
     :param reach: the tubes are linearised again if a node has moved by more than this [m].
     """
 
@@ -95,10 +93,9 @@ class LoadedTubes:
         grip: HeldGrip,
         chosen: Array,
         parameters: GraspParameters,
-        turns: Array | None = None,
         reach: float = ROUNDING,
     ) -> None:
-        self._chosen, self._parameters, self._turns = chosen, parameters, turns
+        self._chosen, self._parameters = chosen, parameters
         self.moved, self._starts, self.spins = member_motions(grip, chosen[parameters.rollers])
         self._inflated = chosen[parameters.pressures]
         self._stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
@@ -115,13 +112,13 @@ class LoadedTubes:
         self._by_sections = bent.section_changes(self.sections)
         normal, tube = state.normal_forces, grip.config.robot.topology.tube
         self._push = (normal + 1j * state.friction_forces) * state.normals
-        depths, self._soft = statics.dents(normal)
+        angles = statics.angles(state.normals, state.unknowns[ANGLE])
+        depths, self._soft, self._tilts = statics.dents(normal, angles)
         self._skin = statics.tube_radius - depths
-        by_pressure, by_angle = statics.dents.rates(normal)
-        blown = self._inflated[tube[grip.contacts.members]]
-        self.dents = by_pressure[:, None] * blown - np.outer(self._soft * normal, self._stiffer)
-        if self._turns is not None:
-            self.dents += by_angle[:, None] * self._turns
+        by_pressure = statics.dents.pressure_rates(normal, angles)[:, None]
+        self.dents = by_pressure * self._inflated[tube[grip.contacts.members]]
+        self.dents -= np.outer(self._soft * normal, self._stiffer)
+        self.dents += self._tilts[:, None] * self.spins
 
     def at(self, grip: HeldGrip) -> LoadedTubes:
         """Return the derivatives at another equilibrium in the same configuration."""
@@ -170,8 +167,9 @@ class LoadedTubes:
         feet, inclined, normal, rubs = change[POSE:].reshape(4, len(axis), -1)
         forces = (normal + 1j * rubs) * state.normals[:, None]
         forces += 1j * (self.spins + inclined) * self._push[:, None]
-        couples = (self.dents + self._soft[:, None] * normal) * state.friction_forces[:, None]
-        couples -= self._skin[:, None] * rubs
+        dented = self.dents + self._soft[:, None] * normal
+        dented += self._tilts[:, None] * (inclined - change[ANGLE])
+        couples = dented * state.friction_forces[:, None] - self._skin[:, None] * rubs
         local = forces / axis
         loads = np.stack([local.real, local.imag, couples], axis=1)
         # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.

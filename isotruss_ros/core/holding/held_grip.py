@@ -14,7 +14,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.holding.grip_response import GripResponse, slip_planes
-from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, ContactForces, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.manipulation.grip import Grip
@@ -83,8 +83,6 @@ class HeldGrip:
     state: ContactForces  #: solution of the equations
     wrench: Array  #: wrench (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N]
     tubes: TubeModel  #: model of the tubes
-    #: equilibrium of whose normals the dents are; None: of the straight tubes' normals
-    dent_basis: HeldGrip | None = None
     #: changes of roller travel (r,) [m] and unknowns (3 + 4k,) since the previous configuration
     motion: tuple[Array, Array] | None = None
 
@@ -99,7 +97,7 @@ class HeldGrip:
     ) -> HeldGrip:
         """Return a grip with a solution of the equations, whose contacts have not rolled yet."""
         body, unknowns = statics.body.moved_to(state.unknowns[:3]), state.unknowns
-        angles = np.angle(state.normals / body.turn)
+        angles = statics.angles(state.normals, unknowns[ANGLE])
         travel = travel_rates(config, statics.contacts.members) @ config.roller_positions
         anchors = statics.anchors(unknowns, state.normals, travel, angles)
         return cls(config, body, anchors, angles, statics, state, wrench, tubes)
@@ -191,7 +189,7 @@ class HeldGrip:
     @functools.cached_property
     def patches(self) -> ContactPatches:
         """Return the contact patches on the grasping members."""
-        skins = self.statics.dents.press(self.state.normal_forces)
+        skins = self.statics.dents.press(self.state.normal_forces, self.angles)
         return find_patches(self.contacts, self.state, self.statics.bent, skins)
 
     @functools.cached_property

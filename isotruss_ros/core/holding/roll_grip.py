@@ -67,7 +67,7 @@ def roll_contacts(
     same, before = contacts is grip.contacts, grip.state.unknowns
     new = np.flatnonzero(chosen.origins < 0)
     anchors, angles = grip.anchors[chosen.origins], grip.angles[chosen.origins]
-    if same:  # with the same dents
+    if same:
         starts, structure = [grip.ahead(moved), before], structure_of(config, grip.tubes.pressure)
         loads, feet = grip.statics.loads(starts[0]), starts[0][grip.state.places.feet]
         bent = grip.statics.bent.update(loads, feet, structure)
@@ -77,8 +77,7 @@ def roll_contacts(
         for k in new.tolist():  # as another contact of the member, or as the straight member
             beside = (contacts.members == contacts.members[k]) & (chosen.origins >= 0)
             angles[k] = angles[beside][0] if beside.any() else np.angle(facing[k])
-        normals = grip.body.turn * np.exp(1j * angles)
-        statics = build_statics(config, grip.body, contacts, grip.tubes, normals)
+        statics = build_statics(config, grip.body, contacts, grip.tubes)
         starts = [_continued(grip, statics, chosen.origins)]
         statics = replace(statics, bent=statics.bent.bent_like(grip.statics.bent))
     travel = travel_rates(config, contacts.members) @ config.roller_positions
@@ -151,6 +150,6 @@ def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     tubes = grip.tubes._replace(pressure=pressures)
     structure, state = structure_of(grip.config, pressures), grip.state
     bent = grip.statics.bent.update(state.loads, state.feet, structure)
-    dents = find_dents(structure, grip.body, grip.contacts, tubes, state.normals)
+    dents = find_dents(structure, grip.body.shape, grip.contacts, tubes)
     statics = replace(grip.statics, bent=bent, dents=dents)
     return replace(grip, tubes=tubes, statics=statics)

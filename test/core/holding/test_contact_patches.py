@@ -59,7 +59,9 @@ def test_span_of_a_disc_is_about_its_contact_point():
         first, last = grip.patches.spans[grip.member_names.index(name)]
         assert 0.5 * (first + last) == pytest.approx(foot, abs=1e-9)
         assert last - first == pytest.approx(grasp.contact_lengths[name])
-        chord = 2.0 * np.sqrt(2.0 * 0.2 * grip.statics.dents(grip.state.normal_forces)[0].max())
+        chord = 2.0 * np.sqrt(
+            2.0 * 0.2 * grip.statics.dents(grip.state.normal_forces, grip.angles)[0].max()
+        )
         assert 0.4 * chord < last - first < chord
 
 
@@ -95,7 +97,7 @@ def test_a_section_is_flat_where_the_contact_is_as_wide_as_half_of_the_circumfer
     grasp = settled(Disc(0.4))
     assert not grasp.flattened
     grip = grasp.equilibrium
-    skins = grip.statics.dents.press(300.0 * grip.state.normal_forces)
+    skins = grip.statics.dents.press(300.0 * grip.state.normal_forces, grip.angles)
     deep = find_patches(grip.contacts, grip.state, grip.statics.bent, skins)
     assert deep.flattened.all()
     assert deep.widths == pytest.approx(np.pi * RADIUS)

@@ -89,5 +89,6 @@ def test_dents_of_a_corner_whose_faces_are_turned_away_grow_with_the_force(beyon
     body = ConvexObject(ROUNDED, (center.real, center.imag, np.angle(turn)))
     contacts = contacts_at(ROUNDED, np.array([NUMBER]), np.array([4]), RADIUS)
     dents = build_statics(HOME, body, contacts).dents
-    depths = [dents(np.array([force]))[0] for force in (1.0, 5.0, 20.0, 60.0)]
+    angle = np.array([np.angle(before) - beyond])
+    depths = [dents(np.array([force]), angle)[0] for force in (1.0, 5.0, 20.0, 60.0)]
     assert (np.diff(depths, axis=0) > 0.0).all()
