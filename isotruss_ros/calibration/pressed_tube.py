@@ -13,7 +13,7 @@ from isotruss_ros.core.fixed_object.contact_points import ContactPoints
 from isotruss_ros.core.fixed_object.straight_compliance import clamped_pieces
 from isotruss_ros.core.fixed_object.surfaces import surface_of
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.section import TubeStiffness
 import numpy as np
@@ -67,10 +67,10 @@ def press(
     reach = np.arange(-int(radius / CONTACT_SPACING) - 2, int(radius / CONTACT_SPACING) + 3)
     places = position + CONTACT_SPACING * reach
     places = places[(places > 0.0) & (places < tube.length)]
-    points, dent = _contact_points(tube, pressure, places, flattens)
     # Toward the centre line, because the skin may be beyond the centre of a small object.
     normals = surface.nearest(places - surface.center).normals
-    contact = solve_contact(points, surface, normals)
+    points, dent = _contact_points(tube, pressure, places, normals, flattens)
+    contact = solve_contact(points, surface)
     force = -float((contact.forces * contact.normals).imag.sum())
     return Pressed(force / depth, _contact_length(contact, dent))
 
@@ -91,7 +91,7 @@ def _contact_length(contact: ContactState, dent: float) -> float:
 
 
 def _contact_points(
-    tube: ClampedTube, pressure: float, places: Array, flattens: bool
+    tube: ClampedTube, pressure: float, places: Array, normals: Points, flattens: bool
 ) -> tuple[ContactPoints, float]:
     """Return points on the skin of a member, and the dent of a point by its own force [m/N]."""
     count, only = len(places), np.zeros(len(places), dtype=np.intp)
@@ -114,4 +114,4 @@ def _contact_points(
         turning = local_stiffness(length, *section)[0][[2, 5]][:, [2, 5]]
         turned = np.hstack([shapes.real, shapes.imag])[[2, 5]].T
         compliance += turned @ np.linalg.inv(turning) @ turned.T
-    return ContactPoints(points, np.ones(count, dtype=np.complex128), only, compliance), dent
+    return ContactPoints(points, normals, only, compliance), dent

@@ -39,17 +39,10 @@ class ContactState(NamedTuple):
     displacements: Points  #: (c,) displacements of the points, x + iy [m]
 
 
-def solve_contact(
-    points: ContactPoints, surface: Surface, normals: Points | None = None
-) -> ContactState:
-    """
-    Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point.
-
-    :param normals: (c,) initial normals, x + iy; None: toward the undeformed points.
-    """
-    away = points.points - surface.center
-    normals = surface.facing(away, points.axis) if normals is None else normals
-    gaps = open_gaps(away, normals, surface)
+def solve_contact(points: ContactPoints, surface: Surface) -> ContactState:
+    """Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point."""
+    away, normals = points.points - surface.center, points.normals
+    gaps = surface.open_gaps(away, normals)
     # A point beyond a tangent is outside of the object, so the solution for given normals is
     # admissible for the updated normals, whose solution has less or equal energy. Therefore the
     # steps converge, but slowly; `_settle_normals` makes them few.
@@ -96,8 +89,3 @@ def _settle_normals(
         if change < 0.01 * NEGLIGIBLE_SHARE:
             break
     return forces
-
-
-def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
-    """Return the distances (c,) from tangents of points relative to the centre [m]."""
-    return (away * normals.conj()).real - surface.support(normals)

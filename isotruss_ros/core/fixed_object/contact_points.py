@@ -19,7 +19,7 @@ class ContactPoints(NamedTuple):
     """Candidate contact points, ordered by member and by distance from the member's start."""
 
     points: Points  #: (c,) positions on the undeformed centre lines, x + iy [m]
-    axis: Points  #: (c,) unit vectors along the tubes, x + iy
+    normals: Points  #: (c,) outward unit normals of the surface toward the points, x + iy
     member: Indices  #: (c,) index of the member of each point
     compliance: Array  #: (2 c, 2 c) displacements x, then y, of the points per force x, y [m/N]
 
@@ -39,7 +39,7 @@ class ContactPoints(NamedTuple):
         both = np.tile(chosen, 2)
         compliance = self.compliance[both][:, both]
         return ContactPoints(
-            self.points[chosen], self.axis[chosen], self.member[chosen], compliance
+            self.points[chosen], self.normals[chosen], self.member[chosen], compliance
         )
 
 
@@ -69,7 +69,9 @@ def find_contact_points(
     number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
     points = start[member] + place * axis[member]
-    close = surface.nearest(points - surface.center).gaps <= margin
-    points, member, place = points[close], member[close], place[close]
+    outside = points - surface.center
+    normals = surface.facing(outside, axis[member])
+    close = surface.open_gaps(outside, normals) <= margin
+    member, place = member[close], place[close]
     tubes = straight_points(structure, member, place)
-    return ContactPoints(points, axis[member], member, tubes.compliance), place, tubes
+    return ContactPoints(points[close], normals[close], member, tubes.compliance), place, tubes

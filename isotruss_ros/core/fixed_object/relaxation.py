@@ -15,7 +15,7 @@ Candes 2015), a number proportional to its square root.
 from __future__ import annotations
 
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.fixed_object.contact import ContactState, MAX_STEPS, open_gaps
+from isotruss_ros.core.fixed_object.contact import ContactState, MAX_STEPS
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints
 from isotruss_ros.core.fixed_object.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array
@@ -29,9 +29,9 @@ MAX_GAP = 1e-11
 def relax_contact(points: ContactPoints, surface: Surface) -> ContactState:
     """Solve (8) by the iteration (9)."""
     away = points.points - surface.center
-    normals, forces = surface.facing(away, points.axis), np.zeros(len(away))
+    normals, forces = points.normals, np.zeros(len(away))
     for _ in range(MAX_STEPS):
-        gaps, compliance = open_gaps(away, normals, surface), points.normal_compliance(normals)
+        gaps, compliance = surface.open_gaps(away, normals), points.normal_compliance(normals)
         forces = _iterate(gaps, compliance, forces)
         displacements = points.displacements(forces * normals)
         distances, normals, _ = surface.nearest(away + displacements)

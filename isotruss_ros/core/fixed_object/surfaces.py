@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
 from isotruss_ros.core.model.shapes import Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
@@ -41,6 +41,10 @@ class Surface:
         inside = (self.shape.centroid * local.conj()).real
         return self.shape.support(local) - inside + self.margin
 
+    def open_gaps(self, away: Points, normals: Points) -> Array:
+        """Return the distances (c,) from tangents of points relative to the centre [m]."""
+        return (away * normals.conj()).real - self.support(normals)
+
     def nearest(self, away: Points) -> SurfacePoints:
         """Return the surface points nearest to points relative to the centre (5)."""
         if self.shape.is_round:
@@ -58,9 +62,8 @@ class Surface:
         if self.shape.is_round:
             return self.nearest(away).normals
         # The points are shifted outward until they are outside of the object.
-        aside = (away * axis.conj()).imag
-        outward = 1j * np.where(aside < 0.0, -axis, axis)
-        short = self.support(outward) - np.abs(aside)
+        outward = facing_normals(0.0, away, axis)
+        short = -self.open_gaps(away, outward)
         back = np.maximum(short + INITIAL_DISTANCE * self.body.arm, 0.0)
         return self.nearest(away + back * outward).normals
 

@@ -40,7 +40,7 @@ from isotruss_ros.core.holding.pressed_contacts import (
     PressedContacts,
 )
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
 from isotruss_ros.core.model.shapes import PLANNED_DEPTH, Shape
 from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD, Points
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDING
@@ -331,9 +331,7 @@ def build_statics(
     """Return the equilibrium equations of an object with given contacts, for straight tubes."""
     structure = structure_of(config, tubes.pressure)
     starts, axis, length, _ = Lines.of(structure, contacts.members)
-    # The normals point away from the object: left of the member if the object is on its right.
-    sides = np.where((axis.conj() * (body.middle - starts)).imag < 0.0, 1.0, -1.0)
-    straight = 1j * sides * axis
+    straight = facing_normals(body.middle, starts, axis)
     points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
     feet = ((body.center + body.turn * points - starts) * axis.conj()).real
     places = np.clip(feet, 0.0, length)
@@ -343,7 +341,7 @@ def build_statics(
         body=body,
         contacts=contacts,
         tube_radius=0.5 * config.robot.description.tube_diameter,
-        sides=sides,
+        sides=np.sign((straight * axis.conj()).imag),
         dents=find_dents(structure, body.shape, contacts, tubes),
     )
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_lines
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
@@ -164,5 +164,4 @@ def facing_lines(
     """Return the starts (m,) of members [m], and their normals (m,) away from an object."""
     starts, ends = member_lines(config)[members].T
     axes = (ends - starts) / np.abs(ends - starts)
-    aside = (axes.conj() * (body.middle - starts)).imag
-    return starts, -1j * np.where(aside < 0.0, -axes, axes)
+    return starts, facing_normals(body.middle, starts, axes)

@@ -25,7 +25,7 @@ from isotruss_ros.core.holding.held_grip import (
     scaled_wrench,
     travel_rates,
 )
-from isotruss_ros.core.holding.pressed_contacts import facing_lines, POSE
+from isotruss_ros.core.holding.pressed_contacts import POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
@@ -73,13 +73,9 @@ def roll_contacts(
         bent = grip.statics.bent.update(loads, feet, structure)
         statics = replace(grip.statics, bent=bent)
     else:
-        facing = facing_lines(config, grip.body, contacts.members)[1] / grip.body.turn
-        for k in new.tolist():  # as another contact of the member, or as the straight member
-            beside = (contacts.members == contacts.members[k]) & (chosen.origins >= 0)
-            angles[k] = angles[beside][0] if beside.any() else np.angle(facing[k])
         statics = build_statics(config, grip.body, contacts, grip.tubes)
         starts = [_continued(grip, statics, chosen.origins)]
-        statics = replace(statics, bent=statics.bent.bent_like(grip.statics.bent))
+        angles[new] = np.angle(statics.straight_normals / grip.body.turn)[new]
     travel = travel_rates(config, contacts.members) @ config.roller_positions
     conditions = stick(statics, anchors, travel, angles, new)
     tries = (

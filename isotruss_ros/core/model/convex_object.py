@@ -201,6 +201,12 @@ class SegmentGaps(NamedTuple):
     shares: Array
 
 
+def facing_normals(middle: complex, points: Points, axes: Points) -> Points:
+    """Return the unit normals (k,) of lines along `axes` (k,), away from an object's centroid."""
+    aside = (axes.conj() * (middle - points)).imag
+    return -1j * np.where(aside < 0.0, -axes, axes)
+
+
 def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGaps:
     """
     Return the gaps between an object and line segments, with the directions of the gaps.
@@ -212,9 +218,7 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     lengths = np.abs(spans)
     some = lengths > COINCIDENCE
     axes = np.where(some, spans, 1.0) / np.where(some, lengths, 1.0)
-    away = axes.conj() * (body.middle - starts)
-    normals = -1j * np.where(away.imag < 0.0, -axes, axes)
-    turn = body.turn
+    normals, turn = facing_normals(body.middle, starts, axes), body.turn
     points = body.center + turn * body.shape.support_points(normals * turn.conjugate())
     gaps = ((starts - points) * normals.conj()).real
     shares = (axes.conj() * (points - starts)).real / np.maximum(lengths, COINCIDENCE)

@@ -312,12 +312,6 @@ class BentTubes:
         before = Displaced(unknowns, loads.reshape(-1, 3), pull)
         return replace(self, places=positions, cuts=cuts, before=before)
 
-    def bent_like(self, others: BentTubes) -> BentTubes:
-        """Return these tubes, linearised about a state taken from the tubes of a similar robot."""
-        tubes = self.activated()
-        before = others._convert(others.before, tubes.frame, False)
-        return replace(tubes, before=before._replace(loads=np.zeros((len(self.members), 3))))
-
     def _complete(self, unknowns: Array) -> Array:
         """Add the unknowns of undeformed tubes, which turn with their hinges, to unknowns (u,)."""
         completed = unknowns.copy()

@@ -15,6 +15,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import find_contact_points
 from isotruss_ros.core.fixed_object.surfaces import surface_of
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -51,7 +52,8 @@ def test_gaps_and_forces_are_complementary(seed):
     # By brute force.
     moved = (points.points + state.displacements - held.center) / held.turn
     wanted = surface_distance(dense_outline(surface.shape, 4000), moved) - TUBE_RADIUS
-    near = np.abs(state.normals * points.axis.conj()).imag > 0.3
+    start, end = member_lines(HOME)[points.member].T
+    near = np.abs((state.normals / (end - start)).imag * np.abs(end - start)) > 0.3
     assert state.gaps[near] == pytest.approx(wanted[near], abs=2e-6)
 
 
