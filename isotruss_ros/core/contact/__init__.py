@@ -4,6 +4,6 @@
 """
 Contact of objects with inflated tubes: flattening, dents and the wrench space of contacts.
 
-Entry points: `dents.disc_dents`, `dents.corner_dents`, `wrench_space.wrench_space`.
+Entry points: `dents.dent_table`, `wrench_space.wrench_space`.
 Imports `core.statics` and the layers below it.
 """

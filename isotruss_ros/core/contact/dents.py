@@ -33,6 +33,7 @@ from isotruss_ros.core.contact.pressed_skin import (
 )
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np
 import scipy
 
@@ -45,8 +46,6 @@ DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n) ** 2 for n in (15, 
 #: interpolated: depths err by up to 1 %, at a third of the step by 0.3 %, and at three times the
 #: step by 30 %, all of them where a face is within 0.05 rad of the tube.
 ANGLE_STEP = math.radians(15.0) / 16
-#: Relative change of the gauge pressure in the central differences of depths [-].
-PRESSURE_STEP = 1e-4
 #: Cubic interpolation of Catmull and Rom.
 CATMULL_ROM = 0.5 * np.array([[0, -1, 2, -1], [2, 0, -5, 3], [0, 1, 4, -3], [0, 0, -1, 1]])
 
@@ -62,10 +61,8 @@ class Spline:
 
     def __call__(self, place: float, near: float) -> tuple[float, float]:
         """Return value and slope at a place, by the polynomial that is valid at a near place."""
-        last, piece = (
-            self._places[-1],
-            min(bisect_right(self._places, near), len(self._pieces)) - 1,
-        )
+        piece, last = bisect_right(self._places, near) - 1, self._places[-1]
+        piece = min(piece, len(self._pieces) - 1)
         inside, beyond = (place, 0.0) if near < last else (last, place - last)
         x, (a, b, c, d) = inside - self._places[piece], self._pieces[piece]
         slope = (3.0 * a * x + 2.0 * b) * x + c
@@ -88,7 +85,8 @@ class DentSample:
     @functools.cached_property
     def inflated(self) -> tuple[Spline, Spline, float]:
         """Return `depth` at a higher and at a lower pressure, and their difference [Pa]."""
-        rates, step = [0.0], PRESSURE_STEP * self._kernel.pressure.real
+        # This step minimises the error of central differences, about step^2 + EPSILON / step.
+        rates, step = [0.0], EPSILON ** (1.0 / 3.0) * self._kernel.pressure.real
         for _, spacing, _, forces in self._skins:
             # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
             closed = np.flatnonzero(forces)

@@ -120,14 +120,13 @@ class ContactStatics:
 
     def load_rates(self, unknowns: Array, change: Array) -> Array:
         """Return the changes (k, 3, c) of the loads on the tubes for c changes of the unknowns."""
-        count, columns = len(self.sides), change.shape[1]
-        causes = np.empty((4, count, columns))
-        causes[:3] = change[self.places.inclinations.start :].reshape(3, count, columns)
-        causes[3] = change[ANGLE]
+        count, begin = len(self.sides), self.places.inclinations.start
+        turned = np.repeat(change[None, None, ANGLE], count, axis=1)
+        causes = np.concatenate([change[begin:].reshape(3, count, -1), turned])
         return np.einsum('lnk,lkc->knc', self._push(unknowns).rates, causes)
 
     def angles(self, normals: Points, angle: float) -> Array:
-        """Return the angles (k,) of normals in the frame of the object at an angle [rad]."""
+        """Return the directions (k,) of normals in the frame of the turned object [rad]."""
         return np.angle(normals * cmath.rect(1.0, -angle))
 
     def _push(self, unknowns: Array) -> _Pushes:
@@ -335,7 +334,7 @@ def build_statics(
     points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
     feet = ((body.center + body.turn * points - starts) * axis.conj()).real
     places = np.clip(feet, 0.0, length)
-    bent = BentTubes.straight(structure, contacts.members, places, tubes.stiffness_scale)
+    bent = BentTubes.of(structure, contacts.members, places, tubes.stiffness_scale)
     return ContactStatics(
         bent=bent,
         body=body,

@@ -298,6 +298,5 @@ def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: 
     bent = statics.bent.update(statics.loads(unknowns), unknowns[state.places.feet])
     statics = replace(statics, bent=bent)
     _, there = statics.equations(unknowns, grip.wrench, statics.sticking)
-    body = grip.body.moved_to(unknowns[:3])
-    tubes = tubes.at(replace(grip, statics=statics, state=there, body=body))
+    tubes = tubes.at(replace(grip, statics=statics, state=there))
     return there.jacobian @ change + tubes.equation_rates(sticks=True)

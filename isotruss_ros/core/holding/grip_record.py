@@ -15,6 +15,7 @@ from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 import numpy as np
 
 
@@ -35,7 +36,7 @@ class GripRecord(NamedTuple):
     contacts: PressedContacts  #: the k contacts
     unknowns: Array  #: (3 + 4k,) unknowns, see `ContactForces`
     places: Array  #: (k,) distances of the contacts from the members' starts, see `BentTubes` [m]
-    bent: Array  #: (s,) state of the bent tubes, the values of `Displaced`
+    bent: Array  #: (s,) state of the bent tubes, see `BentTubes.values`
     #: (t,) gauge pressure of each tube [Pa]; None: as in the robot file
     pressures: tuple[float, ...] | None = None
     estimate: GripEstimate | None = None  #: estimate of the control loop that holds the object
@@ -43,14 +44,14 @@ class GripRecord(NamedTuple):
     @classmethod
     def of(cls, grip: HeldGrip, estimate: GripEstimate | None = None) -> GripRecord:
         """Return the record of a grip whose tubes are bent."""
-        bent = grip.statics.bent.activated()
+        bent = grip.statics.bent
         measured = grip.tubes.pressure is not None
         return cls(
             grip.config.roller_positions,
             grip.contacts,
             grip.state.unknowns,
             bent.places,
-            np.concatenate([part.ravel() for part in bent.before]),
+            bent.values,
             bent.structure.pressures if measured else None,
             estimate,
         )
@@ -65,13 +66,15 @@ class GripRecord(NamedTuple):
         there = config.moved_to(self.travel)
         body = body.moved_to(self.unknowns[:3])
         body = body.smoothed(0.5 * config.robot.description.tube_diameter)
-        contacts, tubes = self.contacts, TubeModel(pressure=self.pressures)
+        tubes = TubeModel(pressure=self.pressures)
         try:
-            statics = build_statics(there, body, contacts, tubes)
+            statics = build_statics(there, body, self.contacts, tubes)
         except IndexError as error:
             raise GraspError(
                 f'held grip: corners {self.contacts.corners}: the object has no such corners'
             ) from error
-        statics = replace(statics, bent=statics.bent.bent_to(self.places, self.bent))
+        bent, members = statics.bent, self.contacts.members
+        bent = BentTubes.of(bent.structure, members, self.places, bent.stiffness, self.bent)
+        statics = replace(statics, bent=bent)
         _, state = statics.equations(self.unknowns, np.zeros(3), statics.sticking)
         return HeldGrip.of(there, statics, state, np.zeros(3), tubes)

@@ -61,20 +61,6 @@ class TubeRates(NamedTuple):
     forces: Array  #: (c, 3, p) of the `EndForces` of the frame's parts with fixed nodes
 
 
-def member_motions(grip: HeldGrip, travel: Array) -> tuple[Points, Points, Array]:
-    """
-    Return the motions by p changes (r, p) of the rollers' travel.
-
-    They are those of the configuration's nodes (N, p) [m], and of start [m] and direction [rad] of
-    the contacts' members, (k, p).
-    """
-    topology, members = grip.config.robot.topology, grip.contacts.members
-    moved = grip.config.node_jacobian.T.copy().view(np.complex128).T @ travel
-    starts, lines = moved[topology.b[members]], grip.statics.bent.lines
-    ahead = moved[topology.c[topology.following[members]]] - starts
-    return moved, starts, (ahead / (lines.length * lines.axis)[:, None]).imag
-
-
 class LoadedTubes:
     """
     Bent tubes of a robot with a held object, with derivatives along p parameter changes.
@@ -96,7 +82,12 @@ class LoadedTubes:
         reach: float = ROUNDING,
     ) -> None:
         self._chosen, self._parameters = chosen, parameters
-        self.moved, self._starts, self.spins = member_motions(grip, chosen[parameters.rollers])
+        topology, members = grip.config.robot.topology, grip.contacts.members
+        by_rollers = grip.config.node_jacobian.T.copy().view(np.complex128).T
+        self.moved = by_rollers @ chosen[parameters.rollers]
+        self._starts, lines = self.moved[topology.b[members]], grip.statics.bent.lines
+        ahead = self.moved[topology.end[members]] - self._starts
+        self.spins = (ahead / (lines.length * lines.axis)[:, None]).imag
         self._inflated = chosen[parameters.pressures]
         self._stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
         bent, state = grip.statics.bent, grip.state

@@ -76,7 +76,6 @@ class HeldGrip:
     """
 
     config: Configuration  #: the configuration
-    body: ConvexObject  #: the object at its pose in equilibrium
     anchors: Array  #: (k,) rolling invariants, see `ContactStatics.anchors` [m]
     angles: Array  #: (k,) angles of the normals in the object's frame, continued beyond pi [rad]
     statics: ContactStatics  #: equations of equilibrium in this configuration
@@ -96,16 +95,21 @@ class HeldGrip:
         tubes: TubeModel,
     ) -> HeldGrip:
         """Return a grip with a solution of the equations, whose contacts have not rolled yet."""
-        body, unknowns = statics.body.moved_to(state.unknowns[:3]), state.unknowns
+        unknowns = state.unknowns
         angles = statics.angles(state.normals, unknowns[ANGLE])
         travel = travel_rates(config, statics.contacts.members) @ config.roller_positions
         anchors = statics.anchors(unknowns, state.normals, travel, angles)
-        return cls(config, body, anchors, angles, statics, state, wrench, tubes)
+        return cls(config, anchors, angles, statics, state, wrench, tubes)
 
     @property
     def contacts(self) -> PressedContacts:
         """Return the k contacts of the object."""
         return self.statics.contacts
+
+    @functools.cached_property
+    def body(self) -> ConvexObject:
+        """Return the object at its pose in equilibrium."""
+        return self.statics.body.moved_to(self.state.unknowns[:3])
 
     @functools.cached_property
     def pose(self) -> Pose:
@@ -196,7 +200,7 @@ class HeldGrip:
     def nonlinearity(self) -> float:
         """Return the relative increase of the contact forces by the bending of the tubes [-]."""
         bent, (loads, feet) = self.statics.bent, (self.state.loads, self.state.feet)
-        straight = BentTubes.straight(bent.structure, bent.members, feet, bent.stiffness)
+        straight = BentTubes.of(bent.structure, bent.members, feet, bent.stiffness)
         moved = straight.respond(loads, feet) - bent.respond(loads, feet)
         # Gaps that linear tubes would leave, closed by changes of forces and pose.
         right = np.zeros(self.state.places.size)

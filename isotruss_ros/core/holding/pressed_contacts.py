@@ -30,7 +30,7 @@ class PressedContacts:
 
     members: Indices  #: (k,) indices of the members
     corners: Indices  #: (k,) index of the polygon's corner of each contact; zero for other shapes
-    cuts: Array  #: (k, 2) largest extents to both sides of the contacts, see `corner_dents` [m]
+    cuts: Array  #: (k, 2) largest extents to both sides of the contacts, see `DentTable` [m]
 
     @functools.cached_property
     def owners(self) -> Indices:

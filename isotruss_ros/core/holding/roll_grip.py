@@ -91,7 +91,6 @@ def roll_contacts(
     return replace(
         grip,
         config=config,
-        body=grip.body.moved_to(state.unknowns[:3]),
         anchors=anchors,
         angles=unwrapped(state.unknowns, state.normals, angles),
         statics=statics,

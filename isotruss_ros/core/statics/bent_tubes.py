@@ -127,21 +127,29 @@ class BentTubes:
     before: Displaced  #: state about which the tubes are linearised
 
     @classmethod
-    def straight(
+    def of(
         cls,
         structure: Structure,
         members: Indices,
         positions: Array,
         stiffness: float = 1.0,
+        values: Array | None = None,
     ) -> BentTubes:
-        """Return the tubes linearised about the state without loads."""
-        cuts, lines = Cuts.of(structure, members, positions, None), Lines.of(structure, members)
-        unloaded = Displaced(
-            np.zeros(len(cuts.frame.scale)),
-            np.zeros((len(members), 3)),
-            np.zeros(len(cuts.frame.length)),
-        )
-        return cls(structure, members, positions, lines, cuts, stiffness, unloaded)
+        """Return the tubes linearised about the state `values`; None: without loads."""
+        active = None if values is None else structure.frame.layout.active
+        cuts, lines = Cuts.of(structure, members, positions, active), Lines.of(structure, members)
+        ends = np.cumsum([len(cuts.frame.scale), 3 * len(members), len(cuts.frame.length)])
+        values = np.zeros(ends[-1]) if values is None else values
+        if values.shape != (ends[-1],):
+            raise StructureError(f'bent tubes with {values.size} values: must be {ends[-1]}')
+        unknowns, loads, pull = np.split(values, ends[:-1])
+        before = Displaced(unknowns, loads.reshape(-1, 3), pull)
+        return cls(structure, members, positions, lines, cuts, stiffness, before)
+
+    @property
+    def values(self) -> Array:
+        """Return the state about which these tubes are linearised, with all blocks deformable."""
+        return np.concatenate([part.ravel() for part in self.activated().before])
 
     @property
     def frame(self) -> Frame:
@@ -299,18 +307,6 @@ class BentTubes:
         tangent = linearize(cuts.frame, before.unknowns, before.pull)
         before = before._replace(pull=tangent.forces.values[:, 0])
         return replace(self, before=before, cuts=cuts)
-
-    def bent_to(self, positions: Array, values: Array) -> BentTubes:
-        """Return these tubes with all blocks deformable, in the state `Displaced` of values."""
-        active = self.structure.frame.layout.active
-        cuts = Cuts.of(self.structure, self.members, positions, active)
-        frame = cuts.frame
-        ends = np.cumsum([len(frame.scale), 3 * len(positions), len(frame.length)])
-        if values.shape != (ends[-1],):
-            raise StructureError(f'bent tubes with {values.size} values: must be {ends[-1]}')
-        unknowns, loads, pull = np.split(values, ends[:-1])
-        before = Displaced(unknowns, loads.reshape(-1, 3), pull)
-        return replace(self, places=positions, cuts=cuts, before=before)
 
     def _complete(self, unknowns: Array) -> Array:
         """Add the unknowns of undeformed tubes, which turn with their hinges, to unknowns (u,)."""

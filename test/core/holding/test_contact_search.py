@@ -102,7 +102,8 @@ def test_corners_of_a_thin_plate_are_reached_the_shorter_way_round():
     center = complex(statics.bent.lines.start[0]) - (statics.tube_radius + 0.01) * normal
     body = ConvexObject(plate, (center.real, center.imag, np.angle(normal) - 0.5 * np.pi))
     one = contacts_at(plate, grip.members[:1], np.array([2]), statics.tube_radius)
-    beside = replace(grip, body=body, statics=replace(statics, body=body, contacts=one))
+    state = replace(grip.state, unknowns=np.append(body.pose, grip.state.unknowns[3:]))
+    beside = replace(grip, state=state, statics=replace(statics, body=body, contacts=one))
     along = {corner.corner: corner.along for corner in contact_search._nearby_corners(beside, [0])}
     assert set(along) == {0, 1, 3}
     assert along[1] == pytest.approx(-0.02)

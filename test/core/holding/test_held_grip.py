@@ -364,7 +364,7 @@ def test_frictionless_forces_agree_with_analyze_grasp(shape):
     for _ in range(3):  # tubes that are not linearised again are linear
         _, state = statics.settle(unknowns, np.zeros(3), rest(statics), reach=np.inf)
         unknowns, bent = state.unknowns, statics.bent
-        straight = BentTubes.straight(bent.structure, bent.members, state.feet)
+        straight = BentTubes.of(bent.structure, bent.members, state.feet)
         statics = replace(statics, bent=straight)
     assert np.abs(state.friction_forces).max() < 1e-6
     analysis = analyze_grasp(HOME, body.moved_to(state.unknowns[:3]), 0.5)

@@ -72,7 +72,7 @@ def test_contact_forces_near_wrinkling_bend_a_finer_mesh_alike(shape, depth):
 def test_nonlinearity_is_the_increase_over_the_forces_of_linear_tubes(shape, depth):
     grip = attach_grip(ROBOT.home, placed(shape, depth))
     bent, force = grip.statics.bent, grip.state.normal_forces.sum()
-    tubes = BentTubes.straight(bent.structure, bent.members, bent.places)
+    tubes = BentTubes.of(bent.structure, bent.members, bent.places)
     statics = replace(grip.statics, bent=tubes)
     _, linear = statics.settle(grip.state.unknowns, grip.wrench, rest(statics), reach=np.inf)
     increase = force / linear.normal_forces.sum() - 1.0

@@ -134,7 +134,7 @@ def test_invalid_loads_are_refused(loads, complaint):
 def test_tubes_with_a_load_beside_a_guide_ring_bend_as_the_robot_does(away):
     place = np.array([TRIANGLE.robot.description.module.guide_ring_distance + away])
     member = np.array([TRIANGLE.robot.member_names.index(LEG)])
-    tubes = BentTubes.straight(structure_of(TRIANGLE), member, place)
+    tubes = BentTubes.of(structure_of(TRIANGLE), member, place)
     load = np.array([[10.0, 40.0, 1.0]])
     x, y = (tubes.lines.axis * (10.0 + 40.0j)).view(float)
     wanted = deform(TRIANGLE, {}, tube_loads={LEG: [(place[0], x, y, 1.0)]}).state.displacements
