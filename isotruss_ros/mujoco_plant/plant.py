@@ -10,8 +10,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.model.check_load import EXTERNAL_WRENCH
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import ConvexObject, EXTERNAL_WRENCH
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, load_array
 from isotruss_ros.mujoco_plant.mjcf import ARMATURE_FACTOR, export_mjcf, spring_damping

@@ -18,8 +18,7 @@ from isotruss_ros.core.fixed_object.relaxation import relax_contact
 from isotruss_ros.core.fixed_object.surfaces import Surface, surface_of
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.model.check_load import check_load
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import check_load, ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure

@@ -21,8 +21,7 @@ from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.model.check_load import check_load
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import check_load, ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure

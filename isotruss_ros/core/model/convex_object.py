@@ -16,7 +16,13 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import check_range, MAX_FRICTION, MAX_MASS, Pose, pose_fault
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
 from isotruss_ros.core.model.units import likely_unit
-from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE, Points
+from isotruss_ros.core.numerics.arrays import (
+    Array,
+    finite_array,
+    load_array,
+    MAX_MAGNITUDE,
+    Points,
+)
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING
 import numpy as np
@@ -25,6 +31,8 @@ from numpy.typing import ArrayLike
 ORIGIN = Pose(0.0, 0.0, 0.0)
 #: Coefficient of friction between a tube and an object whose own coefficient is unknown [-].
 DEFAULT_FRICTION = 0.5
+#: External wrench of an object in error messages.
+EXTERNAL_WRENCH = 'the external wrench (fx, fy [N], m [N m])'
 
 
 @dataclass(frozen=True, repr=False)
@@ -190,6 +198,18 @@ def check_friction(value: float, what: str = 'friction') -> float:
         hint = likely_unit(friction, '', 0.0, MAX_FRICTION)
         raise GraspError(f'{what} {value!r}: must be from 0 to {MAX_FRICTION:g}{hint}')
     return float(friction)
+
+
+def check_load(
+    body: ConvexObject, friction: float | None, external_wrench: ArrayLike
+) -> tuple[float, Array]:
+    """
+    Return the friction, see `ConvexObject.friction_or`, and the external wrench (3,), checked.
+
+    The wrench (fx, fy, m) is about the origin of the object's frame [N, N m].
+    """
+    mu = check_friction(body.friction_or(friction))
+    return mu, load_array(external_wrench, 3, EXTERNAL_WRENCH, GraspError)
 
 
 class SegmentGaps(NamedTuple):

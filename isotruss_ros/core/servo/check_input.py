@@ -8,7 +8,7 @@ from __future__ import annotations
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.inputs import Input, RejectedInput, StampedInput
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.model.check_load import EXTERNAL_WRENCH
+from isotruss_ros.core.model.convex_object import EXTERNAL_WRENCH
 from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, load_array
 from isotruss_ros.core.statics.section import tube_pressures
 import numpy as np

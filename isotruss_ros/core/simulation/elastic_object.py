@@ -15,8 +15,7 @@ from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, push_out
-from isotruss_ros.core.model.check_load import EXTERNAL_WRENCH
-from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
+from isotruss_ros.core.model.convex_object import check_friction, ConvexObject, EXTERNAL_WRENCH
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, load_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
