@@ -46,8 +46,6 @@ DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n) ** 2 for n in (15, 
 #: interpolated: depths err by up to 1 %, at a third of the step by 0.3 %, and at three times the
 #: step by 30 %, all of them where a face is within 0.05 rad of the tube.
 ANGLE_STEP = math.radians(15.0) / 16
-#: Cubic interpolation of Catmull and Rom.
-CATMULL_ROM = 0.5 * np.array([[0, -1, 2, -1], [2, 0, -5, 3], [0, 1, 4, -3], [0, 0, -1, 1]])
 
 
 class Spline:
@@ -200,7 +198,10 @@ class DentTable:
         place, rate = self._locate(angle, first)
         t = place - first
         powers = [[1.0, t, t * t, t**3], [0.0, rate, 2.0 * rate * t, 3.0 * rate * t * t]]
-        weights, numbers = powers @ CATMULL_ROM.T, [first + i for i in (-1, 0, 1, 2)]
+        # Cubic interpolation of Catmull and Rom.
+        catmull_rom = [[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]]
+        weights = 0.5 * np.array(powers) @ catmull_rom
+        numbers = [first + i for i in (-1, 0, 1, 2)]
         if self._faces:  # samples beyond the faces are extrapolated
             if first == -self._count:
                 weights[:, 1:] += np.outer(weights[:, 0], [3.0, -3.0, 1.0])
