@@ -40,7 +40,7 @@ import numpy as np
 #: [m, rad].
 REST, LEGS, LEG_TIME, REACH = 2.0, 2, 3.0, np.array([0.04, 0.04, 0.12])
 #: Faults, and smallest number of them in a draw [-].
-FAULTS, LEAST = ('zeros', 'slip', 'stiffness', 'friction', 'poses', 'pull'), 3
+FAULTS, LEAST = ('roller offsets', 'slip', 'stiffness', 'friction', 'poses', 'pull'), 3
 #: Roller offsets [m], roller slip [-], factors on the stiffness of the tubes [-], and ratio of
 #: the true friction to the one that the loop assumes [-].
 ZEROS, SLIP, STIFFNESS, LESS_FRICTION = 0.01, 0.02, (0.6, 1.5), 0.7
@@ -98,7 +98,7 @@ class Draw:
         names = tuple(FAULTS[i] for i in sorted(chosen))
         return cls(
             names,
-            ZEROS * rng.normal(size=rollers) if 'zeros' in names else 0.0,
+            ZEROS * rng.normal(size=rollers) if 'roller offsets' in names else 0.0,
             SLIP if 'slip' in names else 0.0,
             rng.choice(STIFFNESS) if 'stiffness' in names else 1.0,
             FRICTION / (LESS_FRICTION if 'friction' in names else 1.0),
