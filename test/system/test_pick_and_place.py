@@ -79,6 +79,8 @@ pytestmark = [pytest.mark.system, pytest.mark.xdist_group('pick and place')]
 
 ACTIONS = {PickObject: 'pick_object', MoveObject: 'move_object', PlaceObject: 'place_object'}
 CENTER, DIAMETER, FRICTION = (0.6, 0.3), 0.2, 0.5
+#: An object that is at one of them, by an earlier test, is moved to the other.
+DESTINATIONS = (0.58, 0.34), CENTER
 #: A goal ends when inputs are late, and a busy machine delays them.
 PATIENT = {'command_timeout': 4.0}
 #: Time waits for the nodes: what they do is the same on a busy machine.
@@ -201,6 +203,14 @@ class Client:
             )
         )
         return handle, ended
+
+    def until_moving(self, speed):
+        """Send a goal to move the held object far enough; return its handle, and the goal."""
+        self.hold()
+        here = self.place()
+        far = max(DESTINATIONS, key=lambda there: np.hypot(*(here - there)))
+        moving = MoveObject.Goal(path=path_to(*far), speed=speed)
+        return self.until_stage(moving, MoveObject.Feedback.MOVING, progress=BEGUN), moving
 
     def until_searching(self):
         """Send a goal, and return its handle once the planner searches."""
@@ -347,9 +357,7 @@ def test_a_cancel_ends_the_goal_where_a_node_under_it_hangs(client):
 
 @pytest.mark.nightly
 def test_a_motion_ends_where_a_node_under_it_is_killed_and_started_again(client):
-    client.hold()
-    moving = MoveObject.Goal(path=path_to(0.58, 0.34), speed=0.005)
-    handle = client.until_stage(moving, MoveObject.Feedback.MOVING, progress=BEGUN)
+    handle, moving = client.until_moving(0.005)
     client.restart('path_follower')
     status, result = client.end(handle)
     assert (status, result.code) == (GoalStatus.STATUS_ABORTED, MoveObject.Result.STOPPED)
@@ -363,9 +371,7 @@ def test_a_motion_ends_where_a_node_under_it_is_killed_and_started_again(client)
 @pytest.mark.nightly
 @pytest.mark.parametrize('name', ['manipulation', 'path_follower'])
 def test_a_motion_ends_one_timeout_after_a_node_under_it_is_killed(client, name):
-    client.hold()
-    moving = MoveObject.Goal(path=path_to(0.58, 0.34), speed=0.005)
-    handle = client.until_stage(moving, MoveObject.Feedback.MOVING, progress=BEGUN)
+    handle, _ = client.until_moving(0.005)
     client.r.signal(name, signal.SIGKILL)
     killed = time.monotonic()
     status, result = client.end(handle)
@@ -431,10 +437,8 @@ def test_the_example_picks_an_object_up_and_places_it(client):
 
 @pytest.mark.nightly
 def test_a_motion_ends_with_a_pick_and_place_that_is_killed(client):
-    client.hold()
     r = client.r
-    moving = MoveObject.Goal(path=path_to(0.58, 0.34), speed=0.002)
-    client.until_stage(moving, MoveObject.Feedback.MOVING, progress=BEGUN)
+    client.until_moving(0.002)
     r.signal('pick_and_place', signal.SIGKILL)
     r.w.until(lambda: 'supervises the goal' in r.w.report('path_follower').message)
     r.check_rests()
