@@ -12,6 +12,7 @@ of the plane are complex numbers x + iy.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import copy
 from dataclasses import dataclass
 import functools
@@ -59,13 +60,7 @@ class Grip(Record, headline=('members', 'friction', 'body')):
             friction = self.body.friction_or(self.friction)
         except AttributeError:
             raise GraspError(f'object {self.body!r}: must be a ConvexObject') from None
-        names = (self.members,) if isinstance(self.members, str) else tuple(self.members)
-        fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
-        if not (fits and len(names) in GRIP_SIZES):
-            raise GraspError(
-                f'members {quote(", ".join(map(str, names)))}: must be two or three different '
-                'members'
-            )
+        names = check_member_names(self.members)
         object.__setattr__(self, 'members', names)
         object.__setattr__(self, 'friction', check_friction(friction))
 
@@ -112,6 +107,17 @@ class Grip(Record, headline=('members', 'friction', 'body')):
         :raises GraspError: the robot has no such module, or a value is invalid, see `Grip`.
         """
         return cls(members_at(robot, module), body, friction)  # type: ignore[arg-type]
+
+
+def check_member_names(members: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of grasping members; raise GraspError unless they are two or three."""
+    names = (members,) if isinstance(members, str) else tuple(members)
+    fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
+    if not (fits and len(names) in GRIP_SIZES):
+        raise GraspError(
+            f'members {quote(", ".join(map(str, names)))}: must be two or three different members'
+        )
+    return names
 
 
 def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
@@ -185,8 +191,6 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     body, shape = grip.body, grip.body.shape.smoothed(0.5 * tube)
     inside, back = body.center + body.turn * shape.centroid, body.turn.conjugate()
     contacts: list[GripContact] = []
-    touches: list[tuple[float, float]] = []
-    fits = True
     for owner, (start, end) in enumerate(config.points.take(nodes.lines).tolist()):
         span = end - start
         axis = span / abs(span)
@@ -198,37 +202,26 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
         else:
             corners = grip.corners[owner]
             touched = [(k, shape.point_at(k, normal * back)) for k in corners]
-        for corner, own_point in touched:
-            point = body.center + body.turn * own_point
+        points = [body.center + body.turn * point for _, point in touched]
+        gaps = [((start - point) * normal.conjugate()).real - 0.5 * tube for point in points]
+        shares = [((point - start) / span).real for point in points]
+        _check_touch(grip, owner, min(gaps, key=abs), shares, tube)
+        for (corner, _), point in zip(touched, points, strict=True):
             contacts.append(GripContact(owner, start, normal, point, corner, side))
-            away = start - point
-            gap = (normal.conjugate() * away).real - 0.5 * tube
-            share = -(span.conjugate() * away).real / abs(span) ** 2
-            touches.append((gap, share))
-            fits = fits and -tube <= gap <= tube and 0.0 <= share <= 1.0
-    if not fits:
-        _check_touch(grip, [contact.owner for contact in contacts], touches, tube)
     return contacts
 
 
-def _check_touch(
-    grip: Grip, owners: list[int], touches: list[tuple[float, float]], tube: float
-) -> None:
+def _check_touch(grip: Grip, owner: int, gap: float, shares: list[float], tube: float) -> None:
     """Raise GraspError if a member has no contact; a face may extend beyond a member's end."""
-    for number, name in enumerate(grip.members):
-        here = [touch for owner, touch in zip(owners, touches, strict=True) if owner == number]
-        gap = min((gap for gap, _ in here), key=abs)
-        shares = [share for _, share in here]
-        if min(shares) > 1.0 or max(shares) < 0.0:
-            share = min(shares, key=abs)
-            what = f'the contact would be at {share:.6g} of its length; must be from 0 to 1'
-        elif abs(gap) > tube:
-            what = f'the gap is {gap:.3g} m; must be within {tube:.3g} m'
-        else:
-            continue
-        center = grip.center
-        raise GraspError(
-            f'member {name} does not touch the object at ({center.real:.4g}, '
-            f'{center.imag:.4g}) m: {what}. Name the members that hold the object, or give its '
-            'pose in the robot frame'
-        )
+    if min(shares) > 1.0 or max(shares) < 0.0:
+        share = min(shares, key=abs)
+        what = f'the contact would be at {share:.6g} of its length; must be from 0 to 1'
+    elif abs(gap) > tube:
+        what = f'the gap is {gap:.3g} m; must be within {tube:.3g} m'
+    else:
+        return
+    raise GraspError(
+        f'member {grip.members[owner]} does not touch the object at ({grip.center.real:.4g}, '
+        f'{grip.center.imag:.4g}) m: {what}. Name the members that hold the object, or give its '
+        'pose in the robot frame'
+    )

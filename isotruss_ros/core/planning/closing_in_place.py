@@ -69,12 +69,17 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     """Return a grip with its contact forces; raise RequirementError for slip or a violation."""
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
-    loads = needs.find_loads(grasp)
+    forces = grasp.normal_forces
+    needs.check_bounds(
+        max_contact_force=forces.max(),
+        max_total_force=forces.sum(),
+        max_utilisation=grasp.sections.used.max(),
+    )
     margin = chance = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):
         with closing.tally.recording():
             margin, chance = _find_margin(grasp, closing, needs)
-    return ClosedGrip(grasp, loads, margin, chance)
+    return ClosedGrip(grasp, margin, chance)
 
 
 def _check_hold(grasp: HeldGrip, friction: float) -> None:
@@ -97,7 +102,7 @@ def _find_margin(
         raise RequirementError('held', 0.0, 1.0)
     _check_hold(loaded, needs.friction)
     slip = loaded.slip_margin(needs.friction)
-    needs.check_bound('min_slip_margin', slip)
+    needs.check_bounds(min_slip_margin=slip)
     if closing.uncertainty is None:
         return slip, None
     try:

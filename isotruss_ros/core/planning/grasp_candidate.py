@@ -100,7 +100,7 @@ def _planned(
     grip: ClosedGrip,
 ) -> PlannedGrasp:
     """Return the planned grasp, with its path from the open grip to the contact."""
-    configs, held, loads = (*opened, *pressed), grip.equilibrium, grip.loads
+    configs, held = (*opened, *pressed), grip.equilibrium
     path = np.array([config.roller_positions for config in configs])
     travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())
     names = held.member_names
@@ -113,9 +113,9 @@ def _planned(
         squeeze=held.squeeze,
         slip_margin=grip.slip_margin,
         required_friction=held.required_friction,
-        max_contact_force=loads['max_contact_force'],
-        total_force=loads['max_total_force'],
-        utilisation=loads['max_utilisation'],
+        max_contact_force=float(held.normal_forces.max()),
+        total_force=float(held.normal_forces.sum()),
+        utilisation=float(held.sections.used.max()),
         nonlinearity=held.nonlinearity,
         travel=travel,
         rigidity=min(shape_margins(config).rigidity for config in configs),

@@ -27,7 +27,6 @@ class ClosedGrip(NamedTuple):
     """
 
     equilibrium: HeldGrip  #: equilibrium of the object after closing, without external wrench
-    loads: dict[str, float]  #: loads, see `GraspRequirements.find_loads`
     slip_margin: float | None  #: slip margin of the object [N]
     chance: Chance | None = None  #: chance that the object is held; None: no uncertainty given
 

@@ -5,14 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
 import math
 
 from isotruss_ros.core.errors import GraspError, quote
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.manipulation.grip import GRIP_SIZES
+from isotruss_ros.core.manipulation.grip import check_member_names
 from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
 from isotruss_ros.core.numerics.arrays import finite_array, load_array
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
@@ -89,7 +87,12 @@ class GraspRequirements:
         poses = [finite_array(pose, 3, 'pose of carry', GraspError) for pose in self.carry]
         object.__setattr__(self, 'carry', tuple(tuple(pose.tolist()) for pose in poses))
         if self.members is not None:
-            self._check_members()
+            object.__setattr__(self, 'members', check_member_names(self.members))
+            if self.module is not None:
+                raise GraspError(
+                    f'requirement module: {quote(self.module)}, and members '
+                    f'{quote(repr(self.members))}: only one of the two can be required'
+                )
         if self.squeeze == 0.0:
             raise GraspError('requirement squeeze: 0: must be positive, or omitted')
         if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 1:
@@ -106,33 +109,17 @@ class GraspRequirements:
                 'requirement direction: (0, 0, 0): must be the displacement for the stiffness'
             )
 
-    def find_loads(self, grasp: HeldGrip) -> dict[str, float]:
-        """
-        Return the loads of a grasp by the names of the requirements that bound them.
-
-        :param grasp: equilibrium of the object.
-        :raises RequirementError: a load exceeds its bound.
-        """
-        loads = {
-            'max_contact_force': float(grasp.normal_forces.max()),
-            'max_total_force': float(grasp.normal_forces.sum()),
-            'max_utilisation': float(grasp.sections.used.max()),
-        }
-        for name, value in loads.items():
-            self.check_bound(name, value)
-        return loads
-
-    def check_bound(self, name: str, value: float) -> None:
+    def check_bounds(self, **values: float) -> None:
         """
         Raise RequirementError if a value violates its bound.
 
-        :param name: name of the requirement, with prefix `min_` or `max_`.
-        :param value: value of the grasp.
-        :raises RequirementError: the value is beyond the bound.
+        :param values: values of a grasp by the names of the requirements, `min_...` or `max_...`.
+        :raises RequirementError: a value is beyond its bound.
         """
-        bound = getattr(self, name)
-        if value > bound if name.startswith('max_') else value < bound:
-            raise RequirementError(name, value, bound)
+        for name, value in values.items():
+            bound = getattr(self, name)
+            if value > bound if name.startswith('max_') else value < bound:
+                raise RequirementError(name, float(value), bound)
 
     def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:
         """
@@ -146,28 +133,12 @@ class GraspRequirements:
         if self.measure is Measure.TRAVEL:
             return shortness
         if self.measure is Measure.TOTAL_FORCE:
-            return -grip.loads['max_total_force']
+            return -float(grip.equilibrium.normal_forces.sum())
         if self.measure is Measure.STIFFNESS:
             along = np.array(self.direction) / np.linalg.norm(self.direction)
             response = grip.equilibrium.response
             return 0.0 if response is None else float(along @ response.stiffness @ along)
         return grip.slip_margin
-
-    def _check_members(self) -> None:
-        names = self.members
-        listed = isinstance(names, Sequence) and not isinstance(names, str)
-        fits = listed and all(isinstance(name, str) for name in names)
-        if not fits or len(set(names)) != len(names) or len(names) not in GRIP_SIZES:
-            raise GraspError(
-                f'requirement members: {quote(repr(names))}: must be the names t/j-k of '
-                f'{" or ".join(map(str, GRIP_SIZES))} different members, or omitted'
-            )
-        if self.module is not None:
-            raise GraspError(
-                f'requirement module: {quote(self.module)}, and members {quote(repr(names))}: '
-                'only one of the two can be required'
-            )
-        object.__setattr__(self, 'members', tuple(names))
 
     def _check_number(self, name: str, value: float) -> None:
         bounded = not name.startswith('max_') or name == 'max_length'
