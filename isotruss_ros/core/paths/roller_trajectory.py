@@ -19,6 +19,7 @@ from isotruss_ros.core.errors import ConfigurationError, IsotrussError
 from isotruss_ros.core.inputs import LatestInputs, require_fresh, RollerState
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.tolerances import SMALLEST_NORMAL
 from isotruss_ros.core.paths.object_path import MAX_DURATION
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.paths.trajectory_tolerances import TrajectoryTolerances
@@ -53,24 +54,21 @@ class RollerTrajectory:
     """
 
     def __init__(self, robot: Robot, positions: ArrayLike, times: ArrayLike) -> None:
-        given = positions if np.iterable(positions) else [positions]
-        rows = [robot.check_rollers(row, 'roller positions [m]') for row in given]
+        points = positions if np.iterable(positions) else [positions]
+        rows = [robot.check_rollers(row, 'roller positions [m]') for row in points]
         if not rows:
             raise ConfigurationError('the trajectory has no points: must have one or more')
-        self._positions = np.array(rows)
-        self._times = finite_array(
-            times, len(rows), 'times of the trajectory [s]', ConfigurationError
-        )
-        steps = np.diff(self._times)
-        good = np.append(self._times[0] >= 0.0, steps > 0.0) & (self._times <= MAX_DURATION)
+        given = finite_array(times, len(rows), 'times of the trajectory [s]', ConfigurationError)
+        steps = np.diff(given)
+        good = np.append(given[0] >= 0.0, steps > 0.0) & (given <= MAX_DURATION)
         if not good.all():
             place = int(good.argmin())
             raise ConfigurationError(
-                f'time {self._times[place]:.9g} s of point {place} of the trajectory: must be '
+                f'time {given[place]:.9g} s of point {place} of the trajectory: must be '
                 f'later than that of the point before, from 0 to {MAX_DURATION:g} s'
             )
         with np.errstate(over='ignore'):  # infinite speeds are refused below
-            slopes = np.diff(self._positions, axis=0) / steps[:, None]
+            slopes = np.diff(rows, axis=0) / steps[:, None]
         quickest = float(np.abs(slopes).max(initial=0.0))
         fastest = robot.description.max_speed
         if quickest > fastest * (1.0 + 1e-6):
@@ -78,43 +76,41 @@ class RollerTrajectory:
                 f'the trajectory has a roller speed of {quickest:.9g} m/s; '
                 f'must be at most {fastest:g} m/s'
             )
-        self._slopes = np.pad(slopes, ((1, 1), (0, 0)))  # at rest before and after
-        self._halves = self._round_corners(robot, steps)
-        self._times = self._times + max(self._halves[0] - self._times[0], 0.0)
-        self.duration = float(self._times[-1] + self._halves[-1])
-
-    def _round_corners(self, robot: Robot, steps: Array) -> Array:
-        """Return half of the blend's duration at each of k waypoints [s]."""
-        changes = np.abs(np.diff(self._slopes, axis=0)).max(axis=1)
-        most = robot.description.max_acceleration
-        needed = 0.5 * (changes[1:] + changes[:-1])
-        with np.errstate(over='ignore'):
-            asked = needed / steps
-        if asked.max(initial=0.0) > most * (1.0 + 1e-6):
-            place = int(asked.argmax())
-            raise ConfigurationError(
-                f'the trajectory has a roller acceleration of {asked[place]:.4g} m/s^2 from point '
-                f'{place} to {place + 1}; must be at most {most:g} m/s^2'
-            )
-        return 0.5 * changes / most
+        slopes = np.pad(slopes, ((1, 1), (0, 0)))  # at rest before and after
+        halves = _halve_blends(robot, slopes, steps)
+        given = given + max(halves[0] - given[0], 0.0)
+        # Velocities are linear between the times at which blends begin and end.
+        self._times = np.stack([given - halves, given + halves], axis=1).ravel()
+        self._velocities = np.repeat(slopes, 2, axis=0)[1:-1]
+        means = 0.5 * (self._velocities[1:] + self._velocities[:-1])
+        travel = np.cumsum(means * np.diff(self._times)[:, None], axis=0)
+        self._positions = np.vstack([rows[:1], rows[0] + travel])
+        self.duration = float(self._times[-1])
 
     def at(self, time: float) -> RollerState:
         """Return the desired roller state; rollers rest before the start and after the end."""
-        times, slopes = self._times, self._slopes
-        piece = int(np.searchsorted(times, time, side='right'))
-        start, slope = max(piece - 1, 0), slopes[piece]
-        positions = self._positions[start] + (time - times[start]) * slope
-        ends = (start, min(piece, len(times) - 1))
-        corner = min(ends, key=lambda end: abs(times[end] - time))
-        inside = self._halves[corner] - abs(time - times[corner])
-        if inside <= 0.0:
-            return RollerState(positions, slope)
-        before, after = slopes[corner : corner + 2]  # noqa: E203
-        acceleration = (after - before) / (2.0 * self._halves[corner])
-        return RollerState(
-            positions + 0.5 * inside**2 * acceleration,
-            0.5 * (before + after) + (time - times[corner]) * acceleration,
+        times, velocities = self._times, self._velocities
+        last = int(np.searchsorted(times[1:-1], time, side='right'))
+        begin, end = times[last : last + 2]  # noqa: E203
+        since = min(max(time, begin), end) - begin
+        slope = (velocities[last + 1] - velocities[last]) / max(end - begin, SMALLEST_NORMAL)
+        now = velocities[last] + since * slope
+        return RollerState(self._positions[last] + 0.5 * since * (velocities[last] + now), now)
+
+
+def _halve_blends(robot: Robot, slopes: Array, steps: Array) -> Array:
+    """Return half of the blend's duration at each of k waypoints [s]."""
+    changes = np.abs(np.diff(slopes, axis=0)).max(axis=1)
+    most = robot.description.max_acceleration
+    with np.errstate(over='ignore'):
+        asked = 0.5 * (changes[1:] + changes[:-1]) / steps
+    if asked.max(initial=0.0) > most * (1.0 + 1e-6):
+        place = int(asked.argmax())
+        raise ConfigurationError(
+            f'the trajectory has a roller acceleration of {asked[place]:.4g} m/s^2 from point '
+            f'{place} to {place + 1}; must be at most {most:g} m/s^2'
         )
+    return 0.5 * changes / most
 
 
 class RollerStep(NamedTuple):
@@ -240,7 +236,11 @@ class RollerTrajectoryServo:
             self.time, self._waited = ahead, 0.0
         elif not near:
             self._waited += elapsed
-        if not near and self._gives_up(trajectory, at_end, now):
+        stuck, goal_time = self._waited > PROGRESS_TIMEOUT, self._tolerances.goal_time
+        if goal_time is not None:
+            overdue = now > self._start + trajectory.duration + goal_time
+            stuck = overdue or (stuck and not at_end)
+        if stuck and not near:
             if goal is None and at_end and lag <= NEAR_TOLERANCE:
                 return self._finish()
             worst = names[int(np.abs(error).argmax())]
@@ -254,13 +254,6 @@ class RollerTrajectoryServo:
             speeds = np.where(np.abs(error) <= tolerance, 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
-
-    def _gives_up(self, trajectory: RollerTrajectory, at_end: bool, now: float) -> bool:
-        """Return whether the rollers have failed to reach the trajectory's end in time."""
-        goal_time = self._tolerances.goal_time
-        if goal_time is not None and now > self._start + trajectory.duration + goal_time:
-            return True
-        return self._waited > PROGRESS_TIMEOUT and (goal_time is None or not at_end)
 
     def _rest(self) -> RollerStep:
         return RollerStep(np.zeros(len(self._robot.roller_names)), False, '')
