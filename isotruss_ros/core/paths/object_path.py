@@ -17,7 +17,7 @@ import math
 
 from isotruss_ros.core.errors import NoMotionError, PathError
 from isotruss_ros.core.model.pose import pose_fault
-from isotruss_ros.core.numerics.arrays import Array, MAX_MAGNITUDE
+from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
@@ -58,7 +58,7 @@ class ObjectPath:
     ) -> None:
         self.speed = _limit('speed', speed, 10.0, 'm/s')
         self.turn_rate = _limit('turn rate', turn_rate, 100.0, 'rad/s')
-        self.poses = _distinct(_unwrapped(_checked(poses, first), first))
+        self.poses = _distinct(_continuous(poses, first))
         if smooth:
             self.poses = _distinct(_smoothed(self.poses, self._durations()))
         self.times = np.concatenate([[0.0], np.cumsum(self._durations())])
@@ -106,43 +106,25 @@ def _limit(name: str, value: float, most: float, unit: str) -> float:
     return float(value)
 
 
-def _checked(poses: ArrayLike, first: int) -> Array:
-    """Return the poses as an array (n, 3); raise PathError if a number is invalid."""
-    try:
-        array = np.asarray(poses, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise PathError(f'the poses of the path are not numbers: {error}') from error
-    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 2:
-        raise PathError(
-            f'the path has poses of shape {array.shape}; must be two or more of x, y, angle'
-        )
-    if len(array) > MAX_POSES:
-        raise PathError(f'the path has {len(array)} poses; must be at most {MAX_POSES}')
-    bad = np.flatnonzero(~(np.abs(array) <= MAX_MAGNITUDE).all(axis=1))
-    if len(bad):
-        raise PathError(
-            f'pose {bad[0] + first} of the path: {array[bad[0]].tolist()}: must be finite, '
-            f'at most {MAX_MAGNITUDE:g}'
-        )
-    # Angles continue beyond one turn.
+def _continuous(poses: ArrayLike, first: int) -> Array:
+    """Return the poses (n, 3), with angles that are continued beyond one turn."""
+    what = 'the poses of the path (x, y, angle) [m, rad]'
+    array = finite_rows(poses, 3, what, PathError, MAX_MAGNITUDE)
+    if not 2 <= len(array) <= MAX_POSES:
+        most = f'two or more, at most {MAX_POSES}'
+        raise PathError(f'the path has {len(array)} poses; must be {most}')
     for number, (x, y) in enumerate(array[:, :2].tolist(), first):
         if fault := pose_fault(x, y):
             raise PathError(f'pose {number} of the path: ({x:g}, {y:g}): {fault}')
-    return array
-
-
-def _unwrapped(poses: Array, first: int) -> Array:
-    """Return the poses with angles that are continued beyond one turn."""
-    unwrapped = poses.copy()
-    unwrapped[:, 2] = np.unwrap(poses[:, 2])
+    array[:, 2] = np.unwrap(array[:, 2])
     # A half turn has no shorter direction.
-    far = np.flatnonzero(np.abs(np.diff(unwrapped[:, 2])) > math.pi - 1e-6)
+    far = np.flatnonzero(np.abs(np.diff(array[:, 2])) > math.pi - 1e-6)
     if len(far):
         raise PathError(
             f'pose {far[0] + 1 + first} of the path is half a turn from the previous pose, '
             'so the direction of rotation is ambiguous; add a pose in between'
         )
-    return unwrapped
+    return array
 
 
 def _distinct(poses: Array) -> Array:

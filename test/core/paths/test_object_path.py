@@ -149,9 +149,9 @@ def test_one_of_the_limits_is_reached_on_every_piece(path):
 
 GOOD = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)]
 BAD = {
-    'no poses': (([], 0.1, 0.1), 'two or more'),
-    'ragged': (([(0, 0, 0), (1, 1)], 0.1, 0.1), 'are not numbers'),
-    'nan': (([(0, 0, 0), (0, math.nan, 0)], 0.1, 0.1), 'pose 1 of the path'),
+    'no poses': (([], 0.1, 0.1), 'has 0 poses; must be two or more'),
+    'ragged': (([(0, 0, 0), (1, 1)], 0.1, 0.1), 'must be 2 x 3 finite numbers'),
+    'nan': (([(0, 0, 0), (0, math.nan, 0)], 0.1, 0.1), 'must be 2 x 3 finite numbers'),
     'far': (([(0, 0, 0), (1e15, 0, 0)], 0.1, 0.1), 'at most 1e.12'),
     'half a turn': (([(0, 0, 0), (0, 0, math.pi)], 0.1, 0.1), 'pose in between'),
     'nowhere': (([(1, 1, 1)] * 5, 0.1, 0.1), 'two or more must differ'),
