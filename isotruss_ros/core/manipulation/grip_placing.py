@@ -91,27 +91,11 @@ def tangent_center(
         between the members. For a given penetration see `place_between`.
     :return: (x, y) in the robot frame [m].
     :raises GraspError: the robot has no such module; the diameter is not positive; the indentation
-        is not finite; or the disc would be behind the module or beyond the end of a member.
+        is not finite; or the disc at its tangent center does not fit between the members.
     """
     require_configuration(config)
     (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
-    nodes = find_members(config.robot, members_at(config.robot, module))
-    # The next member starts at the module's B, the previous one ends at its C.
-    ahead, behind = config.points[nodes.lines]
-    feet, others = np.stack([ahead, behind[::-1]], axis=1)
-    spans = others - feet
-    side = 1.0 if (spans[0].conjugate() * spans[1]).imag > 0.0 else -1.0
-    normals = side * np.array([1j, -1j]) * spans / np.abs(spans)
-    # Distance from both lines is `reach`: Re(conj(normal) (center - foot)) = reach.
-    reach = 0.5 * (Disc(diameter).diameter + config.robot.description.tube_diameter)
-    right = (normals.conj() * feet).real + reach
-    x, y = np.linalg.solve(normals.view(np.float64).reshape(2, 2), right)
-    center = complex(x, y) - depth * complex(normals.sum() / abs(normals.sum()))
-    along = ((center - feet) / spans).real
-    if along.min() < 0.0 or along.max() > 1.0:
-        raise GraspError(
-            f'an object of diameter {diameter} m does not fit between the members at module '
-            f'{module}: the contacts would be at {along.round(3).tolist()} of their lengths; '
-            'must be from 0 to 1: choose another diameter, module or configuration'
-        )
+    grip = place_between(config, members_at(config.robot, module), Disc(diameter))
+    toward = sum(contact.normal for contact in find_contacts(config, grip))
+    center = grip.center + depth * toward / abs(toward)
     return center.real, center.imag

@@ -106,7 +106,7 @@ def test_tangent_object_touches_both_members(robot, rng, number):
 @pytest.mark.parametrize(
     ('module', 'diameter', 'message'),
     [
-        ('main/T', 10.0, 'does not fit between the members at module main/T'),
+        ('main/T', 10.0, 'does not fit between the members main/T-'),
         ('main/T', 1e-6, 'does not fit between the members'),
         ('main/T', -1.0, 'must be from'),
         ('main/W', 0.2, 'has no such module'),
@@ -132,5 +132,5 @@ def test_a_member_is_touched_up_to_its_end():
     slope = (share(0.6) - share(0.2)) / 0.4
     fitting, large = (0.2 + (wanted - share(0.2)) / slope for wanted in (0.95, 1.05))
     assert share(fitting) == pytest.approx(0.95)
-    with pytest.raises(GraspError, match=r'would be at \[1\.05, 1\.05\] of their lengths'):
+    with pytest.raises(GraspError, match='does not fit between'):
         tangent_center(config, 'main/T', large)
