@@ -108,9 +108,6 @@ class ElasticObject:
         if self._grasp is None:
             self._body = push_out(config, self._body)
 
-    def come_to_rest(self, config: Configuration) -> None:
-        """Do nothing; see `SimulatedObject.come_to_rest`."""
-
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
         """Hold the object in the first configuration with force closure."""
         if not self._pressed(config):

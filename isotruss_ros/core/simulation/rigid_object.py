@@ -35,6 +35,9 @@ class RigidObject:
     def __init__(self, body: ConvexObject, friction: float) -> None:
         self._body = body
         self._friction = friction if body.friction is None else body.friction
+        #: Configurations of the last step, and of the last check of the hold; both None at first.
+        self._followed: Configuration | None = None
+        self._checked: Configuration | None = None
         self._looks = True
         self.rolling: RollingGrip | None = None  #: rolling grip; None while not held
 
@@ -65,17 +68,19 @@ class RigidObject:
 
     def follow(self, config: Configuration) -> None:
         """Remain at rest, or roll in the grip; see `SimulatedObject.follow`."""
-        if self.rolling is None:
-            return
-        try:
-            self.rolling = self.rolling.moved_to(config)
-        except GraspError:
-            self._body, self.rolling = self._body.moved_to(self.rolling.pose), None
+        rests = self._followed is None or self._followed is config
+        self._followed = config
+        if self.rolling is not None:
+            try:
+                self.rolling = self.rolling.moved_to(config)
+            except GraspError:
+                self._body, self.rolling = self._body.moved_to(self.rolling.pose), None
+        if self._looks and rests and self._checked is not config:
+            self._checked = config
+            self._check_hold(config)
 
-    def come_to_rest(self, config: Configuration) -> None:
-        """Check the hold of the object; see `SimulatedObject.come_to_rest`."""
-        if not self._looks:
-            return
+    def _check_hold(self, config: Configuration) -> None:
+        """Begin to hold an object that friction can hold; release one that a member has left."""
         body = self._body.moved_to(self.pose(config))
         names = pressing_members(config, body)
         if self.rolling is not None:

@@ -99,14 +99,8 @@ class SimulatedObject(Protocol):
         """
         Move the object with the robot to a new configuration; called in every step.
 
-        :param config: configuration of the robot.
-        """
-
-    def come_to_rest(self, config: Configuration) -> None:
-        """
-        Update the object after the rollers have stopped.
-
-        :param config: configuration of the robot.
+        :param config: configuration of the robot; the same one as in the last step if the rollers
+            have not moved.
         """
 
 
@@ -133,7 +127,6 @@ class SimulatedRobot(DrivenRollers):
         self.config = self._factored = config
         self.roller_positions = config.roller_positions.copy()
         self._object = simulated
-        self._rests = self._moved = False
 
     @property
     def object_pose(self) -> Pose:
@@ -146,7 +139,7 @@ class SimulatedRobot(DrivenRollers):
 
         :param simulated: the object, which is a `RigidObject`, an `ElasticObject` or user-defined.
         """
-        self._object, self._rests = simulated, False
+        self._object = simulated
 
     def drive(self, duration: float) -> None:
         """
@@ -157,10 +150,9 @@ class SimulatedRobot(DrivenRollers):
             block.
         """
         speeds = self._speeds()
-        moving = bool(speeds.any())
         if duration > 0.0:
             self.roller_velocities = np.zeros_like(speeds)
-            if moving:
+            if speeds.any():
                 travel = duration * speeds
                 goal = self.config.roller_positions + self._grips * travel
                 if not self._factored.has_factor_for(goal):
@@ -168,7 +160,6 @@ class SimulatedRobot(DrivenRollers):
                 self.config = self.config.moved_to(goal, self._factored.factor)
                 self.roller_positions = self.roller_positions + travel
                 self.roller_velocities = speeds
-        self._moved = self._moved or moving
 
     def advance(self, duration: float) -> None:
         """
@@ -180,6 +171,3 @@ class SimulatedRobot(DrivenRollers):
         """
         self.drive(duration)
         self._object.follow(self.config)
-        if not self._moved and not self._rests:
-            self._object.come_to_rest(self.config)
-        self._rests, self._moved = not self._moved, False

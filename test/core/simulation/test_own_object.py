@@ -31,9 +31,6 @@ class GluedObject:
     def follow(self, config):
         """Go with the robot: nothing is remembered."""
 
-    def come_to_rest(self, config):
-        """Take no note of it."""
-
 
 def test_the_object_moves_with_the_simulated_robot():
     glued = GluedObject(1)

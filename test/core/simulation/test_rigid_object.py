@@ -131,7 +131,7 @@ def test_the_object_is_free_after_the_grip_opens(plan):
 def test_angle_is_preserved_and_within_half_a_turn(plan, angle, kept):
     lying = RigidObject(CYLINDER.moved_to((*CYLINDER.pose[:2], angle)), FRICTION)
     assert lying.pose(ROBOT.home) == pytest.approx((*CYLINDER.pose[:2], kept))
-    lying.come_to_rest(plan.config)
+    lying.follow(plan.config)
     assert set(lying.rolling.grip.members) == GRASPING
     assert lying.pose(plan.config) == pytest.approx((*CYLINDER.pose[:2], kept), abs=0.01)
 
