@@ -30,7 +30,7 @@ class Closing:
 
     body: ConvexObject  #: the object, which does not move
     members: tuple[int, ...]  #: indices of the grasping members
-    limits: tuple[Limit, ...]  #: limits on a step, which is regarded as a motion of 1 s
+    limit: Limit  #: limit on a step, which is regarded as a motion of 1 s
     min_rigidity: float  #: smallest rigidity index, 1 at home [-]
     friction_angle: float = 0.0  #: half angle of the friction cones that may be used [rad]
     #: (r,) roller positions toward which rollers move if the closing leaves them free [m]; None:

@@ -97,7 +97,8 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     """Return the roller travel (r,) of one step by solving the quadratic program [m]."""
     config, members = state.config, list(closing.members)
     size = share * config.robot.home.member_lengths.mean()
-    matrix = (state.gaps_by_nodes @ config.node_jacobian)[members]
+    rows, least = _bound_rows(state, closing, targets)
+    matrix = rows[members]
     aim = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * size)
     if closing.facing is not None:
         turned = np.angle(closing.facing * closing.normals(config).conj())
@@ -110,7 +111,6 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     nominal = np.zeros(len(longest))
     if closing.nominal_posture is not None:
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
-    rows, least = _bound_rows(state, closing, targets)
     unit = np.eye(len(longest))
     travel = solve_qp(
         QuadraticProgram(
@@ -132,9 +132,8 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     """
     Return the matrix (k, r) and the bounds (k,) of the constraints matrix @ u >= bounds.
 
-    The constraints bound the gaps of grasping members by their targets, the gaps of other parts to
-    the object, the rigidity, and the distances between parts of the robot. The last rows are the
-    limits of the robot file.
+    The constraints bound first the gaps of all parts to the object, those of grasping members by
+    their targets; then the rigidity, the distances between parts of the robot, and member lengths.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()
@@ -147,13 +146,10 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     apart = state.distances[near] - clearance
     margins = np.append(few.values - closing.min_rigidity, apart)
     shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]
-    matrices = [
-        state.gaps_by_nodes @ config.node_jacobian,
-        config.roller_rows(np.concatenate(shape)),
-    ]
-    least = [np.minimum(0.0, gaps), np.minimum(0.0, -BOUND_SHARE * margins)]
-    for limit in closing.limits:
-        matrix, lower, upper = limit.rows(config)
-        matrices += [matrix, -matrix]
-        least += [lower, -upper]
-    return np.concatenate(matrices), np.concatenate(least)
+    limits = closing.limit.rows(config)
+    by_nodes = config.roller_rows(np.concatenate([state.gaps_by_nodes, *shape]))
+    least = np.minimum(0.0, np.concatenate([gaps, -BOUND_SHARE * margins]))
+    return (
+        np.concatenate([by_nodes, limits.matrix, -limits.matrix]),
+        np.concatenate([least, limits.lower, -limits.upper]),
+    )

@@ -15,7 +15,7 @@ from __future__ import annotations
 import functools
 import math
 
-from isotruss_ros.core.model.convex_object import ConvexObject, ORIGIN
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.tolerances import ROUNDING
@@ -38,32 +38,28 @@ def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tup
     the origin of the object's frame, in robot axes.
     """
     shape, facing = body.shape.smoothed(tube_radius), normals * body.turn.conjugate()
-    first, last = _patch_ends(shape, facing.tobytes(), tube_radius)
-    return body.turn * first, body.turn * last
-
-
-@functools.lru_cache(maxsize=64)
-def _patch_ends(shape: Shape, facing: bytes, tube_radius: float) -> tuple[Points, Points]:
-    """Return `contact_ends` for directions in the object's frame, which are given as bytes."""
-    normals = np.frombuffer(facing, dtype=np.complex128)
     if not shape.faces_at(0):
-        points = shape.support_points(normals)
+        points = body.turn * shape.support_points(facing)
         return points, points
-    patches = [shape.contact_patch(normal, tube_radius) for normal in normals.tolist()]
-    first, last = ([patch[i].point for patch in patches] for i in (0, -1))
-    return np.array(first), np.array(last)
+    patches = [shape.contact_patch(normal, tube_radius) for normal in facing.tolist()]
+    first, last = (body.turn * np.array([patch[i].point for patch in patches]) for i in (0, -1))
+    return first, last
 
 
 @functools.lru_cache(maxsize=16)
-def _face_normals(shape: Shape) -> Points:
-    """Return the normals (k,) of the faces of a shape, counter-clockwise."""
-    corner, normals = 0, []
-    while faces := shape.faces_at(corner):
-        normals.append(faces[-1].normal)
+def _pairs(shape: Shape, tube_radius: float) -> tuple[Points, Points, Array]:
+    """Return candidates of two directions in the object's frame, with their friction angles."""
+    firsts, corner = np.exp(2j * np.pi * np.arange(72) / 72).tolist(), 0
+    smooth = shape.smoothed(tube_radius)
+    while faces := smooth.faces_at(corner):
+        firsts.append(faces[-1].normal)
         corner = faces[-1].corner
         if corner == 0:
             break
-    return np.array(normals, dtype=np.complex128)
+    directions, wedges = np.meshgrid(firsts, np.linspace(-0.8, 0.8, 17))
+    normals = directions.ravel()
+    others = -normals * np.exp(1j * wedges.ravel())
+    return normals, others, friction_angles(ConvexObject(shape), normals, others, tube_radius)
 
 
 def friction_angles(
@@ -111,12 +107,7 @@ def find_facing(
     The directions minimise a weighted sum of required friction angle and rotation. None if no such
     directions exist nearby.
     """
-    # Directions in the object's frame, so that cached contacts are used by the next search.
-    firsts = np.exp(2j * np.pi * np.arange(72) / 72)
-    firsts = np.concatenate([firsts, _face_normals(body.shape.smoothed(tube_radius))])
-    firsts, wedges = (grid.ravel() for grid in np.meshgrid(firsts, np.linspace(-0.8, 0.8, 17)))
-    others = -firsts * np.exp(1j * wedges)
-    used = friction_angles(body.moved_to(ORIGIN), firsts, others, tube_radius)
+    firsts, others, used = _pairs(body.shape, tube_radius)
     firsts, others = firsts * body.turn, others * body.turn
     turns = np.abs(np.angle([firsts / normals[0], others / normals[1]]))
     price = np.where(used <= angle, used + turning * turns.sum(axis=0), math.inf)

@@ -18,7 +18,6 @@ from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.limits import stack_rows
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
@@ -69,7 +68,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     scale = np.array([SQUEEZE_TOLERANCE * force, *place, *evened * [SQUEEZE_TOLERANCE * force]])
     weights = np.ones(len(scale) - 1)
     weights[2] = ROTATION_WEIGHT
-    limits = stack_rows(grasp.config, closing.limits)
+    limits = closing.limit.rows(grasp.config)
     rows = np.concatenate([limits.matrix, -limits.matrix])
     room = np.concatenate([limits.upper, -limits.lower])  # up to the end of the motion
     rollers = len(grasp.config.roller_positions)

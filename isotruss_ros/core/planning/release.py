@@ -77,7 +77,7 @@ def plan_release(
     held = None if record is None else record.restore(config, body)
     if held is not None:  # the pose in the model
         body = held.body
-    closing = Closing(body, tuple(numbers.tolist()), (limit,), GraspRequirements.min_rigidity)
+    closing = Closing(body, tuple(numbers.tolist()), limit, GraspRequirements.min_rigidity)
     try:
         path, closing = _unload(config, closing, held)
         turned = math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi)
@@ -113,7 +113,7 @@ def _unload(
     # The grip is opened in place, because a retreat of members in contact would roll the object.
     grip, config = grasp.touching(closing.body.friction_or(None)), grasp.config
     opening = GAP_TOLERANCE * diameter
-    command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=opening)
+    command = solve_twist(config, grip, np.zeros(3), limits=(closing.limit,), opening_rate=opening)
     if command.scale < 1.0 - ROUNDING:
         raise RequirementError('squeeze', grasp.squeeze, 0.0)
     path.append(config.moved_to(config.roller_positions + command.roller_velocities))

@@ -110,8 +110,7 @@ def test_polygons_that_are_squeezed_in_place_have_no_hidden_corner(seed):
     squeezed = 0
     for config, grip in random_grasps(seed, 12):
         members = tuple(config.robot.member_names.index(name) for name in grip.members)
-        limits = (MemberLengthLimit(0.3, 3.0),)
-        closing = Closing(grip.body, members, limits, 0.0)
+        closing = Closing(grip.body, members, MemberLengthLimit(0.3, 3.0), 0.0)
         try:
             grasp = hold_between(config, closing)
             for share in (1.1, 1.3):

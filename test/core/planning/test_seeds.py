@@ -99,8 +99,7 @@ def test_bounds_are_those_required_or_of_the_robot_file(values, lengths):
     for number in (0, 1):
         for one in find_seeds(HOME, BODY, needs, 0, number):
             assert (one.body, one.min_rigidity) == (BODY, 0.31)
-            (limit,) = one.limits
-            rows = limit.rows(HOME)
+            rows = one.limit.rows(HOME)
             # Half of what is left in one step, so that it is never crossed.
             half = 0.5 * (np.array(lengths)[:, None] - HOME.member_lengths)
             assert rows.lower == pytest.approx(half[0])
