@@ -17,7 +17,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.closing_step import GAP_TOLERANCE, take_closing_step
-from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing
+from isotruss_ros.core.planning.facing import balances, CONE_SHARE
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
@@ -36,11 +36,19 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
     diameter, members = config.robot.description.tube_diameter, list(closing.members)
     targets = np.full(len(members), STANDOFF * diameter)
     state = evaluate_state(config, closing.body)
+    angle, radius = CONE_SHARE * closing.friction_angle, 0.5 * diameter
     best, idle, share = np.inf, 0, 1.0
     while True:
         yield state.config
         gap = float((state.gaps[members] - targets).max())
-        missing, turned = _find_turn(state.config, closing)
+        # Rotation that force closure requires [rad]; the members' directions may already admit it.
+        normals, turned, missing = closing.normals(state.config), closing, 0.0
+        if balances(closing.body, normals, angle, radius):
+            turned = replace(closing, facing=None)
+        elif closing.facing is None:
+            missing = math.pi
+        else:
+            missing = float(np.abs(np.angle(closing.facing / normals)).sum())
         shortfall = max(gap, 0.0) / diameter + missing
         if shortfall <= GAP_TOLERANCE:
             return
@@ -52,21 +60,3 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
             name, value = ('reach', gap) if far else ('facing', missing)
             raise RequirementError(name, value, 0.0)
         state, share = take_closing_step(state, turned, targets, share)
-
-
-def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]:
-    """
-    Return the rotation [rad] that force closure requires, and the closing motion including it.
-
-    The rotation is zero if the members' directions admit force closure. Otherwise it
-    is the rotation of two members to the nearest directions that admit force closure.
-    """
-    normals, angle = closing.normals(config), CONE_SHARE * closing.friction_angle
-    radius = 0.5 * config.robot.description.tube_diameter
-    if balances(closing.body, normals, angle, radius):
-        return 0.0, replace(closing, facing=None)
-    if closing.facing is None:
-        return math.pi, closing
-    missing = float(np.abs(np.angle(closing.facing / normals)).sum())
-    facing = find_facing(closing.body, normals, angle, radius)
-    return missing, closing if facing is None else replace(closing, facing=facing)
