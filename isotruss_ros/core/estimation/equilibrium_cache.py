@@ -19,13 +19,14 @@ from dataclasses import replace
 
 from isotruss_ros.core.estimation.grip_model import (
     anchor_rates,
+    anchors_by_offsets,
     OffsetRates,
     Pressures,
     StateRates,
 )
 from isotruss_ros.core.estimation.pose_noise import MODEL_ERROR
 from isotruss_ros.core.holding.grip_response import slip_planes
-from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_EXTRAPOLATION, travel_rates
+from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_EXTRAPOLATION
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -45,6 +46,7 @@ class EquilibriumCache:
     :ivar rates: derivatives of pose and squeeze by the state.
     :ivar by_offsets: derivatives by roller offsets, at an equilibrium nearby.
     :ivar ahead: (4,) predicted changes of pose [m, m, rad] and squeeze [N] by roller travel.
+    :ivar drift: error of (19) in the last motion, per time (4,) [m/s, rad/s, N/s].
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
 
     :param friction: coefficient of friction [-].
@@ -74,11 +76,6 @@ class EquilibriumCache:
         return self.grasp.squeeze + float(self.ahead[3] + self._pending[3])
 
     @property
-    def drift(self) -> Array:
-        """Return the error of (19) in the last motion, per time (4,) [m/s, rad/s, N/s]."""
-        return self._beyond / self._elapsed if self._elapsed > 0.0 else np.zeros(4)
-
-    @property
     def has_new_offsets(self) -> bool:
         """Return whether the roller offsets were corrected since the equilibrium."""
         return bool(self._moved_zeros.any())
@@ -100,7 +97,7 @@ class EquilibriumCache:
 
     def forget_motion(self, grasp: HeldGrip) -> None:
         """Reset the quantities that are derived from the last motion, at a new equilibrium."""
-        self.usage, self._elapsed, self._beyond = UsageLimits(grasp), 0.0, np.zeros(4)
+        self.usage, self._beyond, self.drift = UsageLimits(grasp), np.zeros(4), np.zeros(4)
         self._motion = np.zeros(len(grasp.config.roller_positions))
 
     def predict(self, config: Configuration) -> tuple[Array, bool]:
@@ -135,10 +132,8 @@ class EquilibriumCache:
     def correct_zeros(self, moved: Array, sensitivity: Array, first: int) -> None:
         """Correct the offsets by `moved` (r,) [m]; `sensitivity[first:]` is that of the shifts."""
         grasp = self.grasp
-        travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
-        shifts = sensitivity[first:] @ moved
-        self._anchors = self._anchors + grasp.statics.sides * travel
-        self._anchors = self._anchors + shifts[grasp.contacts.owners]
+        shifts = (sensitivity[first:] @ moved)[grasp.contacts.owners]
+        self._anchors = self._anchors + anchors_by_offsets(grasp) @ moved + shifts
         self._moved_zeros = self._moved_zeros + moved
         rates = self.by_offsets.squeeze + self.rates.squeeze @ sensitivity
         self.ahead = self.ahead + np.append(np.zeros(3), rates @ moved)
@@ -162,5 +157,5 @@ class EquilibriumCache:
         pressed = grasp.squeeze - before.squeeze - self._pending[3]
         pressed -= before.squeeze_stiffness() * moved[3]
         self._motion, self._beyond = travel, np.append(change - moved[:3], pressed)
-        self._elapsed = elapsed
+        self.drift = self._beyond / elapsed
         self.usage.learn(grasp, grasp.slip_margin(self._friction) - self.margin(), travel)

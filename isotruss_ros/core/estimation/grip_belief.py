@@ -52,7 +52,6 @@ class GripBelief:
     :ivar state: load, unexplained pose, delay and contacts' shifts, with their covariance.
     :ivar cache: equilibrium without a load, and its derivatives.
     :ivar lag: delays of the inputs.
-    :ivar searches: number of searches for an equilibrium with unknown contact history [-].
 
     :param grasp: equilibrium near the measured pose, see `attach_model`.
     :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
@@ -83,15 +82,13 @@ class GripBelief:
         self.state = GripState(settings, len(grasp.members), zero_covariance, self._even * noise)
         self.cache = EquilibriumCache(grasp, grip.friction)
         self.lag = InputLag(np.array(grasp.pose))
-        self.searches = 0
         self._searched = self._rolled = 0.0  # times of the last search and equilibrium
         self._corrected = np.zeros(count)
         self._spare = 0.0  # slip margin lost by the contact history [N]
-        if is_assumed:
-            self.state.initialise(self.cache, self._friction)
-            self.state.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
-        else:
-            self._place_contacts(np.array(grip.body.pose))
+        pose = np.array(grip.body.pose)
+        if not is_assumed:
+            self._shift_contacts(pose)
+        self._leave(pose)
 
     @property
     def grasp(self) -> HeldGrip:
@@ -280,7 +277,7 @@ class GripBelief:
         :return: whether an equilibrium exists that explains the pose, with a utilisation of at
             most `MAX_UTILISATION` or that of the present equilibrium.
         """
-        self.searches, self._searched = self.searches + 1, self.lag.time
+        self._searched = self.lag.time
         limit = max(MAX_UTILISATION, self.grasp.sections.used.max())
         pose, squeeze = self.pose - self.grasp.response.pose @ self.state.load, self.squeeze
         try:
@@ -297,17 +294,13 @@ class GripBelief:
         self.take(held)
         self.state.walk.attach(cache.by_offsets.pose - before)
         self._corrected = np.zeros_like(self._corrected)
-        self._place_contacts(pose)
+        self._shift_contacts(pose)
+        self._leave(pose)
         self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))
         return True
 
-    def _place_contacts(self, pose: Array) -> None:
-        """
-        Initialise the shifts of the contacts from a pose (3,) without load [m, rad].
-
-        As much of the pose as possible is attributed to the shifts; the rest is the unexplained
-        pose.
-        """
+    def _shift_contacts(self, pose: Array) -> None:
+        """Shift the contacts toward a pose (3,) without load, within friction [m, rad]."""
         cache, grasp, friction, self._spare = self.cache, self.grasp, self._friction, 0.0
         shifts = np.zeros(len(grasp.members))
         for _ in range(2):  # the second step has the derivatives at the first solution
@@ -324,8 +317,11 @@ class GripBelief:
             shifts = shifts + moved
             self._spare = grasp.slip_margin(friction) - placed.slip_margin(friction)
             self.take(placed)
+
+    def _leave(self, pose: Array) -> None:
+        """Initialise the state; the rest of a pose (3,) without load is unexplained."""
         self.state.bias = self._even * pose_difference(pose, self.grasp.pose)
-        self.state.initialise(cache, friction)
+        self.state.initialise(self.cache, self._friction)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""

@@ -110,7 +110,7 @@ class OffsetRates(NamedTuple):
     def of(cls, grasp: HeldGrip) -> OffsetRates:
         """Return the derivatives by roller offsets at an equilibrium."""
         found, count = held_gradient(grasp), len(grasp.config.roller_positions)
-        along = _anchors_by_offsets(grasp)
+        along = anchors_by_offsets(grasp)
         even = np.array([[1.0], [1.0], [grasp.arm]])
         given = np.vstack([even * found.pose, found.normal_forces.mean(axis=0)])
         by_offsets = given[:, :count] + given[:, count:] @ along
@@ -123,7 +123,7 @@ class OffsetRates(NamedTuple):
         :param shifts: (m, r) derivatives of the contacts' shifts with respect to roller offsets.
         """
         joints, count = self.gradient.joints, len(self.grasp.config.roller_positions)
-        along = _anchors_by_offsets(self.grasp) + shifts[self.grasp.contacts.owners]
+        along = anchors_by_offsets(self.grasp) + shifts[self.grasp.contacts.owners]
         return joints[:, :count] + joints[:, count:] @ along
 
 
@@ -139,6 +139,6 @@ def anchor_rates(grasp: HeldGrip) -> Array:
     return grasp.respond(changes)
 
 
-def _anchors_by_offsets(grasp: HeldGrip) -> Array:
+def anchors_by_offsets(grasp: HeldGrip) -> Array:
     """Return the derivatives (k, r) of rolling invariants by offsets, for resting contacts."""
     return grasp.statics.sides[:, None] * travel_rates(grasp.config, grasp.contacts.members)

@@ -12,8 +12,8 @@ import numpy as np
 PRIOR_DEVIATIONS = np.array([1e-3, 1e-3, 0.009])
 #: Error of the model between two poses, rotations times the characteristic radius [m].
 MODEL_ERROR = 1e-4
-#: Number of averaged poses [-].
-AVERAGED_POSES = 50
+#: Smallest weight of a pose in the average, and that of the first pose beside the prior [-].
+MIN_WEIGHT, FIRST_WEIGHT = 0.02, 0.2
 #: Largest difference of poses that counts as noise, in standard deviations [-].
 MAX_STEP_SIGMAS = 3.0
 
@@ -30,7 +30,7 @@ class PoseNoise:
     def __init__(self, deviations: Array) -> None:
         self.variances = deviations**2
         self._last: Array | None = None
-        self._count = 4  # number of poses to which the prior is equivalent
+        self._weight = FIRST_WEIGHT
 
     def add(self, off: Array) -> None:
         """
@@ -43,9 +43,9 @@ class PoseNoise:
             return
         largest = MAX_STEP_SIGMAS**2 * self.variances
         squares = np.minimum(0.5 * (off - last) ** 2, largest)
-        self._count = min(self._count + 1, AVERAGED_POSES)
-        mean = self.variances + (squares - self.variances) / self._count
+        mean = self.variances + self._weight * (squares - self.variances)
         self.variances = np.maximum(mean, MODEL_ERROR**2)
+        self._weight = max(self._weight / (1.0 + self._weight), MIN_WEIGHT)
 
     @property
     def deviation(self) -> float:

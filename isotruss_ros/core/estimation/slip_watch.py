@@ -14,15 +14,14 @@ import scipy
 
 #: Smallest change of an offset under slip, in standard deviations [-].
 SLIP_SIGMAS = -float(scipy.special.ndtri(FALSE_ALARM_PROBABILITY))
-#: Two tests for slip, each with the smallest change of an offset as a fraction of the travel [-]
-#: and the interval in which it occurs [s].
-SLIP_SHARES = ((0.3, 0.25), (0.01, 4.0))
-#: Smallest change of an offset under slip [m].
-MIN_SLIP = 1e-3
+#: Smallest change of an offset under slip [m], and as a fraction of the travel [-].
+MIN_SLIP, MIN_SLIP_SHARE = 1e-3, 0.01
+#: Interval in which offsets are compared [s].
+SLIP_SPAN = 4.0
 
 
 class SlipWatch:
-    """Detector of slipping rollers, which compares roller offsets with earlier estimates."""
+    """Detector of slipping rollers, which compares roller offsets with an earlier estimate."""
 
     def __init__(self, count: int) -> None:
         self.slipping = np.zeros(count, dtype=bool)  #: (r,) mask of the slipping rollers
@@ -30,21 +29,17 @@ class SlipWatch:
 
     def add(self, time: float, travel: Array, offsets: Array, variances: Array) -> None:
         """
-        Add an estimate of the offsets, and compare it with earlier estimates.
+        Add an estimate of the offsets, and compare it with that of `SLIP_SPAN` before.
 
         :param travel: (r,) encoder readings [m].
         :param variances: (r,) variances of the offsets [m^2].
         """
-        estimates = self._kept
-        while estimates and time - estimates[0][0] > SLIP_SHARES[-1][1]:
-            estimates.popleft()
-        self.slipping = np.zeros(len(offsets), dtype=bool)
-        for share, span in SLIP_SHARES if estimates else ():
-            before = (estimate for estimate in reversed(estimates) if time - estimate[0] >= span)
-            _, turned, offsets_then, variances_then = next(before, estimates[0])
-            change, rolled = offsets - offsets_then, travel - turned
-            significant = np.abs(change) > SLIP_SIGMAS * np.sqrt(variances + variances_then)
-            large = np.abs(change) > np.maximum(MIN_SLIP, share * np.abs(rolled))
-            # A slipping tube lags behind its roller.
-            self.slipping |= significant & large & (change * rolled < 0.0)
-        estimates.append((time, travel, offsets, variances))
+        self._kept.append((time, travel, offsets, variances))
+        while time - self._kept[0][0] > SLIP_SPAN:
+            self._kept.popleft()
+        _, turned, offsets_then, variances_then = self._kept[0]
+        change, rolled = offsets - offsets_then, travel - turned
+        significant = np.abs(change) > SLIP_SIGMAS * np.sqrt(variances + variances_then)
+        large = np.abs(change) > np.maximum(MIN_SLIP, MIN_SLIP_SHARE * np.abs(rolled))
+        # A slipping tube lags behind its roller.
+        self.slipping = significant & large & (change * rolled < 0.0)

@@ -135,17 +135,11 @@ class StateEstimator:
             return False
         if not self._measured.use('pose', time, pose):
             return False
-        before = self.belief
-        searches = 0 if before is None else before.searches
         self._roll()
-        # The time of a call is bounded, because one pose causes one search at most.
-        searched, belief = before is not None and before.searches > searches, self.belief
-        if belief is not None:
-            belief.observe(pose, self._rolled - time)
-            if searched or (belief.state.jump <= JUMP_LENGTH and not belief.slipped):
+        if self.belief is not None:
+            self.belief.observe(pose, self._rolled - time)
+            if self.belief.state.jump <= JUMP_LENGTH and not self.belief.slipped:
                 return True
-        elif searched:
-            return False
         self.belief = self._attach(pose, deviations)
         return self.belief is not None
 

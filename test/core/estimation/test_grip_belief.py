@@ -11,7 +11,11 @@ from grips import gripped
 from isotruss_ros.core import Grip, HoldStatus, place_between, Polygon, Pose
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
 from isotruss_ros.core.estimation.grip_belief import DELAY_DEVIATION, GripBelief, MAX_DEVIATIONS
-from isotruss_ros.core.estimation.grip_model import attach_model
+from isotruss_ros.core.estimation.grip_model import (
+    anchor_rates,
+    attach_model,
+    shift_deviations,
+)
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -72,6 +76,34 @@ def test_error_of_the_squeeze_with_wrong_offsets_is_within_stated_deviations():
         surprises.append((belief.squeeze - MODEL.squeeze) / belief.squeeze_deviation)
     assert np.abs(surprises).max() < 3.0
     assert 0.3 < np.sqrt(np.mean(np.square(surprises))) < 1.5
+
+
+def test_an_assumed_equilibrium_explains_no_part_of_the_measured_pose():
+    measured = Pose(*np.add(MODEL.pose, (6e-3, -4e-3, 0.03)))
+    belief = GripBelief(MODEL, GRIP.moved_to(measured), EstimatorSettings(), is_assumed=True)
+    assert belief.pose == pytest.approx(measured, abs=1e-12)
+    assert belief.squeeze == MODEL.squeeze
+
+
+def test_the_load_of_an_unmeasured_object_has_its_prior_deviation_again():
+    belief = believed(load=1.3, load_time=0.2)
+    variances = [np.diag(belief.state.covariance)[:3].max()]
+    for duration in (0.1, 2.0):
+        for _ in range(round(duration / PERIOD)):
+            belief.follow(CONFIG, PERIOD, None)
+        variances.append(np.diag(belief.state.covariance)[:3].max())
+    assert variances[0] < variances[1] < variances[2]
+    assert np.sqrt(np.diag(belief.state.covariance)[:3]) == pytest.approx(1.3, rel=1e-3)
+
+
+def test_the_deviation_of_a_shift_is_twice_that_which_causes_slip():
+    anchored = anchor_rates(MODEL)
+    friction = MODEL.required_friction + 0.05
+    reserve = friction * MODEL.normal_forces - np.abs(MODEL.friction_forces)
+    by_shift = anchored[MODEL.state.places.friction]
+    for member, deviation in enumerate(shift_deviations(MODEL, anchored, friction)):
+        assert 0.5 * deviation * abs(by_shift[member, member]) == pytest.approx(reserve[member])
+        assert deviation < MODEL.arm
 
 
 def test_an_assumed_squeeze_is_an_error_of_the_squeeze():
@@ -228,6 +260,20 @@ def test_corrections_of_the_offsets_leave_the_motion_by_travel():
     moved = np.abs(other.pose - MODEL.pose).max()
     assert moved > 5e-3
     assert corrected.pose == pytest.approx(other.pose, abs=0.1 * moved)
+
+
+def test_a_small_correction_of_the_offsets_moves_no_object_and_needs_no_search(monkeypatch):
+    belief, moved = believed(), 2e-4 * np.array([1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
+    monkeypatch.delattr(GripBelief, 'attach')
+    pose, squeeze = belief.pose, belief.squeeze
+    belief.correct_zeros(moved)
+    corrected = belief.squeeze
+    assert abs(corrected - squeeze) > 0.01
+    assert belief.pose.tolist() == pose.tolist()
+    config = CONFIG.moved_to(CONFIG.roller_positions + moved)
+    assert belief.follow(config, PERIOD, None) is HoldStatus.HELD
+    assert belief.pose == pytest.approx(pose, abs=1e-9)
+    assert belief.squeeze == pytest.approx(corrected, abs=0.05 * abs(corrected - squeeze))
 
 
 @pytest.mark.parametrize('shifts', [(-2.7e-3, -2.9e-3), (-2e-3, -2e-3)])

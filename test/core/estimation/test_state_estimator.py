@@ -218,7 +218,7 @@ def test_squeeze_is_estimated_from_markers_within_five_percent():
     assert found.squeeze_deviation < 0.08 * truth
 
 
-def test_squeeze_after_markers_is_that_of_the_next_equilibrium_without_another_search():
+def test_squeeze_after_markers_is_that_of_the_next_equilibrium():
     drawn = DrawnRobot(3, held=True)
     drawn.run(0.2, ())
     before, grasp = drawn.estimator.estimate(), drawn.estimator.belief.grasp
@@ -283,6 +283,34 @@ def test_a_slipping_roller_is_detected_in_time(held, share, limit):
     assert drawn.estimator.estimate().slipping == (ROBOT.roller_names[3],)
 
 
+@pytest.mark.parametrize(
+    ('change', 'travel', 'slips'),
+    [
+        (-2e-3, 0.1, True),
+        (2e-3, -0.1, True),
+        (2e-3, 0.1, False),  # ahead of its roller
+        (-0.8e-3, 0.01, False),
+        (-2e-3, 0.3, False),  # less than 1 % of the travel
+    ],
+)
+def test_slip_is_a_lag_of_the_tube_by_a_millimetre_and_a_hundredth(change, travel, slips):
+    watch, offset = SlipWatch(1), np.array([0.01])
+    watch.add(10.0, np.array([0.2]), offset, np.array([1e-8]))
+    assert not watch.slipping.any()
+    watch.add(11.0, np.array([0.2 + travel]), offset + change, np.array([1e-8]))
+    assert watch.slipping.tolist() == [slips]
+
+
+def test_a_slip_is_told_for_four_seconds():
+    watch, flags = SlipWatch(1), []
+    for k in range(100):
+        slipped = -5e-3 if k > 20 else 0.0
+        watch.add(5.0 + 0.1 * k, np.array([0.01 * k]), np.array([slipped]), np.array([1e-8]))
+        flags.append(bool(watch.slipping[0]))
+    assert flags.index(True) == 21
+    assert sum(flags) == pytest.approx(40, abs=1)
+
+
 def test_noise_of_offsets_is_rarely_detected_as_slip():
     rng, rollers, times = np.random.default_rng(0), 600, 1000
     watch, told = SlipWatch(rollers), 0
@@ -290,8 +318,7 @@ def test_noise_of_offsets_is_rarely_detected_as_slip():
         zeros, travel = 2e-3 * rng.normal(size=rollers), np.full(rollers, 1e-3 * number)
         watch.add(0.05 * number, travel, zeros, np.full(rollers, 4e-6))
         told += watch.slipping.sum()
-    # Over both spans of time.
-    assert told < 1.5 * 2.0 * FALSE_ALARM_PROBABILITY * rollers * times
+    assert told < 1.5 * FALSE_ALARM_PROBABILITY * rollers * times
 
 
 def test_the_stiffness_is_that_of_the_measured_pressures():
@@ -462,6 +489,10 @@ def test_an_absent_object_is_not_held():
     found = drawn.estimator.estimate()
     assert found.pose is None
     assert np.isnan(found.squeeze)
+
+
+def test_without_an_object_no_delay_is_told():
+    assert DrawnRobot().estimator.estimate().delay == 0.0
 
 
 def test_estimate_without_measurements_is_that_of_the_encoders():

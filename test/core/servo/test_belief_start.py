@@ -180,7 +180,7 @@ def started(away):
 @pytest.mark.parametrize('away', OUTSIDE)
 def test_an_assumed_squeeze_is_unknown_and_stays_as_assumed(away):
     belief = started(away).belief
-    assert belief.searches == 0
+    assert belief.is_assumed
     assert belief.squeeze == pytest.approx(SETTINGS.force, rel=0.1)
     assert belief.squeeze_deviation >= belief.squeeze
 
