@@ -31,8 +31,8 @@ from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np
 import scipy
 
-#: Step of the differences of the probability, in standard deviations, and smallest deviation [-].
-STEP, MIN_SPREAD = 3e-4, 1e-3
+#: Step of the differences of the probability, in standard deviations [-].
+STEP = 3e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +184,7 @@ class Uncertainty:
         rates, column = np.zeros(gradient.parameters.size + 1), gradient.parameters.friction
         if grip is None:
             return rates
-        steps = STEP * np.maximum(np.sqrt(np.diag(self.covariance(grip))), MIN_SPREAD)
+        steps = STEP * np.maximum(np.sqrt(np.diag(self.covariance(grip))), 1e-3)
         for k, step in enumerate(np.diag(steps)):
             for change in (step, -step):
                 there = changed_grip(grip, change)

@@ -12,8 +12,8 @@ import numpy as np
 PRIOR_DEVIATIONS = np.array([1e-3, 1e-3, 0.009])
 #: Error of the model between two poses, rotations times the characteristic radius [m].
 MODEL_ERROR = 1e-4
-#: Smallest weight of a pose in the average, and that of the first pose beside the prior [-].
-MIN_WEIGHT, FIRST_WEIGHT = 0.02, 0.2
+#: Smallest weight of a pose in the average [-].
+MIN_WEIGHT = 0.02
 #: Largest difference of poses that counts as noise, in standard deviations [-].
 MAX_STEP_SIGMAS = 3.0
 
@@ -30,7 +30,7 @@ class PoseNoise:
     def __init__(self, deviations: Array) -> None:
         self.variances = deviations**2
         self._last: Array | None = None
-        self._weight = FIRST_WEIGHT
+        self._weight = 0.2  # of the next pose; the prior weighs as much as four poses
 
     def add(self, off: Array) -> None:
         """
