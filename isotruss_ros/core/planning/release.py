@@ -4,8 +4,8 @@
 """
 Release of a held object: unloading without motion, opening of the grip, and retreat.
 
-The rollers move on a straight line to a grip that is almost without forces, with the object at its
-pose. Then the members move away from the object.
+The squeeze is decreased while the object keeps its pose. When the squeeze is negligible, the
+members move away from the object.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import math
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -36,6 +37,10 @@ import numpy as np
 #: Squeeze at the end of the unloading relative to the initial squeeze [-]. When the last contact
 #: opens, the object springs back by this fraction of its deflection.
 REMAINING_SQUEEZE = 2e-3
+#: Number of steps of the unloading [-]. Of 64 discs, ellipses, boxes and hexagons the median is
+#: displaced by 0.13 mm on the way, with 2 steps by 0.8 mm. None slips; with 2 or 15 steps one
+#: does.
+UNLOADING_STEPS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +100,7 @@ def _unload(
     config: Configuration, closing: Closing, held: HeldGrip | None
 ) -> tuple[list[Configuration], Closing]:
     """
-    Return the path that opens the grip, and `closing` with the object at its pose at the end.
+    Return the path of decreasing squeeze, and `closing` with the object at its pose at the end.
 
     Without contact forces the path consists of its start only. With few rollers the object is
     displaced a little.
@@ -107,8 +112,18 @@ def _unload(
     if grasp.normal_forces.min() <= 0.0:
         return path, closing
     # On the straight line to a grip almost without forces, all contact forces decrease in
-    # proportion. With waypoints between, the friction may rise until contacts slip.
-    grasp = squeeze_in_place(grasp, REMAINING_SQUEEZE * grasp.squeeze, closing)
+    # proportion; so the waypoints are near this line. On the shortest way to less squeeze, the
+    # friction may rise until contacts slip.
+    remaining = REMAINING_SQUEEZE * grasp.squeeze
+    end = squeeze_in_place(grasp, remaining, closing).config.roller_positions
+    for pieces in range(UNLOADING_STEPS, 1, -1):
+        start = grasp.config.roller_positions
+        moved = roll_grip(grasp, grasp.config.moved_to(start + (end - start) / pieces))
+        if moved is None:
+            raise RequirementError('held', 0.0, 1.0)
+        grasp = squeeze_in_place(moved, moved.squeeze, closing)
+        path.append(grasp.config)
+    grasp = squeeze_in_place(grasp, remaining, closing)
     path.append(grasp.config)
     # The grip is opened in place, because a retreat of members in contact would roll the object.
     grip, config = grasp.touching(closing.body.friction_or(None)), grasp.config

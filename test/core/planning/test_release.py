@@ -20,6 +20,7 @@ from isotruss_ros.core import (
     SimulatedRobot,
 )
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.safety.margins import object_distances
@@ -53,14 +54,14 @@ def disc(diameter, angle):
 @pytest.mark.parametrize(
     ('body', 'members', 'moved'),
     [
-        pytest.param(disc(0.2, 0.0), MEMBERS, 1e-3, marks=pytest.mark.nightly),
+        pytest.param(disc(0.2, 0.0), MEMBERS, 3e-4, marks=pytest.mark.nightly),
         pytest.param(
-            disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 1e-3, marks=pytest.mark.nightly
+            disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 3e-4, marks=pytest.mark.nightly
         ),
         (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3),
-        pytest.param(disc(0.3, 2.5), MEMBERS, 1e-3, marks=pytest.mark.nightly),
+        pytest.param(disc(0.3, 2.5), MEMBERS, 3e-4, marks=pytest.mark.nightly),
         pytest.param(
-            disc(0.2, -3.1), members_at(HOME.robot, 'north/P'), 1e-3, marks=pytest.mark.nightly
+            disc(0.2, -3.1), members_at(HOME.robot, 'north/P'), 3e-4, marks=pytest.mark.nightly
         ),
         pytest.param(
             ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2)), THREE, 3e-3, marks=pytest.mark.nightly
@@ -78,14 +79,13 @@ def test_a_released_object_stays_at_its_pose(body, members, moved):
     release = plan_release(robot.config, body.moved_to(held), grasp.grip.members, CLEARANCE)
     assert release.violation is None
     squeezes, apart = [thing.grasp.squeeze], release.apart
-    assert apart == 2
-    for piece in itertools.pairwise(np.linspace(*release.path[:apart], 11)):
+    for piece in itertools.pairwise(release.path[:apart]):
         closings.drive(robot, piece)
         squeezes.append(0.0 if thing.grasp is None else thing.grasp.squeeze)
         assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=moved)
     assert (np.diff(squeezes) <= 0.0).all()
-    shares = np.array(squeezes[1:10]) / squeezes[0]
-    assert shares == pytest.approx(np.linspace(0.9, 0.1, 9), abs=0.05)
+    shares = np.array(squeezes) / squeezes[0]
+    assert shares == pytest.approx(np.linspace(1.0, 0.0, apart), abs=0.08)
     assert squeezes[-1] < 0.01 * squeezes[0]
     closings.drive(robot, release.path[[apart - 1, apart]])
     assert thing.grasp is None
@@ -105,12 +105,14 @@ def test_contacts_that_share_a_face_do_not_slip_in_the_release():
     robot = SimulatedRobot(HOME, thing, RollerFaults())
     closings.drive(robot, grasp.path)
     held, friction = robot.object_pose, thing.grasp.required_friction
-    release = plan_release(robot.config, body.moved_to(held), MEMBERS, CLEARANCE)
-    for piece in itertools.pairwise(np.linspace(*release.path[:2], 11)[:-1]):
+    record = GripRecord.of(thing.grasp)
+    release = plan_release(robot.config, body.moved_to(held), MEMBERS, CLEARANCE, record)
+    for piece in itertools.pairwise(release.path[: release.apart - 1]):
         closings.drive(robot, piece)
         assert thing.grasp.required_friction < friction + 0.2
-    closings.drive(robot, np.vstack([piece[-1:], release.path[1:]]))
-    assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=3e-3)
+        assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=2e-3)
+    closings.drive(robot, release.path[release.apart - 2 :])
+    assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=2e-3)
 
 
 def test_a_release_that_turns_the_object_by_more_than_allowed_is_no_path():
