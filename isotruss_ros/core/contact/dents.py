@@ -103,18 +103,16 @@ class DentTable:
 
     The angle is that of the object's outward normal perpendicular to the tube, in the object's
     frame [rad]. The depths are interpolated between angles by cubic polynomials, so their
-    derivatives are continuous. The cuts are the largest extents of the contact along the surface,
-    clockwise and counter-clockwise from the contact point [m]: half of the length of a face whose
-    other end is another contact, otherwise infinite.
+    derivatives are continuous. The contacts at both ends of a face extend to its middle, so forces
+    are continuous if an end gains contact; a face shorter than a tube radius has one contact.
     """
 
-    def __init__(
-        self, kernel: Flattening, shape: Shape, corner: int, cuts: tuple[float, float]
-    ) -> None:
-        self._kernel, self._shape, self._corner, self._cuts = kernel, shape, corner, cuts
+    def __init__(self, kernel: Flattening, shape: Shape, corner: int = 0) -> None:
+        self._kernel, self._shape, self._corner = kernel, shape, corner
         self._depths = CORNER_DEPTHS * kernel.radius
         if shape.is_round:
             self._depths = DISC_DEPTHS * min(shape.reach, kernel.radius)
+        self._outline = shape.outline(OUTLINE_SPACING * kernel.radius)
         self._faces = shape.faces_at(corner)
         if self._faces:
             before, after = (face.normal for face in self._faces)
@@ -214,12 +212,15 @@ class DentTable:
 
     def _press(self, angle: float) -> Callable[[float], PressedSkin]:
         """Return the skin as a function of the depth."""
-        kernel = self._kernel
-        if self._shape.is_round:
-            return functools.partial(press_disc, kernel, self._shape.reach)
-        spacing, reach = OUTLINE_SPACING * kernel.radius, MAX_EXTENT * kernel.radius
-        profile = find_profile(self._shape, angle, self._corner, spacing)
-        return functools.partial(press_corner, kernel, *profile, np.minimum(self._cuts, reach))
+        kernel, shape, normal = self._kernel, self._shape, cmath.rect(1.0, angle)
+        if shape.is_round:
+            return functools.partial(press_disc, kernel, shape.reach)
+        profile = find_profile(self._outline, shape.point_at(self._corner, normal), normal)
+        reach = np.full(2, MAX_EXTENT * kernel.radius)
+        for side, face in enumerate(self._faces):
+            if face.length >= kernel.radius:
+                reach[side] = min(reach[side], 0.5 * face.length)
+        return functools.partial(press_corner, kernel, *profile, reach)
 
 
 #: Returns a `DentTable`, cached.

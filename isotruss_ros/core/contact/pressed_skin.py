@@ -11,11 +11,9 @@ heights of the object's surface.
 
 from __future__ import annotations
 
-import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.flattening import Flattening
-from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.qp import solve_complementarity
 import numpy as np
@@ -53,17 +51,9 @@ def _press(kernel: Flattening, positions: Array, heights: Array, depth: float) -
     return PressedSkin(positions, spacing, heights, forces)
 
 
-@functools.lru_cache(maxsize=16)
-def _outline(shape: Shape, spacing: float) -> Points:
-    """Return `Shape.outline`, cached."""
-    return shape.outline(spacing)
-
-
-def find_profile(shape: Shape, angle: float, corner: int, spacing: float) -> tuple[Array, Array]:
+def find_profile(outline: Points, point: complex, normal: complex) -> tuple[Array, Array]:
     """Return positions along a tube, counter-clockwise, and the surface's heights there [m]."""
-    inward = -np.exp(1j * angle)
-    point = shape.point_at(corner, complex(-inward))
-    seen = (_outline(shape, spacing) - point) * inward.conjugate()
+    seen = (outline - point) * -normal.conjugate()
     # Positions along the tube, counter-clockwise, and heights into the object.
     along, height = -seen.imag, seen.real
     first, last = int(along.argmin()), int(along.argmax())

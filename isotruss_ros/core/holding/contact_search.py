@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
-from isotruss_ros.core.holding.pressed_contacts import contacts_at, facing_lines, PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import facing_lines, PressedContacts
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import segment_gaps
@@ -238,17 +238,17 @@ def with_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSe
     corners[k] = free.corner
     owners, index = contacts.members == member, np.arange(len(contacts.members))
     kept = index[~owners | (index == k)]
-    rolled = ContactSet(contacts_at(shape, contacts.members[kept], corners[kept], radius), kept)
+    rolled = ContactSet(PressedContacts(contacts.members[kept], corners[kept]), kept)
     if abs(free.along) < radius:
         facing = [shape.point_at(corner, normal) for corner in corners[owners].tolist()]
         if abs(facing[0] - facing[-1]) < radius:
             return [rolled]
-        return [rolled, ContactSet(contacts_at(shape, contacts.members, corners, radius), index)]
+        return [rolled, ContactSet(PressedContacts(contacts.members, corners), index)]
     new = int(np.searchsorted(kept, k)) + (free.along > 0.0)
     members = np.insert(contacts.members[kept], new, member)
     corners = np.insert(contacts.corners[kept], new, free.corner)
     origins = np.insert(kept, new, -1 if rolls else k)
-    pair = ContactSet(contacts_at(shape, members, corners, radius), origins)
+    pair = ContactSet(PressedContacts(members, corners), origins)
     return [rolled, pair] if rolls else [pair._replace(grazing=new), rolled, pair]
 
 
@@ -262,10 +262,8 @@ def _with_third(grip: HeldGrip) -> list[ContactSet] | None:
     contacts, member = grip.contacts, members[depths.argmax()]
     normal = facing_lines(grip.config, grip.body, np.array([member]))[1][0] / grip.body.turn
     new = int(np.searchsorted(contacts.members, member))
-    more = contacts_at(
-        grip.body.shape,
-        np.insert(contacts.members, new, member),
-        np.insert(contacts.corners, new, grip.body.shape.corner_at(complex(normal))),
-        grip.statics.tube_radius,
+    corner = grip.body.shape.corner_at(complex(normal))
+    more = PressedContacts(
+        np.insert(contacts.members, new, member), np.insert(contacts.corners, new, corner)
     )
     return [ContactSet(more, np.insert(np.arange(len(contacts.members)), new, -1))]

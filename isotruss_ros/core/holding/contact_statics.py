@@ -26,7 +26,6 @@ import cmath
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 import functools
-import itertools
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.dents import dent_table, Dents
@@ -349,10 +348,10 @@ def find_dents(
     structure: Structure, shape: Shape, contacts: PressedContacts, tubes: TubeModel
 ) -> Dents:
     """Return the depths of the dents at all contacts."""
-    robot, cuts = structure.config.robot, map(tuple, contacts.cuts.tolist())
-    kernels = [
-        flattening_of(robot, structure.pressures[tube])
-        for tube in robot.topology.tube[contacts.members].tolist()
+    robot, corners = structure.config.robot, contacts.corners.tolist()
+    pressed = robot.topology.tube[contacts.members].tolist()
+    tables = [
+        dent_table(flattening_of(robot, structure.pressures[tube]), shape, corner)
+        for tube, corner in zip(pressed, corners, strict=True)
     ]
-    tables = map(dent_table, kernels, itertools.repeat(shape), contacts.corners.tolist(), cuts)
-    return Dents(list(tables), tubes.stiffness_scale)
+    return Dents(tables, tubes.stiffness_scale)

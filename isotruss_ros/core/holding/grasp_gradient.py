@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import functools
 from typing import Any
 
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip
@@ -204,10 +203,6 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     grip = settled.equilibrium
     if grip is None:
         return _lost_gradient(settled)
-    if grip.response is None:
-        raise GraspError(
-            'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
-        )
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)
     tubes = LoadedTubes(grip, chosen, parameters)

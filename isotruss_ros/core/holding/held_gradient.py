@@ -81,6 +81,10 @@ class LoadedTubes:
         parameters: GraspParameters,
         reach: float = ROUNDING,
     ) -> None:
+        if grip.response is None:
+            raise GraspError(
+                'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
+            )
         self._chosen, self._parameters = chosen, parameters
         topology, members = grip.config.robot.topology, grip.contacts.members
         by_rollers = grip.config.node_jacobian.T.copy().view(np.complex128).T
@@ -232,10 +236,6 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
 
     The contacts stick. Joint positions include the displacements due to contact forces.
     """
-    if grip.response is None:
-        raise GraspError(
-            'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
-        )
     config, state, statics = grip.config, grip.state, grip.statics
     indices, parameters = state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)

@@ -16,7 +16,6 @@ from typing import NamedTuple
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
-from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
 
@@ -30,7 +29,6 @@ class PressedContacts:
 
     members: Indices  #: (k,) indices of the members
     corners: Indices  #: (k,) index of the polygon's corner of each contact; zero for other shapes
-    cuts: Array  #: (k, 2) largest extents to both sides of the contacts, see `DentTable` [m]
 
     @functools.cached_property
     def owners(self) -> Indices:
@@ -58,8 +56,7 @@ class PressedContacts:
 
     def without(self, dropped: int) -> PressedContacts:
         """Return all contacts except a given one."""
-        every = self.members, self.corners, self.cuts
-        return PressedContacts(*(np.delete(values, dropped, axis=0) for values in every))
+        return PressedContacts(np.delete(self.members, dropped), np.delete(self.corners, dropped))
 
 
 class Places(NamedTuple):
@@ -137,25 +134,7 @@ def find_pressed(config: Configuration, body: ConvexObject, members: Indices) ->
     for member, normal, skin in zip(members.tolist(), local.tolist(), skins.tolist(), strict=True):
         patch = body.shape.contact_patch(normal, radius, skin)
         pairs += [(member, end.corner) for end in patch]
-    numbers, corners = np.array(pairs).T
-    return contacts_at(body.shape, numbers, corners, radius)
-
-
-def contacts_at(
-    shape: Shape, members: Indices, corners: Indices, tube_radius: float
-) -> PressedContacts:
-    """
-    Return the contacts of members with given corners of an object.
-
-    The two ends of a face share it, so that forces are continuous if an end gains contact. A face
-    shorter than a tube radius has one contact.
-    """
-    cuts = np.full((len(members), 2), np.inf)
-    for k, corner in enumerate(corners.tolist()):
-        for side, face in enumerate(shape.faces_at(corner)):
-            if face.length >= tube_radius:
-                cuts[k, side] = 0.5 * face.length
-    return PressedContacts(members, corners, cuts)
+    return PressedContacts(*np.array(pairs).T)
 
 
 def facing_lines(

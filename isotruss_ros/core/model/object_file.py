@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, MISSING
-import difflib
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from isotruss_ros.core.errors import GraspError, ObjectFileError, quote
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.polygon import Polygon
-from isotruss_ros.core.model.robot_schema import find_faults
+from isotruss_ros.core.model.robot_schema import find_faults, suggest
 from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.shapes import Disc
 
@@ -72,12 +71,8 @@ def make_object(content: Any, source: str) -> ConvexObject:
     allowed = ('shape', *(field.name for field in size_fields), *OPTIONAL_KEYS)
     for key in content:
         if key not in allowed:
-            close = difflib.get_close_matches(str(key), allowed, n=1)
-            hint = f'did you mean {close[0]}? ' if close else ''
-            raise ObjectFileError(
-                f'{source}: unknown key {quote(str(key))}; {hint}those of shape {kind} are '
-                + ', '.join(allowed)
-            )
+            known = f'{suggest(str(key), allowed)}those of shape {kind} are {", ".join(allowed)}'
+            raise ObjectFileError(f'{source}: unknown key {quote(str(key))}; {known}')
     for field in size_fields:
         if field.default is MISSING and field.name not in content:
             raise ObjectFileError(f'{source}: key {field.name!r} is missing; a {kind} needs it')

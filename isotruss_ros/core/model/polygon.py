@@ -5,12 +5,9 @@
 
 from __future__ import annotations
 
-import bisect
-import cmath
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-import math
 
 from isotruss_ros.core.model.outline_checks import check_outline, polygon_moments
 from isotruss_ros.core.model.shapes import Face, Shape, SurfacePoints
@@ -129,12 +126,6 @@ class Polygon(PolygonalShape):
         angles %= 2.0 * np.pi
         return self._directions.searchsorted(angles) % len(self.vertices)
 
-    @cached_property
-    def _numbers(self) -> tuple[list[complex], list[float], list[tuple[complex, float]]]:
-        """Return conjugate normals, directions and arcs as plain Python numbers, for speed."""
-        arcs = zip(self.arc_centers.tolist(), self.radii.tolist(), strict=True)
-        return self.normals.conj().tolist(), self._directions.tolist(), list(arcs)
-
     def support_points(self, normals: Points) -> Points:
         """Return the points where tangents touch the surface; see `Shape.support_points`."""
         at = self._corner_of(normals)
@@ -142,15 +133,11 @@ class Polygon(PolygonalShape):
 
     def corner_at(self, normal: complex) -> int:
         """Return the farthest corner along a normal; see `Shape.corner_at`."""
-        facing, directions, _ = self._numbers
-        # As `_corner_of`.
-        angle = (cmath.phase(normal * facing[0]) - COINCIDENCE) % (2.0 * math.pi)
-        return bisect.bisect_left(directions, angle) % len(facing)
+        return int(self._corner_of(np.array([normal]))[0])
 
     def point_at(self, corner: int, normal: complex) -> complex:
         """Return the point of a corner's arc with a given normal; see `Shape.point_at`."""
-        middle, radius = self._numbers[2][corner]
-        return middle + radius * normal
+        return complex(self.arc_centers[corner] + self.radii[corner] * normal)
 
     def faces_at(self, corner: int) -> tuple[Face, ...]:
         """Return the faces at a corner; see `Shape.faces_at`."""

@@ -46,6 +46,12 @@ def find_faults(content: Any, block: str | None = None) -> Iterator[str]:
         yield from _explain(error)
 
 
+def suggest(key: str, allowed: Iterable[str]) -> str:
+    """Return a question with the allowed key that is most similar to an unknown one, or none."""
+    close = difflib.get_close_matches(key, list(allowed), n=1)
+    return f'did you mean {close[0]}? ' if close else ''
+
+
 def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
     """Raise RobotFileError if a robot file has faults."""
     first = [f'{path}: {line}' for line in itertools.islice(complaints, MAX_COMPLAINTS + 1)]
@@ -133,9 +139,8 @@ def _explain(error: jsonschema.ValidationError) -> Iterator[str]:
         allowed = error.schema['properties']
         for key in error.instance:
             if key not in allowed:
-                close = difflib.get_close_matches(key, allowed, n=1)
-                hint = f'did you mean {close[0]}? ' if close else ''
-                yield f'{where}: unknown key {key!r}; {hint}known are {", ".join(allowed)}'
+                known = f'{suggest(key, allowed)}known are {", ".join(allowed)}'
+                yield f'{where}: unknown key {key!r}; {known}'
     elif error.validator == 'required':
         for key in error.validator_value:
             if key not in error.instance:

@@ -25,7 +25,7 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.blocks import Factored
 from isotruss_ros.core.statics.frame import Frame, keep_apart
-from isotruss_ros.core.statics.structure import kept_blocks, Structure
+from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import linearize, Slopes, Tangent
 import numpy as np
 
@@ -159,7 +159,7 @@ class BentTubes:
     @cached_property
     def tangent(self) -> Tangent:
         """Return the frame linearised about the state `before`."""
-        kept = kept_blocks(self.structure, self.frame.layout)
+        kept = tuple(self.structure.blocks[i].take(rows) for i, rows in self.frame.layout.kept)
         return linearize(self.frame, self.before.unknowns, self.before.pull, kept)
 
     @cached_property

@@ -20,7 +20,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.bisection import Bisections
-from isotruss_ros.core.statics.blocks import Layout, Members, Numbering
+from isotruss_ros.core.statics.blocks import Members, Numbering
 from isotruss_ros.core.statics.equilibrium import unloaded
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
@@ -195,12 +195,6 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
 
 #: Cache of `structure_of` by configuration and tube pressures.
 _structure = functools.lru_cache(maxsize=8)(Structure)
-
-
-@functools.lru_cache(maxsize=16)
-def kept_blocks(structure: Structure, layout: Layout) -> tuple[UnloadedBlocks, ...]:
-    """Return the unloaded blocks whose parts the frames of a layout do not have, cached."""
-    return tuple(structure.blocks[number].take(rows) for number, rows in layout.kept)
 
 
 def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: Array) -> Array:

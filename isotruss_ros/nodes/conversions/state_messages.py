@@ -91,7 +91,6 @@ def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> Hel
     if record is None:
         return HeldGripMessage(header=make_header(when, robot.frame))
     contacts = record.contacts
-    before, behind = contacts.cuts.T.tolist()
     estimate = record.estimate
     message = HeldGripMessage(
         header=make_header(when, robot.frame),
@@ -99,8 +98,6 @@ def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> Hel
         pressures=record.pressures or (),
         members=[robot.member_names[number] for number in contacts.members.tolist()],
         corners=contacts.corners.tolist(),
-        before=before,
-        behind=behind,
         unknowns=record.unknowns.tolist(),
         places=record.places.tolist(),
         bent=record.bent.tolist(),
@@ -128,8 +125,6 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
         'travel': len(robot.roller_names),
         'pressures': len(robot.description.pressures) if message.pressures else 0,
         'corners': count,
-        'before': count,
-        'behind': count,
         'unknowns': Places.of(count).size,
         'places': count,
         'bent': len(message.bent),  # see `GripRecord.restore`
@@ -140,17 +135,13 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
     }
     for name, size in sizes.items():
         values = np.array(getattr(message, name), dtype=float).ravel()
-        # The reach of a contact on a corner is infinite.
-        is_reach = name in ('before', 'behind')
-        least, most = (0.0, np.inf) if is_reach else (-MAX_DISTANCE, MAX_DISTANCE)
-        if len(values) != size or not ((least <= values) & (values <= most)).all():
+        if len(values) != size or not (np.abs(values) <= MAX_DISTANCE).all():
             raise MessageError(
                 f'held grip with {len(values)} numbers {name}, of size '
                 f'{np.abs(values).max(initial=0.0):g} at most: must be {size} numbers from '
-                f'{least:g} to {most:g}'
+                f'{-MAX_DISTANCE:g} to {MAX_DISTANCE:g}'
             )
-    cuts = np.column_stack([message.before, message.behind])
-    contacts = PressedContacts(np.array(known), np.array(message.corners, dtype=np.intp), cuts)
+    contacts = PressedContacts(np.array(known), np.array(message.corners, dtype=np.intp))
     covariance = np.array(message.pose_covariance).reshape(3, 3)
     words = 'pose covariance of the held grip [m^2, m rad, rad^2]'
     estimate = GripEstimate(

@@ -18,11 +18,10 @@ from shapes import circle
 
 ROBOT = load_robot('nine_member')
 KERNEL = flattening_of(ROBOT, 34.5e3)
-WHOLE = (np.inf, np.inf)
 
 
 def disc_table(radius, kernel=KERNEL):
-    return dent_table(kernel, Disc(2.0 * radius), 0, WHOLE)
+    return dent_table(kernel, Disc(2.0 * radius))
 
 
 @robots.examples(60)
@@ -79,7 +78,7 @@ TURNS += [(Polygon([(0, 0), (0.3, 0), (0, 0.3)]), x) for x in (-2.4, -3.0, -3.1,
 @pytest.mark.parametrize('force', [0.3, 5.0, 40.0, 1e3, -5.0])
 @pytest.mark.parametrize(('shape', 'angle'), TURNS)
 def test_derivative_by_the_angle_agrees_with_finite_differences(shape, angle, force):
-    table, step = dent_table(KERNEL, shape, 0, WHOLE), 1e-6
+    table, step = dent_table(KERNEL, shape), 1e-6
     slope = (table(force, angle + step)[0] - table(force, angle - step)[0]) / (2.0 * step)
     depth, _, turned = table(force, angle)
     assert turned == pytest.approx(slope, rel=1e-4, abs=1e-6 * abs(depth))
@@ -92,9 +91,9 @@ def test_dents_between_samples_agree_with_those_of_their_angle(shape, angle, for
     step = dents.ANGLE_STEP
     for away in step * np.linspace(0.0, 1.0, 7):
         with pytest.MonkeyPatch.context() as patch:
-            coarse = DentTable(KERNEL, shape, 0, WHOLE)(force, angle + away)[0]
+            coarse = DentTable(KERNEL, shape)(force, angle + away)[0]
             patch.setattr(dents, 'ANGLE_STEP', step / 3.0)
-            fine = DentTable(KERNEL, shape, 0, WHOLE)(force, angle + away)[0]
+            fine = DentTable(KERNEL, shape)(force, angle + away)[0]
         assert coarse == pytest.approx(fine, rel=0.02)
 
 
@@ -102,7 +101,7 @@ def test_dents_between_samples_agree_with_those_of_their_angle(shape, angle, for
 @pytest.mark.parametrize('shape', [Disc(0.3), Ellipse((0.2, 0.1))])
 def test_pressure_derivative_agrees_with_finite_differences(shape, force):
     def table(pressure):
-        return dent_table(flattening_of(ROBOT, pressure), shape, 0, WHOLE)
+        return dent_table(flattening_of(ROBOT, pressure), shape)
 
     # So short that the same points are closed on both sides.
     pressure, step = 34e3, 5.0

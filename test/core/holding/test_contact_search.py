@@ -20,7 +20,7 @@ from isotruss_ros.core.holding import contact_search
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import ContactSet, search_contacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics
-from isotruss_ros.core.holding.pressed_contacts import contacts_at
+from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 import numpy as np
@@ -101,7 +101,7 @@ def test_corners_of_a_thin_plate_are_reached_the_shorter_way_round():
     plate = Polygon([(-0.1, -0.01), (0.1, -0.01), (0.1, 0.01), (-0.1, 0.01)])
     center = complex(statics.bent.lines.start[0]) - (statics.tube_radius + 0.01) * normal
     body = ConvexObject(plate, (center.real, center.imag, np.angle(normal) - 0.5 * np.pi))
-    one = contacts_at(plate, grip.members[:1], np.array([2]), statics.tube_radius)
+    one = PressedContacts(grip.members[:1], np.array([2]))
     state = replace(grip.state, unknowns=np.append(body.pose, grip.state.unknowns[3:]))
     beside = replace(grip, state=state, statics=replace(statics, body=body, contacts=one))
     along = {corner.corner: corner.along for corner in contact_search._nearby_corners(beside, [0])}

@@ -6,7 +6,7 @@
 from held_grips import HOME
 from isotruss_ros.core import ConvexObject, Disc, Polygon
 from isotruss_ros.core.holding.contact_statics import build_statics
-from isotruss_ros.core.holding.pressed_contacts import contacts_at, find_pressed
+from isotruss_ros.core.holding.pressed_contacts import find_pressed, PressedContacts
 import numpy as np
 import pytest
 import robots
@@ -87,7 +87,7 @@ def test_dents_of_a_corner_whose_faces_are_turned_away_grow_with_the_force(beyon
     turn = -1j * axis / (before * np.exp(-1j * beyond))
     center = start + (0.4 + 0.15j) * axis
     body = ConvexObject(ROUNDED, (center.real, center.imag, np.angle(turn)))
-    contacts = contacts_at(ROUNDED, np.array([NUMBER]), np.array([4]), RADIUS)
+    contacts = PressedContacts(np.array([NUMBER]), np.array([4]))
     dents = build_statics(HOME, body, contacts).dents
     angle = np.array([np.angle(before) - beyond])
     depths = [dents(np.array([force]), angle)[0] for force in (1.0, 5.0, 20.0, 60.0)]

@@ -44,8 +44,6 @@ def test_grips_survive_a_round_trip():
         {'members': ['south/P-Q', 'south/P-Q']},
         {'members': ['south/P-Q', 'west/A-B']},
         {'corners': [0]},
-        {'before': [float('nan'), 0.0]},
-        {'behind': [-1.0, 0.0]},
         {'unknowns': [0.0] * 10},
         {'unknowns': [float('inf')] * 11},
         {'places': [0.1]},
