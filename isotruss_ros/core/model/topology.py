@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.model.description import RobotDescription
@@ -27,98 +26,63 @@ class Topology:
 
     joint_names: tuple[str, ...]  #: names of the joints, in the order of the robot file
     module_names: tuple[str, ...]  #: names t/j of the modules, tube by tube
+    #: names of the kinematic nodes: joints, then t/j/B and t/j/C of each module
+    node_names: tuple[str, ...]
+    member_names: tuple[str, ...]  #: names t/j-k of the members, in module order
+    roller_names: tuple[str, ...]  #: names of the driven modules, in module order
+    n_modules: int  #: number m of modules, equal to the number of members
+    n_nodes: int  #: number of kinematic nodes: joints and pinch points
     joint: Indices  #: (m,) index of node A of each module
+    b: Indices  #: (m,) index of node B of each module
+    c: Indices  #: (m,) index of node C of each module
+    end: Indices  #: (m,) index of the node at each member's end: C of the following module
     following: Indices  #: (m,) index of the next module along the tube
     previous: Indices  #: (m,) index of the previous module along the tube
     tube: Indices  #: (m,) index of the tube of each module
     driven: Indices  #: (r,) indices of the modules with a motor
     grounded: Indices  #: (g,) grounded coordinates, numbered 2 node + (0 for x, 1 for y)
     ground: Array  #: (g,) values of the grounded coordinates [m]
-
-    @cached_property
-    def n_modules(self) -> int:
-        """Return the number of modules, equal to the number of members."""
-        return len(self.module_names)
-
-    @cached_property
-    def n_nodes(self) -> int:
-        """Return the number of kinematic nodes: joints and pinch points."""
-        return len(self.joint_names) + 2 * self.n_modules
-
-    @cached_property
-    def b(self) -> Indices:
-        """Return the index of node B of each module, (m,)."""
-        return len(self.joint_names) + 2 * np.arange(self.n_modules)
-
-    @cached_property
-    def c(self) -> Indices:
-        """Return the index of node C of each module, (m,)."""
-        return self.b + 1
-
-    @cached_property
-    def end(self) -> Indices:
-        """Return the index (m,) of the node at each member's end: C of the following module."""
-        return self.c[self.following]
-
-    @cached_property
-    def node_names(self) -> tuple[str, ...]:
-        """Return the names of the kinematic nodes: joints, then t/j/B and t/j/C of each module."""
-        pinch = [f'{module}/{node}' for module in self.module_names for node in 'BC']
-        return (*self.joint_names, *pinch)
-
-    @cached_property
-    def member_names(self) -> tuple[str, ...]:
-        """Return the names t/j-k of the members, in module order."""
-        ends = self.joint[self.following]
-        return tuple(
-            f'{module}-{self.joint_names[end]}'
-            for module, end in zip(self.module_names, ends, strict=True)
-        )
-
-    @cached_property
-    def roller_names(self) -> tuple[str, ...]:
-        """Return the names of the driven modules, in module order."""
-        return tuple(self.module_names[i] for i in self.driven)
-
-    @cached_property
-    def incidence(self) -> Array:
-        """
-        Return the incidence matrix C (m, r) in Ldot = C phidot for members and rollers.
-
-        The columns of C sum to zero over each tube, from which (13) follows.
-        """
-        matrix = np.zeros((self.n_modules, self.n_modules))
-        members = np.arange(self.n_modules)
-        matrix[members, members] = 1.0
-        matrix[members, self.following] = -1.0
-        return matrix[:, self.driven]
+    #: (m, r) incidence matrix C in Ldot = C phidot for members and rollers; its columns sum to
+    #: zero over each tube, from which (13) follows
+    incidence: Array
 
 
 def make_topology(description: RobotDescription) -> Topology:
     """Return the topology of a robot, in the order of its file."""
-    joint_names = tuple(description.joints)
-    number = {name: index for index, name in enumerate(joint_names)}
-    tubes = description.tubes
-    modules = [(tube, name) for tube in tubes for name in tube.joints]
-    sizes = [len(tube.joints) for tube in tubes]
+    joints, tubes = tuple(description.joints), description.tubes
+    pairs = [(tube, name) for tube in tubes for name in tube.joints]
+    sizes, count = [len(tube.joints) for tube in tubes], len(pairs)
     # The modules of a tube are numbered one after the other, and it is closed.
-    by_tube = np.split(np.arange(len(modules)), np.cumsum(sizes)[:-1])
+    by_tube = np.split(np.arange(count), np.cumsum(sizes)[:-1])
+    following = np.concatenate([np.roll(numbers, -1) for numbers in by_tube])
+    modules = tuple(f'{tube.name}/{name}' for tube, name in pairs)
+    driven = np.flatnonzero([name != tube.passive for tube, name in pairs])
+    b = len(joints) + 2 * np.arange(count)
     grounded = [
-        2 * number[name] + 'xy'.index(axis)
+        2 * joints.index(name) + 'xy'.index(axis)
         for name, axes in description.supports.items()
         for axis in sorted(axes)
     ]
     coordinates = np.array(list(description.joints.values())).ravel()
     return Topology(
-        joint_names=joint_names,
-        module_names=tuple(f'{tube.name}/{name}' for tube, name in modules),
-        joint=np.array([number[name] for _, name in modules], dtype=np.intp),
-        following=np.concatenate([np.roll(modules, -1) for modules in by_tube]),
-        previous=np.concatenate([np.roll(modules, 1) for modules in by_tube]),
+        joint_names=joints,
+        module_names=modules,
+        node_names=(*joints, *(f'{module}/{node}' for module in modules for node in 'BC')),
+        member_names=tuple(f'{modules[i]}-{pairs[k][1]}' for i, k in enumerate(following)),
+        roller_names=tuple(modules[i] for i in driven),
+        n_modules=count,
+        n_nodes=len(joints) + 2 * count,
+        joint=np.array([joints.index(name) for _, name in pairs], dtype=np.intp),
+        b=b,
+        c=b + 1,
+        end=(b + 1)[following],
+        following=following,
+        previous=np.concatenate([np.roll(numbers, 1) for numbers in by_tube]),
         tube=np.repeat(np.arange(len(tubes)), sizes),
-        driven=np.flatnonzero([name != tube.passive for tube, name in modules]),
+        driven=driven,
         grounded=np.array(grounded, dtype=np.intp),
         ground=coordinates[np.array(grounded, dtype=np.intp)],
+        incidence=(np.eye(count) - np.eye(count)[following])[:, driven],
     )
 
 

@@ -66,7 +66,7 @@ class Lines(NamedTuple):
         """Return the members with given indices (k,), from pinch point to pinch point."""
         config, topology = structure.config, structure.config.robot.topology
         start, length = config.points[topology.b[members]], config.member_lengths[members]
-        axis = (config.points[topology.c[topology.following[members]]] - start) / length
+        axis = (config.points[topology.end[members]] - start) / length
         turns = np.zeros((len(members), 3, 3))
         turns[:, 0, 0] = turns[:, 1, 1] = axis.real
         turns[:, 1, 0], turns[:, 0, 1], turns[:, 2, 2] = axis.imag, -axis.imag, 1.0

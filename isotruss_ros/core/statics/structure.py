@@ -205,7 +205,7 @@ def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: A
     `inflated` (t, p) of the tubes' pressures [Pa]. Displaced nodes and cuts in members are fixed.
     """
     config, topology = structure.config, structure.config.robot.topology
-    start, end = topology.b, topology.c[topology.following]
+    start, end = topology.b, topology.end
     side = config.points[end] - config.points[start]
     longer = ((moved[end] - moved[start]) / side[:, None]).real * np.abs(side)[:, None]
     pressures = np.array(structure.pressures)[topology.tube]

@@ -65,7 +65,7 @@ def find_utilisation(
         radius,
     )
     start = config.points[topology.b[member]]
-    along = (config.points[topology.c[topology.following[member]]] - start).conj()
+    along = (config.points[topology.end[member]] - start).conj()
     along /= np.abs(along)
     origin = ((frame.points[frame.members.start[pieces]] - start) * along).real
     ahead = (frame.axis[pieces] * along).real
