@@ -11,14 +11,14 @@ search is depth-first, and the number of sets is bounded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
 from isotruss_ros.core.holding.pressed_contacts import facing_lines, PressedContacts
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
-from isotruss_ros.core.model.convex_object import segment_gaps
+from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, ROUNDING
@@ -127,80 +127,75 @@ def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet] | None:
     return _with_third(grip) if rolls else None
 
 
-def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> Iterator[FreeCorner]:
+def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[FreeCorner]:
     """
-    Yield the corners without contact that penetrate a grasping member.
+    Return the corners without contact that penetrate a grasping member.
 
     A corner that is nearer to a contact than a tube radius belongs to the dent of the contact; it
     penetrates the tube if it is higher than the corner in contact.
 
     :param gap: largest gap in the bent tube that counts as penetration [m].
     """
-    contacts, radius = grip.contacts, grip.statics.tube_radius
-    for ends in contacts.ends if grip.body.shape.faces_at(0) else ():
-        far: list[FreeCorner] = []
-        for corner in _nearby_corners(grip, ends.tolist()):
-            if abs(corner.along) >= radius:
-                far.append(corner)
-                continue
-            normal = complex(grip.state.normals[corner.contact])
-            height = _height(grip, int(contacts.corners[corner.contact]), normal)
-            if (higher := _height(grip, corner.corner, normal) - height) > SKIN_TOLERANCE:
-                yield corner._replace(depth=higher)
-        if far:
-            corners = np.array([free.corner for free in far])
-            depths = skin_depths(grip, np.full(len(far), contacts.members[ends[0]]), corners)
-            for free, depth in zip(far, depths.tolist(), strict=True):
-                if depth > -gap:
-                    yield free._replace(depth=depth)
+    contacts, statics, body, found = grip.contacts, grip.statics, grip.body, list[FreeCorner]()
+    along = _distances_along_faces(body.shape)
+    for ends in contacts.ends if len(along) else ():
+        touching, straight = contacts.corners[ends], complex(statics.straight_normals[ends[0]])
+        skin = ((complex(statics.bent.lines.start[ends[0]]) - body.center) / straight).real
+        least = skin - (1.0 + 2.0 * MAX_DISPLACEMENT) * statics.tube_radius
+        numbers = np.flatnonzero(_heights(body, np.arange(len(along) - 1), straight) > least)
+        numbers = np.setdiff1d(numbers, touching)
+        away = along[numbers, None] - along[touching]
+        away -= along[-1] * np.round(away / along[-1])
+        nearest = np.abs(away).argmin(axis=1)
+        distances, beside = away[np.arange(len(numbers)), nearest], ends[nearest]
+        is_near, normals = np.abs(distances) < statics.tube_radius, grip.state.normals[beside]
+        higher = _heights(body, numbers, normals) - _heights(body, touching[nearest], normals)
+        depths = higher
+        if not is_near.all():
+            members = np.full(len(numbers), contacts.members[ends[0]])
+            depths = np.where(is_near, higher, skin_depths(grip, members, numbers))
+        chosen = depths > np.where(is_near, SKIN_TOLERANCE, -gap)
+        columns = depths, beside, numbers, distances
+        found += map(FreeCorner, *(values[chosen].tolist() for values in columns))
+    return found
 
 
-def _nearby_corners(grip: HeldGrip, ends: list[int]) -> Iterable[FreeCorner]:
-    """Return the corners without contact that may penetrate a member with the contacts `ends`."""
-    shape, statics, body = grip.body.shape, grip.statics, grip.body
-    normal = complex(statics.straight_normals[ends[0]])
-    touching = grip.contacts.corners[ends].tolist()
-    skin = ((complex(statics.bent.lines.start[ends[0]]) - body.center) / normal).real
-    least = skin - (1.0 + 2.0 * MAX_DISPLACEMENT) * statics.tube_radius
-    corners: dict[int, FreeCorner] = {}
-    for k, begin in zip(ends, touching, strict=True):
-        for side in range(2):
-            face = shape.faces_at(begin)[side]
-            along = face.step * face.length
-            while face.corner not in touching and _height(grip, face.corner, normal) > least:
-                nearer = corners.get(face.corner)
-                if nearer is None or abs(along) < abs(nearer.along):
-                    corners[face.corner] = FreeCorner(0.0, k, face.corner, along)
-                face = shape.faces_at(face.corner)[side]
-                along += face.step * face.length
-    return corners.values()
+def _distances_along_faces(shape: Shape) -> Array:
+    """Return the distances (c + 1,) of the corners along the faces, and the sum; else empty."""
+    distances, corner = [0.0], 0
+    while faces := shape.faces_at(corner):
+        distances.append(distances[-1] + faces[1].length)
+        corner = faces[1].corner
+        if corner == 0:
+            return np.array(distances)
+    return np.zeros(0)
 
 
-def _height(grip: HeldGrip, corner: int, normal: complex) -> float:
-    """Return the coordinate of a corner along a normal, from the origin of the object [m]."""
-    facing = normal / grip.body.turn
-    return (_corner_point(grip.body.shape, corner, facing) / facing).real
+def _heights(body: ConvexObject, corners: Indices, normals: Points | complex) -> Array:
+    """Return the coordinates (c,) of corners along normals, from the origin of the object [m]."""
+    facing = np.broadcast_to(normals / body.turn, corners.shape)
+    return (_corner_points(body.shape, corners, facing) * facing.conj()).real
 
 
-def _corner_point(shape: Shape, corner: int, normal: complex) -> complex:
-    """Return the point of a corner's arc that is farthest along a normal, x + iy [m]."""
-    before, after = (face.normal for face in shape.faces_at(corner))
-    if (before / normal).imag > 0.0:
-        return shape.point_at(corner, before)
-    return shape.point_at(corner, after if (normal / after).imag > 0.0 else normal)
+def _corner_points(shape: Shape, corners: Indices, normals: Points) -> Points:
+    """Return the points (c,) of corners' arcs that are farthest along normals, x + iy [m]."""
+    sides = [face.normal for corner in corners.tolist() for face in shape.faces_at(corner)]
+    before, after = np.array(sides, dtype=np.complex128).reshape(-1, 2).T
+    within = np.where((normals / after).imag > 0.0, after, normals)
+    within = np.where((before / normals).imag > 0.0, before, within)
+    return shape.surface_at(corners, within)[0]
 
 
 def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
     """Return the depths (c,) of corners in bent members [m]; -inf beyond the straight members."""
-    body, shape = grip.body, grip.body.shape
+    body, radius = grip.body, grip.statics.tube_radius
     starts, normals = facing_lines(grip.config, body, members)
     spans = member_lines(grip.config)[members, 1] - starts
     length, axis = np.abs(spans), spans / np.abs(spans)
 
     def away_from(lines: Points, normals: Points) -> Points:
-        facing = (normals / body.turn).tolist()
-        points = [_corner_point(shape, *at) for at in zip(corners.tolist(), facing, strict=True)]
-        return (body.center + body.turn * np.array(points) - lines) / axis
+        points = _corner_points(body.shape, corners, normals / body.turn)
+        return (body.center + body.turn * points - lines) / axis
 
     straight = away_from(starts, normals).real
     positions = straight
@@ -208,7 +203,7 @@ def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
         lines, turned = grip.bent_lines(members, positions)
         away = away_from(lines, normals * turned) / turned
         positions = positions + away.real
-    depths = grip.statics.tube_radius + (away * axis / normals).real
+    depths = radius + (away * axis / normals).real
     return np.where((straight >= 0.0) & (straight <= length), depths, -np.inf)
 
 

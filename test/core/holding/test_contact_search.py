@@ -4,6 +4,7 @@
 """Search for contacts: its work is bounded, and ends of faces that graze are continuous."""
 
 from dataclasses import replace
+import math
 from types import SimpleNamespace
 
 from held_grips import BOX, held
@@ -18,7 +19,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.holding import contact_search
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_search import ContactSet, search_contacts
+from isotruss_ros.core.holding.contact_search import ContactSet, free_corners, search_contacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.holding.roll_grip import roll_contacts
@@ -98,16 +99,15 @@ def test_a_search_without_end_solves_a_bounded_number_of_sets(monkeypatch):
 def test_corners_of_a_thin_plate_are_reached_the_shorter_way_round():
     grip = held(BOX, 0.0)
     statics, normal = grip.statics, complex(grip.statics.straight_normals[0])
-    plate = Polygon([(-0.1, -0.01), (0.1, -0.01), (0.1, 0.01), (-0.1, 0.01)])
-    center = complex(statics.bent.lines.start[0]) - (statics.tube_radius + 0.01) * normal
+    plate = Polygon([(-0.1, -0.01), (0.1, -0.01), (0.1, 0.01), (-0.08, 0.01)])
+    lines, half = statics.bent.lines, 0.5 * statics.bent.lines.length[0]
+    center = complex(lines.start[0] + half * lines.axis[0]) - (statics.tube_radius + 0.01) * normal
     body = ConvexObject(plate, (center.real, center.imag, np.angle(normal) - 0.5 * np.pi))
     one = PressedContacts(grip.members[:1], np.array([2]))
     state = replace(grip.state, unknowns=np.append(body.pose, grip.state.unknowns[3:]))
     beside = replace(grip, state=state, statics=replace(statics, body=body, contacts=one))
-    along = {corner.corner: corner.along for corner in contact_search._nearby_corners(beside, [0])}
-    assert set(along) == {0, 1, 3}
-    assert along[1] == pytest.approx(-0.02)
-    assert along[3] == pytest.approx(0.2)
+    along = {corner.corner: corner.along for corner in free_corners(beside, np.inf)}
+    assert along == pytest.approx({3: 0.18, 0: 0.18 + math.hypot(0.02, 0.02)})
 
 
 @pytest.mark.parametrize('order', [(-0.3, 0.1, 0.2), (0.1, 0.2, -0.3)])
