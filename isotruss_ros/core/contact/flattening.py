@@ -42,6 +42,7 @@ class Flattening:
     :ivar stiffness: (n,) k_n of the modes whose deformation spreads along the tube, per unit
         length [N/m^2].
     :ivar tension: (n,) tension G_n, which couples neighbouring sections in these modes [N].
+    :ivar reach: (n,) decay lengths lambda_n of these modes along the tube [m].
     :ivar rest: compliance for a line load of the other modes, whose deformation does not spread
         along the tube [m^2/N].
     """
@@ -68,11 +69,7 @@ class Flattening:
         compliances = (1.0 / modes + 1.0 / (modes + 1)) / (2.0 * np.pi * pressure)
         self.stiffness, self.tension = local_stiffness * stiffness, local_stiffness * tension
         self.rest = compliances / local_stiffness
-
-    @property
-    def reach(self) -> Array:
-        """Return the decay lengths lambda_n of the modes along the tube, (n,) [m]."""
-        return np.sqrt(self.tension / self.stiffness)
+        self.reach = np.sqrt(self.tension / self.stiffness)
 
     def compliance(self, points: Indices, spacing: float) -> Array:
         """
@@ -82,11 +79,13 @@ class Flattening:
         tube that are one spacing long, so the sum over many points equals the integral.
         """
         apart, ratio = np.abs(points[:, None] - points), spacing / self.reach
+        # Compliance of the modes for a line load, at the load.
+        peak = 0.5 / np.sqrt(self.stiffness * self.tension)
         steps = np.arange(apart.max(initial=0) + 1) - 1.0
         # exp(-k ratio) (2 / ratio sinh(ratio / 2))^2, in a form that cannot overflow.
-        spread = self._peak * (np.expm1(-ratio) / ratio) ** 2
+        spread = peak * (np.expm1(-ratio) / ratio) ** 2
         table = spread @ np.exp(-np.outer(ratio, steps))
-        alone = self._peak * (2.0 / ratio) * (1.0 + np.expm1(-ratio) / ratio)
+        alone = peak * (2.0 / ratio) * (1.0 + np.expm1(-ratio) / ratio)
         table[0] = alone.sum() + self.rest / spacing
         return table[apart]
 
@@ -94,11 +93,6 @@ class Flattening:
         """Return the derivatives (c, c) of `compliance` with respect to pressure [m/N/Pa]."""
         inflated = Flattening(self.radius, self.pressure + 1j * EPSILON, *self._others)
         return inflated.compliance(points, spacing).imag / EPSILON
-
-    @property
-    def _peak(self) -> Array:
-        """Return the compliance (n,) of the modes for a line load, at the load [m/N]."""
-        return 0.5 / np.sqrt(self.stiffness * self.tension)
 
 
 @functools.lru_cache(maxsize=32)

@@ -181,11 +181,6 @@ class LoadedTubes:
         slope += turned - self.spins
         return TubeRates(give, slope, nodes, rates + by_places)
 
-    def joints(self, rates: TubeRates) -> Array:
-        """Return the derivatives (2j, p) of the joint positions x0, y0, x1, y1, ... [m]."""
-        count = len(self._grip.config.robot.topology.joint_names)
-        return rates.nodes[:count, :2].reshape(2 * count, -1)
-
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """Return the members' utilisations (m,), and their derivatives (m, p)."""
         grip, bent, robot = self._grip, self._bent, self._grip.config.robot
@@ -248,4 +243,5 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     changes[indices.conditions, rollers:] -= np.eye(count)
     change = grip.respond(changes)
     forces = grip.contacts.sum_by_member(change[indices.normal])
-    return HeldGradient(change[:3], forces, tubes.joints(tubes.respond(change)))
+    joints = tubes.respond(change).nodes[: len(config.robot.topology.joint_names), :2]
+    return HeldGradient(change[:3], forces, joints.reshape(-1, change.shape[1]))

@@ -38,9 +38,11 @@ def place_home(
     module = description.module
     # Relative to the joint along the rod: B and C on both sides of its end.
     b_arm = module.rod_length + 0.5j * module.pinch_separation * left
-    angles = np.angle(inward)
+    angles, points = np.angle(inward), np.append(joints, np.zeros(2 * topology.n_modules))
     for _ in range(MAX_NEWTON_ITERATIONS):
-        points = _points(topology, joints, angles, b_arm)
+        rod = np.exp(1j * angles)
+        points[topology.b] = joints[topology.joint] + rod * b_arm
+        points[topology.c] = joints[topology.joint] + rod * b_arm.conj()
         bisection, slope = _bisection(topology, constraints, points)
         if np.abs(bisection).max() < COINCIDENCE:
             break
@@ -74,15 +76,6 @@ def _corners(
         )
     inward = ahead / np.abs(ahead) + back / np.abs(back)
     return inward, np.sign((inward.conj() * ahead).imag)
-
-
-def _points(topology: Topology, joints: Points, angles: Array, b_arm: Points) -> Points:
-    points = np.empty(topology.n_nodes, dtype=np.complex128)
-    points[: len(joints)] = joints
-    rod = np.exp(1j * angles)
-    points[topology.b] = joints[topology.joint] + rod * b_arm
-    points[topology.c] = joints[topology.joint] + rod * b_arm.conj()
-    return points
 
 
 def _bisection(
