@@ -73,26 +73,6 @@ class Lines(NamedTuple):
         return cls(start, axis, length, turns)
 
 
-class Cuts(NamedTuple):
-    """Frame with nodes at k load points."""
-
-    frame: Frame
-    ahead: Array  #: (k,) 1 for load points on pieces that run along their member, else -1
-    longer: Array  #: (p, k) changes of the parts' rest lengths by unit motions of the load points
-    places: Array  #: (k,) `BentTubes.places`, shifted so that no part is too short [m]
-
-    @classmethod
-    def of(
-        cls, structure: Structure, members: Indices, positions: Array, active: Indices | None
-    ) -> Cuts:
-        """Return a frame with deformable blocks `active`; None: those with load points."""
-        pieces, inside, ahead, apart = _place_cuts(structure, members, positions)
-        if active is None:
-            active = structure.frame.layout.numbering.active_blocks(pieces)
-        frame = structure.frame.cut(pieces, inside, active)
-        return cls(frame, ahead, frame.layout.longer * ahead, apart)
-
-
 class Changes(NamedTuple):
     """
     Changes of a linearised frame by p causes.
@@ -121,8 +101,10 @@ class BentTubes:
     structure: Structure  #: structural model of the robot
     members: Indices  #: (k,) index of the member of each load point in `Robot.member_names`
     places: Array  #: (k,) distances of the load points from the members' starts [m]
+    apart: Array  #: (k,) `places`, shifted so that no part is too short [m]
     lines: Lines  #: members of the load points
-    cuts: Cuts  #: frame with nodes at the load points
+    frame: Frame  #: the structure's frame with additional nodes at the load points
+    ahead: Array  #: (k,) 1 for load points on pieces that run along their member, else -1
     stiffness: float  #: factor on the modelled stiffness [-]
     before: Displaced  #: state about which the tubes are linearised
 
@@ -136,25 +118,28 @@ class BentTubes:
         values: Array | None = None,
     ) -> BentTubes:
         """Return the tubes linearised about the state `values`; None: without loads."""
-        active = None if values is None else structure.frame.layout.active
-        cuts, lines = Cuts.of(structure, members, positions, active), Lines.of(structure, members)
-        ends = np.cumsum([len(cuts.frame.scale), 3 * len(members), len(cuts.frame.length)])
+        layout = structure.frame.layout
+        pieces, inside, ahead, apart = _place_cuts(structure, members, positions)
+        active = layout.numbering.active_blocks(pieces) if values is None else layout.active
+        frame, lines = structure.frame.cut(pieces, inside, active), Lines.of(structure, members)
+        ends = np.cumsum([len(frame.scale), 3 * len(members), len(frame.length)])
         values = np.zeros(ends[-1]) if values is None else values
         if values.shape != (ends[-1],):
             raise StructureError(f'bent tubes with {values.size} values: must be {ends[-1]}')
         unknowns, loads, pull = np.split(values, ends[:-1])
         before = Displaced(unknowns, loads.reshape(-1, 3), pull)
-        return cls(structure, members, positions, lines, cuts, stiffness, before)
+        places = positions, apart
+        return cls(structure, members, *places, lines, frame, ahead, stiffness, before)
 
     @property
     def values(self) -> Array:
         """Return the state about which these tubes are linearised, with all blocks deformable."""
         return np.concatenate([part.ravel() for part in self.activated().before])
 
-    @property
-    def frame(self) -> Frame:
-        """Return the structure's frame with additional nodes at the load points."""
-        return self.cuts.frame
+    @cached_property
+    def _longer(self) -> Array:
+        """Return the changes (p, k) of the parts' lengths by unit motions of the load points."""
+        return self.frame.layout.longer * self.ahead
 
     @cached_property
     def tangent(self) -> Tangent:
@@ -171,7 +156,7 @@ class BentTubes:
         right = np.zeros((size, 4 * count + 1))
         columns = np.arange(3 * count).reshape(count, 1, 3)
         right[cut[:, :, None], columns] = turns / self.stiffness
-        slopes, longer, by_length = tangent.slopes(), self.cuts.longer, tangent.length_rates
+        slopes, longer, by_length = tangent.slopes(), self._longer, tangent.length_rates
         rates = by_length[layout.parts, :, None] * longer[layout.parts, None]
         right[:, moving] = -tangent.sum_forces(layout.parts, rates)
         # The length of a part between two places of one member depends on both places.
@@ -224,7 +209,7 @@ class BentTubes:
 
     def distance(self, loads: Array, positions: Array) -> float:
         """Return the largest displacement of a node from the linearised state due to loads [m]."""
-        if (self.cuts.places != self.places).any():
+        if (self.apart != self.places).any():
             # The nodes stay beside a node or another load point.
             *_, positions = _place_cuts(self.structure, self.members, positions)
         ways = self._ways(loads, positions)
@@ -246,7 +231,7 @@ class BentTubes:
     def _ways(self, loads: Array, positions: Array) -> Array:
         """Return `ways` (p,), factors on the columns of `_changes`: loads, places, and 1."""
         more = (loads - self.before.loads).ravel()
-        return np.concatenate([more, positions - self.cuts.places, [1.0]])
+        return np.concatenate([more, positions - self.apart, [1.0]])
 
     def update(
         self, loads: Array, positions: Array, structure: Structure | None = None
@@ -254,20 +239,22 @@ class BentTubes:
         """Return the tubes linearised about the state that these predict under loads."""
         structure = self.structure if structure is None else structure
         active = self._find_active(loads, positions, structure)
-        cuts = Cuts.of(structure, self.members, positions, active)
+        pieces, inside, ahead, apart = _place_cuts(structure, self.members, positions)
+        frame = structure.frame.cut(pieces, inside, active)
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
         half = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
-        near = bool((np.abs(cuts.places - self.cuts.places) <= half).all())
-        ways, tangent = self._ways(loads, cuts.places if near else self.cuts.places), self.tangent
+        near = bool((np.abs(apart - self.apart) <= half).all())
+        ways, tangent = self._ways(loads, apart if near else self.apart), self.tangent
         moved, changes = self._displace(ways)
         pull = tangent.forces.values[:, 0] + self._force_changes(ways, changes)[0][:, 0]
         before = Displaced(tangent.unknowns + moved, loads, pull)
-        if not near or cuts.frame.layout is not self.frame.layout:
-            before = self._convert(before, cuts.frame, near)
+        if not near or frame.layout is not self.frame.layout:
+            before = self._convert(before, frame, near)
         same = structure is self.structure
         lines = self.lines if same else Lines.of(structure, self.members)
-        return BentTubes(structure, self.members, positions, lines, cuts, self.stiffness, before)
+        fields = positions, apart, lines, frame, ahead, self.stiffness, before
+        return BentTubes(structure, self.members, *fields)
 
     def _find_active(self, loads: Array, positions: Array, structure: Structure) -> Indices:
         """Return the blocks that given loads deform, see `UnloadedBlocks`."""
@@ -301,12 +288,12 @@ class BentTubes:
         """Return these tubes with all blocks deformable."""
         if not self.frame.layout.kept:
             return self
-        active = self.structure.frame.layout.active
-        cuts = Cuts.of(self.structure, self.members, self.places, active)
-        before = self._convert(self.before, cuts.frame, True)
-        tangent = linearize(cuts.frame, before.unknowns, before.pull)
+        pieces, inside, *_ = _place_cuts(self.structure, self.members, self.places)
+        frame = self.structure.frame.cut(pieces, inside)
+        before = self._convert(self.before, frame, True)
+        tangent = linearize(frame, before.unknowns, before.pull)
         before = before._replace(pull=tangent.forces.values[:, 0])
-        return replace(self, before=before, cuts=cuts)
+        return replace(self, before=before, frame=frame)
 
     def _complete(self, unknowns: Array) -> Array:
         """Add the unknowns of undeformed tubes, which turn with their hinges, to unknowns (u,)."""
@@ -324,7 +311,7 @@ class BentTubes:
         """
         changes = self._changes
         ways = np.concatenate([loads.reshape(-1, loads.shape[2]), positions])
-        forces = self.tangent.length_rates[:, :, None] * (self.cuts.longer @ positions)[:, None]
+        forces = self.tangent.length_rates[:, :, None] * (self._longer @ positions)[:, None]
         nodes = self.frame.displacements(changes.unknowns[:, :-1] @ ways)
         return nodes, changes.responses[:, 2, :-1] @ ways, forces
 
@@ -344,7 +331,7 @@ class BentTubes:
     def _force_changes(self, ways: Array, changes: Array) -> tuple[Array, Array]:
         """Return the changes of `EndForces.values` (p, 3) and chord lengths (p,) by `ways`."""
         forces, longer = self.tangent.force_changes(self.frame.displacements(changes)[..., None])
-        slid = (self.cuts.longer @ ways[self._moving])[:, None]
+        slid = (self._longer @ ways[self._moving])[:, None]
         return forces[..., 0] + self.tangent.length_rates * slid, longer[:, 0]
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
@@ -366,7 +353,7 @@ class BentTubes:
 def _place_cuts(
     structure: Structure, members: Indices, positions: Array
 ) -> tuple[Indices, Array, Array, Array]:
-    """Return pieces, distances from their starts, `Cuts.ahead` and `Cuts.places`, all (k,)."""
+    """Return pieces, distances (k,) from their starts, and `BentTubes.ahead` and `apart`."""
     pieces, within, ahead = structure.locate(members, positions)
     inside = keep_apart(pieces, within, structure.frame.length[pieces])
     return pieces, inside, ahead, positions + ahead * (inside - within)
