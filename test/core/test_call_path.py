@@ -14,8 +14,8 @@ ROOT = Path(__file__).parents[2]
 BOUNDS = {
     'twist to roller command': (17, 128),
     'tick of the node: twist': (37, 215),
-    'closure by (10)': (25, 126),
-    'flag of the node: held': (43, 576),
+    'closure by (10)': (26, 130),
+    'flag of the node: held': (44, 578),
 }
 
 

@@ -19,7 +19,8 @@ from isotruss_ros.core.fixed_object.surfaces import Surface, surface_of
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+from isotruss_ros.core.model.pose import check_range
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
@@ -112,11 +113,7 @@ def _check_arguments(
     config: Configuration, body: ConvexObject, method: str, spacing: float
 ) -> float:
     """Check method, spacing and overlap, see `analyze_grasp`; return the spacing [m]."""
-    (distance,) = finite_array([spacing], 1, 'spacing [m]', GraspError).tolist()
-    if not SPACING_RANGE[0] <= distance <= SPACING_RANGE[1]:
-        raise GraspError(
-            f'spacing {spacing!r} m: must be from {SPACING_RANGE[0]} to {SPACING_RANGE[1]} m'
-        )
+    distance = check_range(spacing, 'spacing', 'm', *SPACING_RANGE)
     if method not in SOLVERS:
         raise GraspError(f'method {method!r}: must be one of {", ".join(SOLVERS)}')
     depths = member_depths(config, body)

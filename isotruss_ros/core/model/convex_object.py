@@ -15,7 +15,6 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import check_range, MAX_FRICTION, MAX_MASS, Pose, pose_fault
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
-from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import (
     Array,
     finite_array,
@@ -193,11 +192,7 @@ def _copy_with(body: ConvexObject, **fields: object) -> ConvexObject:
 
 def check_friction(value: float, what: str = 'friction') -> float:
     """Return a checked coefficient of friction [-]."""
-    (friction,) = finite_array([value], 1, what, GraspError).tolist()
-    if not 0.0 <= friction <= MAX_FRICTION:
-        hint = likely_unit(friction, '', 0.0, MAX_FRICTION)
-        raise GraspError(f'{what} {value!r}: must be from 0 to {MAX_FRICTION:g}{hint}')
-    return float(friction)
+    return check_range(value, what, '', 0.0, MAX_FRICTION)
 
 
 def check_load(

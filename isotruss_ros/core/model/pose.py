@@ -62,8 +62,9 @@ def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
 
 def check_range(value: float, what: str, unit: str, low: float, high: float) -> float:
     """Return a checked number; raise GraspError if it is not finite or not within its range."""
-    (number,) = finite_array([value], 1, f'{what} [{unit}]', GraspError)
+    words, unit_name = (f'{what} [{unit}]', f' {unit}') if unit else (what, '')
+    (number,) = finite_array([value], 1, words, GraspError).tolist()
     if not low <= number <= high:
-        hint = likely_unit(float(number), unit, low, high)
-        raise GraspError(f'{what} {value!r} {unit}: must be from {low:g} to {high:g} {unit}{hint}')
+        limits = f'from {low:g} to {high:g}{unit_name}{likely_unit(number, unit, low, high)}'
+        raise GraspError(f'{what} {value!r}{unit_name}: must be {limits}')
     return float(number)
