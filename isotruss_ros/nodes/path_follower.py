@@ -191,7 +191,7 @@ class PathFollower(ManagedNode):
         if step.outcome is not None:
             self._end(step.outcome, step.message)
             return
-        self._publish_twist(step.twist)
+        self._publish_twist(step.tracking.twist)
         feedback = {name: getattr(step.tracking, name) for name in FEEDBACK}
         self._goal.publish_feedback(lambda: FollowObjectPath.Feedback(**feedback))
         self.diagnostics.set_status(step.tracking.phase.name.lower())

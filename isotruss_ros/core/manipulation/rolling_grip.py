@@ -84,8 +84,8 @@ class RollingGrip:
         none = np.zeros((2, len(owners)))
         rolling = cls(config, grip, angles, owners, corners, none, sides, shape)
         body, lines = grip.body, rolling._lines(config)
-        touch = rolling._touch(lines, body.center, body.pose.angle, corners)
-        return replace(rolling, invariants=touch.values)
+        invariants, _ = rolling._touch(lines, body.center, body.pose.angle, corners)
+        return replace(rolling, invariants=invariants)
 
     @property
     def pose(self) -> Pose:
@@ -122,15 +122,13 @@ class RollingGrip:
                 invariants=self.invariants[:, kept],
             )
             other = fewer._rolled(config)
-            if other.misfit < rolled.misfit and self._clears(other):
-                rolled = other
+            if other.misfit < rolled.misfit:
+                center, angle = other.grip.center, other.grip.body.pose.angle
+                (gaps, _), _ = self._touch(self._lines(config), center, angle, self.corners)
+                # A lifted end must not penetrate the member.
+                if (gaps >= self.invariants[0] - other.misfit - ROUNDING).all():
+                    rolled = other
         return rolled
-
-    def _clears(self, rolled: RollingGrip) -> bool:
-        """Return whether no corner of a face in contact penetrates a member after rolling."""
-        body, lines = rolled.grip.body, rolled._lines(rolled.config)
-        touch = self._touch(lines, body.center, body.pose.angle, self.corners)
-        return bool((touch.values[0] >= self.invariants[0] - rolled.misfit - ROUNDING).all())
 
     def _rolled(self, config: Configuration) -> RollingGrip:
         """Return the grip in another configuration with the same contacts."""
@@ -139,9 +137,9 @@ class RollingGrip:
         for step in range(MAX_NEWTON_ITERATIONS):
             if step < 10:  # later the corners are fixed, against cycling by rounding
                 corners = self._lowest(lines.normals * cmath.rect(1.0, -angle))
-            touch = self._touch(lines, center, angle, corners)
-            off = (touch.values - self.invariants).ravel()
-            rows = touch.rows * (1.0, 1.0, 1.0 / body.arm)
+            values, rates = self._touch(lines, center, angle, corners)
+            off = (values - self.invariants).ravel()
+            rows = rates * (1.0, 1.0, 1.0 / body.arm)
             x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=ROUNDING)[0]
             center += complex(x, y)
             angle += turn / body.arm
@@ -187,8 +185,14 @@ class RollingGrip:
         travel[nodes.driven] = config.roller_positions[nodes.rollers]
         return _Lines(starts, axes, axes * (-1j * self.sides), travel)
 
-    def _touch(self, lines: _Lines, center: complex, angle: float, corners: Indices) -> _Touch:
-        """Return the contacts' gaps and anchors (see `_Touch`) at a pose with given corners."""
+    def _touch(
+        self, lines: _Lines, center: complex, angle: float, corners: Indices
+    ) -> tuple[Array, Array]:
+        """
+        Return the invariants (2, k) at a pose with given corners, as if contacts rolled there.
+
+        The second array (2 k, 3) has their derivatives with respect to the object's twist.
+        """
         shape, turn, owners = self.shape, cmath.rect(1.0, angle), self.owners
         normals = lines.normals * turn.conjugate()
         points = shape.surface_at(corners, normals[owners])[0]
@@ -200,14 +204,7 @@ class RollingGrip:
         # Gaps along i side axis, anchors along the axis.
         by_gap = np.stack([-axes.imag, axes.real, turned.real], axis=1) * sides[:, None]
         by_anchor = np.stack([axes.real, axes.imag, -turned.imag], axis=1)
-        return _Touch(values, np.concatenate([by_gap, by_anchor]))
-
-
-class _Touch(NamedTuple):
-    """Gaps and anchors of an object's k contacts, which stay constant while contacts roll."""
-
-    values: Array  #: (2, k) gaps and anchors, see `RollingGrip.invariants` [m]
-    rows: Array  #: (2 k, 3) derivatives of gaps and anchors with respect to the object's twist
+        return values, np.concatenate([by_gap, by_anchor])
 
 
 class _Lines(NamedTuple):

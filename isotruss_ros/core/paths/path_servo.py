@@ -19,16 +19,13 @@ from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.inputs import InputError, InputFault, LatestInputs, require_fresh
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.pose import Pose, pose_difference
-from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_tracking import (
-    FINISHED,
     PathPhase,
     PathTracker,
     Tracking,
     TrackingSettings,
 )
-import numpy as np
 
 
 class PathOutcome(enum.IntEnum):
@@ -54,10 +51,9 @@ class ServoFeedback(NamedTuple):
 class Step(NamedTuple):
     """Output of the path servo in one control cycle: twist, or result of a path that has ended."""
 
-    twist: Array  #: (3,) twist of the object, robot frame [m/s, rad/s]
-    outcome: PathOutcome | None  #: result of path following; None while the path is followed
-    message: str  #: sentence with the result of path following
-    tracking: Tracking | None  #: state of the tracking; None if unknown
+    tracking: Tracking | None  #: twist and state of the tracking; None after an invalid input
+    outcome: PathOutcome | None = None  #: result of path following; None while it is followed
+    message: str = ''  #: sentence with the result of path following
 
 
 #: Result of path following for each final phase.
@@ -110,7 +106,7 @@ class PathServo:
             feedback = self._last_feedback(now)
         except InputError as error:
             if now - self._answered > self.timeout:
-                return Step(np.zeros(3), PathOutcome.STOPPED, str(error), None)
+                return Step(None, PathOutcome.STOPPED, str(error))
             feedback = ServoFeedback(Status.HALT_NO_TWIST, 0.0, str(error))
         held = feedback.code >= Status.HALT_NO_TWIST
         self.tracker.allow_for_inertia(feedback.frequency)
@@ -119,13 +115,13 @@ class PathServo:
             age = now - pose.time
             tracking = self.tracker.update(pose.value, age, elapsed, feedback.scale, held)
         except (InputError, PathError) as error:
-            return Step(np.zeros(3), PathOutcome.STOPPED, str(error), None)
-        if tracking.phase not in FINISHED:
-            return Step(tracking.twist, None, '', tracking)
-        outcome, message = OUTCOMES[tracking.phase], tracking.message
+            return Step(None, PathOutcome.STOPPED, str(error))
+        if tracking.phase not in OUTCOMES:
+            return Step(tracking)
+        message = tracking.message
         if feedback.message:
             message = f'{message}; manipulation: {feedback.message}'
-        return Step(tracking.twist, outcome, message, tracking)
+        return Step(tracking, OUTCOMES[tracking.phase], message)
 
     def _last_feedback(self, now: float) -> ServoFeedback:
         """Return the feedback on the last twist; raise InputError if it is stale or invalid."""
