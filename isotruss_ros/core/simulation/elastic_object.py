@@ -34,6 +34,7 @@ class ElasticObject:
     equilibrium exists, the object is lost: the members push it out of the grip, and it stands on
     the ground again.
 
+    :ivar grasp: equilibrium of the held object; None while the object is not held.
     :ivar dropped: reason why the grip lost the object; None if the object is held or was never
         held.
     :param body: the object at its initial pose.
@@ -50,16 +51,11 @@ class ElasticObject:
         self._friction, self._scale = check_friction(friction), scale
         angle = math.remainder(body.pose.angle, 2.0 * math.pi)
         self._body = body.moved_to(body.pose._replace(angle=angle))  # pose while not held
-        self._grasp: HeldGrip | None = None
+        self.grasp: HeldGrip | None = None
         self._wrench = np.zeros(3)
-        self._pulled_anew = False
+        #: Configuration in the last step; None at first and after a change of the wrench.
         self._followed: Configuration | None = None
         self.dropped: HoldStatus | None = None
-
-    @property
-    def grasp(self) -> HeldGrip | None:
-        """Return the equilibrium of the held object; None while the object is not held."""
-        return self._grasp
 
     @property
     def external_wrench(self) -> Array:
@@ -74,12 +70,12 @@ class ElasticObject:
         :raises GraspError: the wrench is not three finite numbers within range.
         """
         self._wrench = load_array(wrench, 3, EXTERNAL_WRENCH, GraspError)
-        self._pulled_anew = True
+        self._followed = None
 
     @property
     def slip_margin(self) -> float:
         """Return the smallest additional wrench at which a held object slips, else zero [N]."""
-        return 0.0 if self._grasp is None else self._grasp.slip_margin(self._friction)
+        return 0.0 if self.grasp is None else self.grasp.slip_margin(self._friction)
 
     def joints(self, config: Configuration) -> Array:
         """
@@ -87,25 +83,25 @@ class ElasticObject:
 
         :param config: configuration of the robot in the last step.
         """
-        if self._grasp is None:
+        if self.grasp is None:
             return config.nodes[: len(config.robot.topology.joint_names)]
-        return held_joints(self._grasp)
+        return held_joints(self.grasp)
 
     def pose(self, config: Configuration) -> Pose:
         """Return the object's pose after the last step; see `SimulatedObject.pose`."""
-        return self._body.pose if self._grasp is None else self._grasp.pose
+        return self._body.pose if self.grasp is None else self.grasp.pose
 
     @single_threaded
     def follow(self, config: Configuration) -> None:
         """Move the object with the robot; see `SimulatedObject.follow`."""
-        if config is self._followed and not self._pulled_anew:
+        if config is self._followed:
             return
-        before, self._followed, self._pulled_anew = self._followed, config, False
-        if self._grasp is None:
+        before, self._followed = self._followed, config
+        if self.grasp is None:
             self._touch(before, config)
-        if self._grasp is not None:
-            self._roll(self._grasp, config)
-        if self._grasp is None:
+        if self.grasp is not None:
+            self._roll(self.grasp, config)
+        if self.grasp is None:
             self._body = push_out(config, self._body)
 
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
@@ -120,7 +116,7 @@ class ElasticObject:
             except NotHeldError:
                 continue
             if grasp.hold(self._friction) is HoldStatus.HELD:
-                self._grasp, self.dropped = grasp, None
+                self.grasp, self.dropped = grasp, None
                 return
 
     def _first_touch(self, before: Configuration, config: Configuration) -> Configuration:
@@ -163,6 +159,6 @@ class ElasticObject:
             part = 0.5 * part
             if part < 1.0 / 64.0:
                 self._body = self._body.moved_to(before.pose)
-                self._grasp, self.dropped = None, hold
+                self.grasp, self.dropped = None, hold
                 return
-        self._grasp = before
+        self.grasp = before
