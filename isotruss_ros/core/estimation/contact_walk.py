@@ -50,11 +50,7 @@ class ContactWalk:
         self._walked = self._walked + more
 
     def attach(self, change: Array) -> None:
-        """
-        Change the derivatives (3, c) of the pose by the roller offsets, see `add`.
-
-        They change after a search for an equilibrium, which does not correct the pose.
-        """
+        """Add a change (3, c) of the derivatives in `add` by a search, which moves no object."""
         self._attached = self._attached + change
 
     def add(
@@ -67,14 +63,12 @@ class ContactWalk:
         spread: Array,
     ) -> None:
         """
-        Add a correction of the pose, and update the sums.
+        Add a correction `moved` (3,) of the pose by contacts and unexplained pose [m].
 
-        :param moved: (3,) correction of the pose by contacts and unexplained pose [m].
-        :param prior: (3, 3) covariance of contacts and unexplained pose before the correction
-            [m^2].
+        If the derivatives `by_offsets` (3, c) of the pose change, an error of an offset moves it.
+
+        :param prior: (3, 3) covariance of contacts and unexplained pose before it [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].
-        :param by_offsets: (3, c) derivatives of the pose by the roller offsets. If they change, an
-            error of an offset moves the pose.
         :param spread: (c, c) covariance of the offsets.
         """
         by_offsets = by_offsets - self._attached

@@ -258,9 +258,9 @@ class GripBelief:
         """
         cache, lag, even = self.cache, self.lag, self._even
         stamp = lag.time - age - self.state.delay
-        rolled = lag.at(stamp)
+        rolled = lag.way.at(stamp)
         # Earlier readings: their encoder noise is independent of that in the innovation.
-        first, last = (lag.at(stamp - n * DELAY_DEVIATION) for n in (2, 1))
+        first, last = (lag.way.at(stamp - n * DELAY_DEVIATION) for n in (2, 1))
         speed = (last - first) / DELAY_DEVIATION
         expected = self.pose - pose_difference(lag.last, rolled)
         innovation = even * pose_difference(pose, expected)

@@ -58,10 +58,7 @@ def shift_deviations(grasp: HeldGrip, anchored: Array, friction: float) -> Array
     Return the prior deviations (m,) of the contacts' shifts along the members [m].
 
     A deviation is twice the shift that causes slip, but at most the object's characteristic
-    radius.
-
-    :param anchored: derivatives of the unknowns of the equilibrium, see `anchor_rates`.
-    :param friction: coefficient of friction [-].
+    radius; for `anchored` see `anchor_rates`.
     """
     members = np.eye(len(grasp.members))[grasp.contacts.owners]
     presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
@@ -78,12 +75,7 @@ class StateRates(NamedTuple):
 
     @classmethod
     def of(cls, grasp: HeldGrip, anchored: Array) -> StateRates:
-        """
-        Return the derivatives of pose and squeeze by the state at an equilibrium.
-
-        :param grasp: the equilibrium; its `response` is not None.
-        :param anchored: derivatives of the unknowns of the equilibrium, see `anchor_rates`.
-        """
+        """Return the derivatives at an equilibrium that is not neutral, see `anchor_rates`."""
         even, members = np.array([[1.0], [1.0], [grasp.arm]]), len(grasp.members)
         by_shift = anchored @ np.eye(members)[grasp.contacts.owners]
         pose, squeeze = np.zeros((3, SHIFTS + members)), np.zeros(SHIFTS + members)
@@ -117,11 +109,7 @@ class OffsetRates(NamedTuple):
         return cls(grasp, found, by_offsets[:3], by_offsets[3])
 
     def joint_rates(self, shifts: Array) -> Array:
-        """
-        Return the derivatives (2j, r) of the joint positions with respect to the roller offsets.
-
-        :param shifts: (m, r) derivatives of the contacts' shifts with respect to roller offsets.
-        """
+        """Return those (2j, r) of the joint positions, for those (m, r) of contacts' shifts."""
         joints, count = self.gradient.joints, len(self.grasp.config.roller_positions)
         along = anchors_by_offsets(self.grasp) + shifts[self.grasp.contacts.owners]
         return joints[:, :count] + joints[:, count:] @ along

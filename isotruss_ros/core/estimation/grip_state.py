@@ -83,11 +83,10 @@ class GripState(SchmidtFilter):
 
     def correct(self, off: Array, speed: Array, cache: EquilibriumCache, time: float) -> Array:
         """
-        Update the belief with a pose; return the change (n,) of the state.
+        Update the belief with the innovation `off` (3,) of a pose [m]; return the change (n,).
 
-        :param off: (3,) innovation of the pose, rotations times the arm [m].
-        :param speed: (3,) velocity of the object at the pose's time, rotations times the arm
-            [m/s].
+        :param speed: (3,) velocity of the object at the pose's time; as `off`, rotations times the
+            arm [m/s].
         """
         rates, noise = cache.rates.pose.copy(), np.diag(self.noise.variances)
         rates[:, DELAY] = -speed

@@ -20,9 +20,10 @@ import numpy as np
 
 class InputLag:
     """
-    Poses by roller travel alone over time, and corrections that the control does not contain yet.
+    Poses by roller travel alone, and corrections that the control does not contain yet.
 
     :ivar time: current time, from zero at the start [s].
+    :ivar way: poses (3,) by roller travel alone over time [m, m, rad].
     :ivar travelled: (3,) pose by roller travel alone at the last equilibrium [m, m, rad].
     :param pose: (3,) first pose [m, m, rad].
     """
@@ -30,8 +31,8 @@ class InputLag:
     def __init__(self, pose: Array) -> None:
         self.time, self.travelled = 0.0, pose
         self._measured = 0.0, pose  # time of the last measured rollers, and pose then
-        self._way = Timeline()
-        self._way.add(*self._measured)
+        self.way = Timeline()
+        self.way.add(*self._measured)
         # Corrections of pose [m, m, rad] and squeeze [N] in the two low-pass filters in series.
         self._filters = np.zeros((2, 4))
 
@@ -43,24 +44,20 @@ class InputLag:
     @property
     def last(self) -> Array:
         """Return the pose (3,) by roller travel alone, now [m, rad]."""
-        return self._way.last[1]
-
-    def at(self, time: float) -> Array:
-        """Return the pose (3,) by roller travel alone at a time [m, rad]."""
-        return self._way.at(time)
+        return self.way.last[1]
 
     def stay(self) -> None:
         """Store that the object has not moved since the last equilibrium."""
-        self._way.add(self.time, self.travelled)
+        self.way.add(self.time, self.travelled)
 
     def record(self, pose: Array, since: Array, age: float) -> None:
         """Store the pose (3,) now, and that at the last measured rollers: `since` less."""
         # The last call's prediction is replaced, because rollers may follow their commands late.
-        self._way.add(*self._measured)
+        self.way.add(*self._measured)
         self._measured = self.time - age, pose - since
-        self._way.add(*self._measured)
-        self._way.add(self.time, pose)
-        self._way.discard_before(self.time - MAX_TIMEOUT)
+        self.way.add(*self._measured)
+        self.way.add(self.time, pose)
+        self.way.discard_before(self.time - MAX_TIMEOUT)
 
     def hold_back(self, correction: Array) -> None:
         """Put a correction (4,) of pose and squeeze into the first filter."""

@@ -53,15 +53,13 @@ class OffsetEstimator(OffsetFilter):
         """
         Update the offsets with a message of markers; return whether at least one was used.
 
-        :param markers: measured position (x, y) for the name of each joint [m].
-        :param deviation: standard deviation of a coordinate [m].
         :param readings: (r,) encoder readings at that time [m], and (n, r) all stored ones.
         :param place: function that returns joint positions for offsets, see `update`.
         """
         now, stored = readings
         rows = np.array([2 * self._names.index(name) + i for name in markers for i in (0, 1)])
         values, rates = place(self.offsets)
-        expected, slopes = self.expect(values, rates, rows)
+        expected, slopes = self.expect(values, rates, rows, self.mean)
         measured = np.array(list(markers.values()), dtype=float).ravel()
         encoders = self._settings.encoders**2 * rates[rows] @ rates[rows].T
         noise = deviation**2 * np.eye(len(rows)) + encoders
@@ -77,7 +75,7 @@ class OffsetEstimator(OffsetFilter):
         self.swapped = () if swapped is None else tuple(sorted(names[list(swapped)].tolist()))
         self._inconsistent = 0 if self.used or self.swapped else self._inconsistent + 1
         if self._inconsistent >= MAX_INCONSISTENT_MESSAGES:  # e.g. after a restart of the encoders
-            self.forget()
+            self.inflate(np.full_like(now, np.inf))
             self._inconsistent = 0
         chosen = np.flatnonzero(np.repeat(used, 2))
         if not len(chosen):

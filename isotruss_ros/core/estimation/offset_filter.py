@@ -77,11 +77,7 @@ class OffsetFilter:
         return bool(squared > scipy.special.chdtri(self._measured.sum(), IMPROBABLE))
 
     def predict(self, elapsed: float, travel: Array) -> None:
-        """
-        Propagate the covariance of offsets and marker errors by process noise.
-
-        :param travel: (r,) absolute roller travel in the elapsed time [m].
-        """
+        """Propagate the covariance by process noise; `travel` (r,) is absolute [m]."""
         settings = self._settings
         self.inflate(settings.slip**2 * SLIP_LENGTH * travel + settings.drift**2 * elapsed)
 
@@ -94,23 +90,15 @@ class OffsetFilter:
         self._prior = self._prior + np.append(added, np.zeros(len(self._prior) - self._count))
         self.covariance = covariance
 
-    def forget(self) -> None:
-        """Set the variances of the offsets to the variance of unknown offsets."""
-        self.inflate(np.full(self._count, MAX_OFFSET_DEVIATION**2))
-
     def expect(
-        self, values: Array, rates: Array, rows: Indices, mean: Array | None = None
+        self, values: Array, rates: Array, rows: Indices, mean: Array
     ) -> tuple[Array, Array]:
         """
         Return the predicted marker coordinates (m,) and their Jacobian (m, n) at a state.
 
-        :param values: (2j,) joint positions x0, y0, x1, y1, ... [m].
-        :param rates: (2j, r) Jacobian of the joint positions with respect to the offsets.
-        :param rows: (m,) indices of the measured coordinates.
-        :param mean: (n,) state; None: the mean.
+        They are the `rows` of the joint positions (2j,) [m] with Jacobian (2j, r) by the offsets.
         """
         constant = self._constant[rows]
-        mean = self.mean if mean is None else mean
         expected = values[rows] + constant @ mean[self._count :]  # noqa: E203
         return expected, np.hstack([rates[rows], constant])
 
@@ -124,11 +112,8 @@ class OffsetFilter:
         """
         Update the state with measured markers; its mean is found by Gauss-Newton steps.
 
-        :param measured: (m,) measured coordinates of markers [m].
-        :param noise: (m, m) covariance of the measurement noise [m^2].
-        :param rows: (m,) indices of the measured coordinates.
-        :param joints: function that returns joint positions and their Jacobian for offsets (r,),
-            as in `expect`.
+        The coordinates (m,) [m] are the `rows` of those that `joints` returns for offsets (r,),
+        see `expect`.
         """
         prior = mean = self.mean
         covariance = self.covariance

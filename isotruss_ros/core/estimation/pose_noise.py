@@ -33,11 +33,7 @@ class PoseNoise:
         self._weight = 0.2  # of the next pose; the prior weighs as much as four poses
 
     def add(self, off: Array) -> None:
-        """
-        Update the estimated variances of the pose noise with a measured pose.
-
-        :param off: (3,) measured pose minus that by roller travel alone, see `variances` [m].
-        """
+        """Update the variances with a pose (3,), minus that by roller travel alone [m]."""
         last, self._last = self._last, off
         if last is None:
             return

@@ -15,13 +15,7 @@ import numpy as np
 
 
 def condition(covariance: Array, rates: Array, noise: Array) -> tuple[Array, Array, Array]:
-    """
-    Return the Kalman gain K (n, m), the matrix I - K H (n, n), and the new covariance.
-
-    :param covariance: (n, n) covariance of the state before the measurement.
-    :param rates: (m, n) derivatives of the measurement with respect to the state.
-    :param noise: (m, m) covariance of the measurement noise.
-    """
+    """Return the Kalman gain K (n, m), I - K H (n, n) for `rates` H, and the new covariance."""
     gain = np.linalg.solve(rates @ covariance @ rates.T + noise, rates @ covariance).T
     remaining = np.eye(len(covariance)) - gain @ rates
     updated = remaining @ covariance @ remaining.T + gain @ noise @ gain.T
@@ -55,25 +49,16 @@ class SchmidtFilter:
         self.sensitivity[:first] = sensitivity[:first]
 
     def spread(self, rates: Array, by_parameters: Array) -> Array:
-        """
-        Return the covariance (m, m) of m linear functions of state and parameters.
-
-        :param rates: (m, n) derivatives of the functions with respect to the state.
-        :param by_parameters: (m, c) derivatives of the functions with respect to the parameters.
-        """
+        """Return the covariance (m, m) of linear functions of state (m, n) and parameters."""
         whole = by_parameters + rates @ self.sensitivity
         return rates @ self.covariance @ rates.T + whole @ self.prior @ whole.T
 
     def predict(self, decay: Array, noise: Array, drift: Array) -> None:
         """
-        Propagate the covariances.
+        Propagate the covariances by variances of the state's noise and the parameters' drift.
 
         The state was biased by the parameters before their drift. Its sensitivity to the later
         ones is smaller (Hsieh and Chen 1999).
-
-        :param decay: (n,) factors by which the components of the state decay.
-        :param noise: (n,) variances of the process noise of the state.
-        :param drift: (c,) variances of the process noise of the parameters.
         """
         before, sensitivity = self.prior, decay[:, None] * self.sensitivity
         self.prior = before + np.diag(drift)
@@ -88,10 +73,6 @@ class SchmidtFilter:
         Update the covariances by a measurement (m,), and return the Kalman gain (n, m).
 
         The gain is that for known parameters.
-
-        :param rates: (m, n) derivatives of the measurement with respect to the state.
-        :param by_parameters: (m, c) derivatives of the measurement with respect to the parameters.
-        :param noise: (m, m) covariance of the measurement noise.
         """
         gain, remaining, self.covariance = condition(self.covariance, rates, noise)
         self.sensitivity = remaining @ self.sensitivity - gain @ by_parameters

@@ -28,12 +28,7 @@ class SlipWatch:
         self._kept: deque[tuple[float, Array, Array, Array]] = deque()
 
     def add(self, time: float, travel: Array, offsets: Array, variances: Array) -> None:
-        """
-        Add an estimate of the offsets, and compare it with that of `SLIP_SPAN` before.
-
-        :param travel: (r,) encoder readings [m].
-        :param variances: (r,) variances of the offsets [m^2].
-        """
+        """Add offsets (r,) at encoder readings `travel`; compare with those of `SLIP_SPAN` ago."""
         self._kept.append((time, travel, offsets, variances))
         while time - self._kept[0][0] > SLIP_SPAN:
             self._kept.popleft()
