@@ -33,7 +33,7 @@ def differentiate(wrench):
     """Settle a grasp under a wrench, and read all derivatives of it."""
     settled = settle_grasp(HOME, BODY, 0.5, wrench)
     found = grasp_gradient(settled)
-    return found.stiffness, found.slip_margins
+    return found.stiffness, found.slip_margin
 
 
 def take(wrench):

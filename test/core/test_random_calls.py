@@ -318,7 +318,7 @@ def grasp_gradient(world):
     """Differentiate a settled grasp."""
     grasp = core.settle_grasp(world.config, world.body, abs(world.number(0.2, 1.0)))
     gradient = core.grasp_gradient(grasp)
-    return gradient.pose, gradient.slip_margins, gradient.stiffness, gradient.utilisation
+    return gradient.pose, gradient.slip_margin, gradient.stiffness, gradient.utilisation
 
 
 def estimate(world):

@@ -21,7 +21,7 @@ from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import POSE
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
@@ -36,15 +36,10 @@ STEP = 6e-5
 #: 2e-4 at 0.5 mm from a ring, and by 5e-4 at a small force; with it by 4e-6, at three times it by
 #: 2e-5, and at a third by 8e-6, by rounding.
 KINK_SHARE = 0.01
-#: Values count as equal up to this relative difference [-].
-EQUALITY_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GraspGradient(
-    Record,
-    headline=('parameters', 'gives_way', 'slip_margin', 'most_used', 'needs_most'),
-):
+class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_friction')):
     """
     Derivatives of a `SettledGrasp` with respect to p parameters, while no contact opens or closes.
 
@@ -62,13 +57,10 @@ class GraspGradient(
         `SettledGrasp.normal_forces`.
     :ivar friction_forces: (m, p) derivatives of the friction forces on the object,
         counter-clockwise.
-    :ivar required_friction: (p,) derivatives of the friction coefficient that the member
-        `needs_most[0]` requires.
-    :ivar needs_most: names of the members that need the most friction. If there are several, as in
-        a symmetric grasp, the required friction is not differentiable.
+    :ivar required_friction: (p,) derivatives of the largest required friction coefficient. If
+        several members require it, as in a symmetric grasp, they are those of the first member.
     :ivar utilisation: (n, p) derivatives of the largest utilisation of each member, in the order
         of `Robot.member_names`.
-    :ivar most_used: names of the members with the largest utilisation.
     """
 
     parameters: GraspParameters
@@ -77,9 +69,7 @@ class GraspGradient(
     normal_forces: Array
     friction_forces: Array
     required_friction: Array
-    needs_most: tuple[str, ...]
     utilisation: Array
-    most_used: tuple[str, ...]
     # For second derivatives: tubes with the changes of parameters, and changes of the unknowns.
     # The last three columns of both are for unit wrenches.
     _changes: tuple[LoadedTubes, Array] | None
@@ -101,34 +91,44 @@ class GraspGradient(
         rates[2] *= grip.arm
         return rates
 
+    @functools.cached_property
+    def slip_margin(self) -> Array:
+        """
+        Return the slip margin's derivatives (p,) by the parameters.
+
+        If several members slip at once, as in a symmetric grasp, the slip margin is not
+        differentiable, and the derivatives are those of the first of them.
+        """
+        columns = self.parameters
+        if self._changes is None:
+            rates = np.zeros(columns.size)
+            rates[columns.rollers], rates[columns.place] = self.settled.lost.slip_margin_rates()
+            return rates
+        grip, (_, change) = self.settled.equilibrium, self._changes
+        response, forces = grip.response, grip.state.places.forces
+        planes = slip_planes(response, self.settled.friction)
+        nearest, turn = int((planes.reserve / planes.size).argmin()), planes.about_middle
+        row, presses = planes.rows[nearest], planes.friction_rates[nearest]
+        slope, size = planes.slope[nearest], planes.size[nearest]
+        # The wrench about the object's centroid, which moves around its origin as it turns.
+        way = slope @ turn / size
+        along, x, y = turn @ way, turn[2, 1], -turn[2, 0]
+        distance_rates = row @ change[forces, :-3]
+        longer = row @ self._rates_of(change[:, -3:] @ along[:, None])[forces, :, 0]
+        longer -= slope[2] * (x * way[0] + y * way[1]) * change[2, :-3]
+        opened, plane = divmod(nearest, 2 * len(grip.members))
+        if opened and np.count_nonzero(row) > 1:  # slip after an end has opened
+            end = int(response.ends[opened - 1])
+            more = planes.rows[plane] @ self._opening_rates(opened - 1)
+            distance_rates += more * grip.state.forces[end]
+            longer += more * (response.forces[end] @ along)
+        distance_rates[columns.friction] += presses @ grip.state.forces
+        longer[columns.friction] += presses @ response.forces @ along
+        return (distance_rates - planes.margin * longer) / size
+
     def chance(self, uncertainty: Any) -> Array:
         """Return the derivatives (p + 1,) of the chance, see `Uncertainty.chance_gradient`."""
         return uncertainty.chance_gradient(self)
-
-    @property
-    def slip_margin(self) -> Array:
-        """Return the slip margin's derivatives (p,) by the parameters, for `gives_way[0]`."""
-        return self.slip_margins[0]
-
-    @property
-    def slip_margins(self) -> Array:
-        """
-        Return the slip margin's derivatives (t, p) by the parameters, for t critical conditions.
-
-        A condition is critical if its margin equals the smallest margin within rounding.
-        """
-        return self._margins[0]
-
-    @property
-    def gives_way(self) -> tuple[str, ...]:
-        """
-        Return the names of the members that slip or lose contact first; none without equilibrium.
-
-        If there are several, as in a symmetric grasp, the slip margin is not differentiable: a
-        small step of the parameters changes the slip margin by the smallest of the changes that
-        `slip_margins` predicts for these members.
-        """
-        return self._margins[1]
 
     def _rates_of(self, response: Array) -> Array:
         """Return the derivatives (3 + 4k, p, n) of n responses to wrenches by the parameters."""
@@ -149,43 +149,6 @@ class GraspGradient(
         rates = grip.respond(right)[indices.forces]
         tension = parted[indices.forces][end]
         return -(rates + np.outer(response.opening[number], rates[end])) / tension
-
-    @functools.cached_property
-    def _margins(self) -> tuple[Array, tuple[str, ...]]:
-        if self._changes is None:
-            rates, columns = np.zeros((1, self.parameters.size)), self.parameters
-            rolled, placed = self.settled.lost.slip_margin_rates()
-            rates[0, columns.rollers], rates[0, columns.place] = rolled, placed
-            return rates, ()
-        grip, (_, change) = self.settled.equilibrium, self._changes
-        response, forces = grip.response, grip.state.places.forces
-        planes = slip_planes(response, self.settled.friction)
-        nearest, turn = _find_largest(-planes.reserve / planes.size), planes.about_middle
-        rows, presses, size = planes.rows[nearest], planes.friction_rates[nearest], planes.size
-        # Wrenches about the object's centroid, which moves around its origin as the object turns.
-        ways = planes.slope[nearest] @ turn / size[nearest, None]
-        along, x, y = ways @ turn.T, turn[2, 1], -turn[2, 0]
-        swung = -planes.slope[nearest, 2] * (x * ways[:, 0] + y * ways[:, 1])
-        distance_rates = rows @ change[forces, :-3]
-        few = len(along) < 3
-        basis, shares = (along, np.eye(len(along))) if few else (np.eye(3), along)
-        response_rates = self._rates_of(change[:, -3:] @ basis.T)[forces]
-        longer = np.einsum('ta,apn,tn->tp', rows, response_rates, shares)
-        longer += np.outer(swung, change[2, :-3])
-        opened, planes_at = np.divmod(nearest, 2 * len(grip.members))
-        for i in np.flatnonzero(opened).tolist():
-            end = int(response.ends[opened[i] - 1])
-            if np.count_nonzero(rows[i]) > 1:  # slip after this end has opened
-                more = planes.rows[planes_at[i]] @ self._opening_rates(int(opened[i]) - 1)
-                distance_rates[i] += more * grip.state.forces[end]
-                longer[i] += more * (response.forces[end] @ along[i])
-        column = self.parameters.friction
-        distance_rates[:, column] += presses @ grip.state.forces
-        longer[:, column] += (presses @ response.forces * along).sum(axis=1)
-        names = (len(planes.reserve) // len(grip.member_names)) * grip.member_names
-        margins = planes.reserve[nearest, None] / size[nearest, None]
-        rates = (distance_rates - margins * longer) / size[nearest, None]
-        return rates, tuple(dict.fromkeys(names[i] for i in nearest))
 
 
 @single_threaded
@@ -209,24 +172,21 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     state, indices = grip.state, grip.state.places
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
     change[:, -3:] = grip.response.change
-    used, utilisation = tubes.utilisation(tubes.respond(change))
+    _, utilisation = tubes.utilisation(tubes.respond(change))
     sum_by_member, by_parameters = grip.contacts.sum_by_member, change[:, :-3]
     presses = sum_by_member(by_parameters[indices.normal])
     rubs = sum_by_member(by_parameters[indices.friction])
-    needs = np.abs(grip.friction_forces) / grip.normal_forces
-    most, names = _find_largest(needs), grip.config.robot.member_names
-    normal, friction = grip.normal_forces[most[0]], grip.friction_forces[most[0]]
-    slips = np.sign(friction) * rubs[most[0]] - needs[most[0]] * presses[most[0]]
+    needs = grip.friction_forces / grip.normal_forces
+    most = int(np.abs(needs).argmax())
+    slips = np.sign(needs[most]) * (rubs[most] - needs[most] * presses[most])
     return GraspGradient(
         parameters=parameters,
         settled=settled,
         pose=by_parameters[:3],
         normal_forces=presses,
         friction_forces=-rubs,
-        required_friction=slips / normal,
-        needs_most=tuple(grip.member_names[i] for i in most),
+        required_friction=slips / grip.normal_forces[most],
         utilisation=utilisation[:, :-3],
-        most_used=tuple(names[i] for i in _find_largest(used)),
         _changes=(tubes, change),
     )
 
@@ -244,17 +204,9 @@ def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
         normal_forces=none,
         friction_forces=none,
         required_friction=np.zeros(parameters.size),
-        needs_most=(),
         utilisation=np.zeros((len(settled.utilisation), parameters.size)),
-        most_used=(),
         _changes=None,
     )
-
-
-def _find_largest(values: Array) -> Indices:
-    """Return the indices (t,) of all values that equal the largest one up to rounding."""
-    largest = float(values.max())
-    return np.flatnonzero(values >= largest - EQUALITY_TOLERANCE * abs(largest))
 
 
 @single_threaded

@@ -185,11 +185,6 @@ class SettledGrasp(
         return slip_planes(self.equilibrium.response, self.friction).direction
 
     @property
-    def gap(self) -> float:
-        """Return the root mean square of the members' gaps to the object [m]; 0 in equilibrium."""
-        return 0.0 if self.lost is None else self.lost.gap
-
-    @property
     def utilisation(self) -> dict[str, float]:
         """
         Return the largest ratio of bending moment to wrinkling moment of each member [-].
