@@ -55,11 +55,8 @@ class BeliefStart:
         """
         Search for an equilibrium near the measured pose, or assume one; return the hold status.
 
-        :param gripped: whether the client reports that the object is gripped; only then an
-            equilibrium with the desired squeeze may be assumed.
-        :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-        :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
-            offsets with the standard deviation of the settings.
+        Only if the client reports that the object is gripped, an equilibrium may be assumed. For
+        pressures and `zero_covariance` see `GripBelief`.
         """
         self.belief, description = None, config.robot.description
         prior = PRIOR.calibrated(description, settings.zero_deviation)

@@ -113,11 +113,7 @@ class SqueezeControl:
     def take_offsets(
         self, offsets: Array | float, covariance: Array | None, time: float | None = None
     ) -> None:
-        """
-        Set the roller offsets (r,) that all roller positions include, with their covariance.
-
-        :param time: stamp of the covariance [s]; None: a new covariance.
-        """
+        """Set the offsets (r,) of all roller positions; the stamp is that of their covariance."""
         before, self._offsets, belief = self._offsets, offsets, self.belief
         self._zeros = covariance
         if belief is None:
@@ -143,9 +139,8 @@ class SqueezeControl:
         The estimated equilibrium rolls with the robot. If it ceases to exist, a later call
         searches for a new one near the measured pose; each call searches at most once.
 
-        :param elapsed: time since the previous cycle [s].
-        :param sample: last measured pose, and its age relative to the configuration [s]; a pose
-            is used once. None: a new pose, that of the grip, with zero age.
+        :param sample: last measured pose, which is used once, and its age relative to the
+            configuration [s]; None: a new pose, that of the grip.
         :param rollers: measured roller positions, see `GripBelief.follow`.
         """
         self._elapsed, belief = elapsed, self.belief
@@ -217,11 +212,7 @@ class SqueezeControl:
         return force
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
-        """
-        Move the desired pose of the object by the executed part of a twist.
-
-        :param missing: (3,) part that limits of acceleration, or barriers, took away.
-        """
+        """Move the desired pose by the executed part of a twist; limits took `missing` away."""
         if command.status in CHANGED:
             # Where the twist is unreachable, its correction is as well: the desired pose follows.
             self._velocity = command.achieved_twist - self._corrected - missing
@@ -269,11 +260,7 @@ class SqueezeControl:
             self.fault, self._why = fault, why
 
     def note(self, squeeze: tuple[float, float] | None = None) -> str:
-        """
-        Return a sentence that describes the fault of the grip; empty if there is none.
-
-        :param squeeze: estimated squeeze and its standard deviation [N]; None without a belief.
-        """
+        """Return a sentence on the fault of the grip and on an unknown squeeze, or nothing."""
         if self.fault is Status.HALT_OSCILLATES:
             return f'the object oscillates: the pose gain is reduced to {self.gain:.3g} 1/s'
         if self.fault is not None:
@@ -290,7 +277,7 @@ class SqueezeControl:
         An oscillation halves the gain, and is a fault until `REST_TIME` has passed.
 
         :param elapsed: time since the previous pose [s].
-        :param velocity: (3,) executed part of the commanded twist [m/s, rad/s].
+        :param velocity: (3,) executed part of the twist [m/s, rad/s].
         """
         state, surface = belief.state, velocity * np.array([1.0, 1.0, belief.grasp.arm])
         travel = elapsed * float(np.linalg.norm(surface))

@@ -58,7 +58,6 @@ class SwingWatch:
         :param pose: (3,) estimated pose minus the pose by roller travel alone, rotations times the
             characteristic radius [m]. Missing control cycles do not change it.
         :param noise: standard deviation of the measured pose [m].
-        :param elapsed: time since the previous pose [s].
         :param travel: commanded travel since the previous pose [m].
         """
         passed = -math.expm1(-elapsed / self._filter_time)

@@ -106,6 +106,15 @@ def test_the_deviation_of_a_shift_is_twice_that_which_causes_slip():
         assert deviation < MODEL.arm
 
 
+def test_a_slip_in_the_model_starts_a_search_after_the_correlation_time_of_loads(monkeypatch):
+    slippery, times = replace(GRIP, friction=0.9 * MODEL.required_friction), []
+    belief = GripBelief(MODEL, slippery, EstimatorSettings(load_time=0.3))
+    monkeypatch.setattr(belief, 'attach', lambda *_: times.append(belief.lag.time))
+    for _ in range(20):
+        assert belief.follow(CONFIG, 0.02, None) is HoldStatus.HELD
+    assert 0.3 < times[0] < 0.35
+
+
 def test_an_assumed_squeeze_is_an_error_of_the_squeeze():
     belief = believed(squeeze_error=0.0)
     known, belief.is_assumed = belief.geometric_deviation, True

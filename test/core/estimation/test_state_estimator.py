@@ -149,8 +149,10 @@ def test_joint_covariance_has_the_offsets_and_the_error_of_the_model():
     assert added == pytest.approx(2e-3**2 * np.eye(len(added)), abs=1e-15)
 
 
-def test_offsets_of_a_robot_without_object_agree_with_least_squares():
-    drawn = DrawnRobot(1, settings=replace(EXACT, drift=0.0, slip=0.0), random_slip=False)
+@pytest.mark.parametrize('encoders', [0.0, 2e-3])
+def test_offsets_of_a_robot_without_object_agree_with_least_squares(encoders):
+    settings = replace(EXACT, drift=0.0, slip=0.0, encoders=encoders)
+    drawn = DrawnRobot(1, settings=settings, random_slip=False)
     told = []
     for _ in range(6):
         drawn.move()
@@ -160,8 +162,11 @@ def test_offsets_of_a_robot_without_object_agree_with_least_squares():
     def misfit(zeros):
         off = [zeros / EXACT.zero_deviation]
         for readings, markers in told:
-            joints = ROBOT.home.moved_to(readings + zeros).nodes[: len(NAMES)]
-            off.append((joints - np.array([markers[name] for name in NAMES])).ravel() / MARKER)
+            config, count = ROBOT.home.moved_to(readings + zeros), len(NAMES)
+            missing = config.nodes[:count] - np.array([markers[name] for name in NAMES])
+            rates = config.node_jacobian[: 2 * count]
+            noise = MARKER**2 * np.eye(2 * count) + encoders**2 * rates @ rates.T
+            off.append(np.linalg.solve(np.linalg.cholesky(noise), missing.ravel()))
         return np.concatenate(off)
 
     best = scipy.optimize.least_squares(misfit, np.zeros(6), xtol=1e-12)
