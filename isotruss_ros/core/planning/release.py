@@ -34,9 +34,6 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
-#: Squeeze at the end of the unloading relative to the initial squeeze [-]. When the last contact
-#: opens, the object springs back by this fraction of its deflection.
-REMAINING_SQUEEZE = 2e-3
 #: Number of steps of the unloading [-]. Of 64 discs, ellipses, boxes and hexagons the median is
 #: displaced by 0.13 mm on the way, with 2 steps by 0.8 mm. None slips; with 2 or 15 steps one
 #: does.
@@ -114,7 +111,7 @@ def _unload(
     # On the straight line to a grip almost without forces, all contact forces decrease in
     # proportion; so the waypoints are near this line. On the shortest way to less squeeze, the
     # friction may rise until contacts slip.
-    remaining = REMAINING_SQUEEZE * grasp.squeeze
+    remaining = -FIRST_INDENTATION * diameter * grasp.squeeze_stiffness()
     end = squeeze_in_place(grasp, remaining, closing).config.roller_positions
     for pieces in range(UNLOADING_STEPS, 1, -1):
         start = grasp.config.roller_positions

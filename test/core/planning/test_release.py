@@ -111,7 +111,8 @@ def test_contacts_that_share_a_face_do_not_slip_in_the_release():
         closings.drive(robot, piece)
         assert thing.grasp.required_friction < friction + 0.2
         assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=2e-3)
-    closings.drive(robot, release.path[release.apart - 2 :])
+    first = release.apart - 2
+    closings.drive(robot, release.path[first:])
     assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=2e-3)
 
 
