@@ -54,7 +54,7 @@ def solve_contact(points: ContactPoints, surface: Surface) -> ContactState:
         )
         for push in (ahead, pressing * normals):
             displacements = points.displacements(push)
-            gaps_left, turned, _ = surface.nearest(away + displacements)  # (5)
+            gaps_left, turned = surface.nearest(away + displacements)  # (5)
             # (6), (7): no force pulls, and none is tangential.
             local, sizes = push * turned.conj(), np.abs(push)
             if (
@@ -82,7 +82,7 @@ def _settle_normals(
             raise SolverError('the contact compliance is not positive definite')
         forces = pressing * normals
         moved = points.displacements(forces)
-        distances, turned, _ = surface.nearest(away + moved)
+        distances, turned = surface.nearest(away + moved)
         change = float(np.abs(turned - normals).max())
         normals, gaps = turned, distances - (moved * turned.conj()).real
         # The change in the next step is negligible.

@@ -34,7 +34,7 @@ def relax_contact(points: ContactPoints, surface: Surface) -> ContactState:
         gaps, compliance = surface.open_gaps(away, normals), points.normal_compliance(normals)
         forces = _iterate(gaps, compliance, forces)
         displacements = points.displacements(forces * normals)
-        distances, normals, _ = surface.nearest(away + displacements)
+        distances, normals = surface.nearest(away + displacements)
         if (distances >= -MAX_GAP).all() and (distances[forces > 0.0] <= MAX_GAP).all():
             return ContactState(forces, distances, normals, displacements)
     raise SolverError(

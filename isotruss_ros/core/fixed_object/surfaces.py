@@ -52,10 +52,10 @@ class Surface:
             # The normal nearest to the centre is arbitrary; upward is used.
             upward = np.full(len(away), 1j)
             normals = np.divide(away, sizes, out=upward, where=sizes > 0.0)
-            return SurfacePoints(sizes - self.reach, normals, np.full(len(away), self.reach))
+            return SurfacePoints(sizes - self.reach, normals)
         local = away * self.body.turn.conjugate() + self.shape.centroid
-        gaps, normals, radii = self.shape.nearest(local)
-        return SurfacePoints(gaps - self.margin, normals * self.body.turn, radii + self.margin)
+        gaps, normals = self.shape.nearest(local)
+        return SurfacePoints(gaps - self.margin, normals * self.body.turn)
 
     def facing(self, away: Points, axis: Points) -> Points:
         """Return the outward normals (c,) toward points `away` (c,) of straight tubes."""

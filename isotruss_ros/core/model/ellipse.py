@@ -86,12 +86,11 @@ class Ellipse(Shape):
         normals = normalize(x + 1j * y / flat**2)
         # Signed distance along the normal, from the difference to the foot.
         gaps = ((u - x + 1j * (v - y)) * normals.conj()).real
-        radii = flat**2 * (x**2 + y**2 / flat**4) ** 1.5
         if not lying:
             normals = normals.imag + 1j * normals.real
         signed = np.copysign(normals.real, points.real)
         signed = signed + 1j * np.copysign(normals.imag, points.imag)
-        return SurfacePoints(long * gaps, signed, long * radii)
+        return SurfacePoints(long * gaps, signed)
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths from the x axis to surface points; see `Shape.unroll`."""

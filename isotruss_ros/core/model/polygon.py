@@ -192,19 +192,17 @@ class Polygon(PolygonalShape):
         beyond = after.real - self.radii
         side = beyond.argmax(axis=1)
         gaps, normals = beyond[rows, side], self.normals[side]
-        radii = np.full(len(points), np.inf)
         # An arc is nearest where the direction from its centre is in its normal cone.
         beside = (after.imag < 0.0) & (before > 0.0)
         if not beside.any():
-            return SurfacePoints(gaps, normals, radii)
+            return SurfacePoints(gaps, normals)
         distance = np.where(beside, np.abs(away) - self.radii, -np.inf)
         corner = distance.argmax(axis=1)
         gap = distance[rows, corner]
         at = np.flatnonzero(gap > gaps)
-        corner, near = corner[at], away[at, corner[at]]
-        gaps[at], radii[at] = gap[at], self.radii[corner]
-        normals[at] = near / np.abs(near)
-        return SurfacePoints(gaps, normals, radii)
+        near = away[at, corner[at]]
+        gaps[at], normals[at] = gap[at], near / np.abs(near)
+        return SurfacePoints(gaps, normals)
 
     def smoothed(self, length: float) -> Shape:
         """

@@ -34,7 +34,6 @@ class SurfacePoints(NamedTuple):
     #: (c,) unit vectors x + iy, the outward normals at the nearest points; at a sharp corner, any
     #: vector in its normal cone
     normals: Points
-    radii: Array  #: (c,) radii of curvature [m]: 0 at a sharp corner, infinite on a face
 
 
 class Face(NamedTuple):
@@ -272,8 +271,7 @@ class Disc(Shape):
 
     def nearest(self, points: Points) -> SurfacePoints:
         """Return the nearest points of the surface; see `Shape.nearest`."""
-        radius, away = 0.5 * self.diameter, np.abs(points)
-        return SurfacePoints(away - radius, normalize(points), np.full(len(points), radius))
+        return SurfacePoints(np.abs(points) - 0.5 * self.diameter, normalize(points))
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths to points with given normals; see `Shape.unroll`."""

@@ -143,9 +143,7 @@ class SmoothOutline(PolygonalShape):
             if (np.abs(step) <= COINCIDENCE).all():
                 break
         normals = np.exp(1j * angles)
-        values = self._around(angles)
-        gaps = (away * normals.conj()).real - values[1]
-        return SurfacePoints(gaps, normals, values[1] + values[3])
+        return SurfacePoints((away * normals.conj()).real - self._around(angles)[1], normals)
 
     def outline(self, spacing: float) -> Points:
         """Return points along the surface; see `Shape.outline`."""

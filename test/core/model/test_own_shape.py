@@ -77,7 +77,7 @@ class Cam(Shape):
         """Return what is nearest on the surface."""
         away = points - self.offset
         gaps = np.abs(away) - self.radius
-        return SurfacePoints(gaps, normalize(away), np.full(len(points), self.radius))
+        return SurfacePoints(gaps, normalize(away))
 
     def outline(self, spacing):
         """Return points along the surface [m]."""
