@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
@@ -45,8 +44,6 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
         normals, turned, missing = closing.normals(state.config), closing, 0.0
         if balances(closing.body, normals, angle, radius):
             turned = replace(closing, facing=None)
-        elif closing.facing is None:
-            missing = math.pi
         else:
             missing = float(np.abs(np.angle(closing.facing / normals)).sum())
         shortfall = max(gap, 0.0) / diameter + missing

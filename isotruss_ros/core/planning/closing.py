@@ -36,7 +36,8 @@ class Closing:
     #: (r,) roller positions toward which rollers move if the closing leaves them free [m]; None:
     #: no such positions
     nominal_posture: Array | None = None
-    #: (s,) desired unit vectors from the object to the members, x + iy; None: no desired rotation
+    #: (s,) desired unit vectors from the object to the members, x + iy; None: no desired rotation,
+    #: after the approach
     facing: Points | None = None
     uncertainty: Uncertainty | None = None  #: grasps are ranked by the chance; None: by measure
     #: counts of the search, and the violation of the candidate closest to an admissible grasp

@@ -65,13 +65,12 @@ def find_seeds(
         normals = closing.normals(config)
         if len(group) == 2:
             facing = find_facing(body, normals, CONE_SHARE * cone, radius, turning)
-            closing = replace(closing, facing=facing)
         else:
             facing = normals if balances(body, normals, CONE_SHARE * cone, radius) else None
         if facing is not None:
             turns = np.abs(np.angle(facing / normals)).sum()
             cost = float(gaps[list(group)].sum() / length + 0.5 * turns)
-            seeds.append((round(cost, ROUNDED_DIGITS), closing))
+            seeds.append((round(cost, ROUNDED_DIGITS), replace(closing, facing=facing)))
     if not seeds:
         seen = len(wanted.intersection(around))
         if not around:
