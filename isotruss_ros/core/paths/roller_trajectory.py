@@ -117,8 +117,8 @@ class RollerStep(NamedTuple):
     """Roller velocities and state of the trajectory servo in one control cycle."""
 
     speeds: Array  #: (r,) commanded roller speeds [m/s]
-    ended: bool  #: whether the trajectory has ended, successfully or not
-    failure: str  #: reason of a failure; empty if there is none
+    ended: bool = False  #: whether the trajectory has ended, successfully or not
+    failure: str = ''  #: reason of a failure; empty if there is none
     at_goal: bool = False  #: whether the failure is a timeout at the goal
 
 
@@ -127,6 +127,7 @@ class RollerTrajectoryServo:
 
     def __init__(self, robot: Robot, timeout: float, inputs: LatestInputs) -> None:
         self._robot, self.timeout, self.inputs = robot, timeout, inputs
+        self._rest = RollerStep(np.zeros(len(robot.roller_names)))
         self.time = 0.0  #: trajectory time [s]
         self._trajectory: RollerTrajectory | None = None
         self._tolerances = TrajectoryTolerances()
@@ -187,10 +188,10 @@ class RollerTrajectoryServo:
             if not 0.0 <= now - self._measured <= self.timeout:
                 return self._finish(str(error))
             self._before = max(self._before, now)  # trajectory time stops
-            return self._rest()
+            return self._rest
         self._measured = measured.time
         if now < self._start:
-            return self._rest()
+            return self._rest
         # Cycles may be late on a busy machine, or rare on a coarse clock.
         longest = min(MAX_TIME_STEP, self.timeout)
         elapsed, self._before = min(max(0.0, now - self._before), longest), now
@@ -253,12 +254,9 @@ class RollerTrajectoryServo:
             tolerance = TOLERANCE if goal is None else np.minimum(TOLERANCE, goal.positions)
             speeds = np.where(np.abs(error) <= tolerance, 0.0, speeds)
         limit = self._robot.description.max_speed
-        return RollerStep(np.clip(speeds, -limit, limit), False, '')
-
-    def _rest(self) -> RollerStep:
-        return RollerStep(np.zeros(len(self._robot.roller_names)), False, '')
+        return RollerStep(np.clip(speeds, -limit, limit))
 
     def _finish(self, failure: str = '', at_goal: bool = False) -> RollerStep:
         """End the trajectory, and return a step that stops the rollers."""
         self._trajectory = None
-        return RollerStep(np.zeros(len(self._robot.roller_names)), True, failure, at_goal)
+        return self._rest._replace(ended=True, failure=failure, at_goal=at_goal)

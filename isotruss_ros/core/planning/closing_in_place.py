@@ -44,13 +44,13 @@ def close_in_place(
     touch: Configuration, closing: Closing, needs: GraspRequirements
 ) -> Iterator[ClosedGrip]:
     """Yield grips with increasing squeeze until a requirement would be violated."""
-    wanted, pair = needs.squeeze, len(closing.members) == 2
+    wanted = needs.squeeze
     diameter = touch.robot.description.tube_diameter
     depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
     grasp = hold_between(press(touch, closing, depths), closing)
     _check_hold(grasp, needs.friction)
     # A grip of two members is assessed after the first step, which moves the object to its pose.
-    if not pair:
+    if len(closing.members) > 2:
         with closing.tally.recording():
             yield _judge(grasp, closing, needs)
     share = 1.0

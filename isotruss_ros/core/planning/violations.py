@@ -75,7 +75,7 @@ class SearchTally:
     """Counts of a search, and the violation that was closest to an admissible grasp."""
 
     evaluations: int = 0  #: number of computed configurations
-    analyses: int = 0  #: number of calls of `analyze_grasp`
+    analyses: int = 0  #: number of assessed equilibria
     #: violation of the candidate closest to an admissible grasp; if there are several, the first
     closest: Violation | None = None
 
