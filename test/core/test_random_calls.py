@@ -338,7 +338,8 @@ CALLS = {
     solve_twist: (40, LOOP),
     solve_joint_velocity: (10, LOOP),
     solve_twist_ahead: (5, 2.0 * LOOP),
-    decide: (20, 3.0 * LOOP),
+    # Three cycles, of which the first tabulates the dents of the contacts.
+    decide: (20, 5.0 * LOOP),
     simulate: (5, ANALYSIS),
     margins: (10, LOOP),
     follow_path: (5, ANALYSIS),
