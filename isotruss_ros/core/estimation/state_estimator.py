@@ -115,7 +115,7 @@ class StateEstimator:
             return
         held = self._held = record.restore(self._config, self._grip.body)
         self._used_offsets = self._zeros.offsets
-        if before is None or self.belief is None:
+        if before is None:
             grip, covariance = self._grip.moved_to(held.pose), self._zeros.offset_covariance
             self.belief = GripBelief(held, grip, self.settings, covariance, is_assumed=True)
 

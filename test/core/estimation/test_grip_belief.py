@@ -6,7 +6,7 @@
 from dataclasses import replace
 from itertools import product
 
-from carries import make_robot
+from carries import make_robot, place
 from grips import gripped
 from isotruss_ros.core import Grip, HoldStatus, place_between, Polygon, Pose
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
@@ -15,12 +15,14 @@ from isotruss_ros.core.estimation.grip_model import (
     anchor_rates,
     attach_model,
     shift_deviations,
+    SHIFTS,
 )
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.kinematics.configuration import MAX_FIRST_ORDER_TRAVEL
 from nightly import some_now
 import numpy as np
 import pytest
@@ -85,6 +87,11 @@ def test_an_assumed_equilibrium_explains_no_part_of_the_measured_pose():
     assert belief.squeeze == MODEL.squeeze
 
 
+def test_one_pose_tells_nothing_about_a_small_load():
+    loads = np.diag(believed(load=0.03).state.covariance)[:3]
+    assert np.sqrt(loads) == pytest.approx(0.03, rel=0.02)
+
+
 def test_the_load_of_an_unmeasured_object_has_its_prior_deviation_again():
     belief = believed(load=1.3, load_time=0.2)
     variances = [np.diag(belief.state.covariance)[:3].max()]
@@ -113,6 +120,25 @@ def test_a_slip_in_the_model_starts_a_search_after_the_correlation_time_of_loads
     for _ in range(20):
         assert belief.follow(CONFIG, 0.02, None) is HoldStatus.HELD
     assert 0.3 < times[0] < 0.35
+
+
+@pytest.mark.parametrize(('is_assumed', 'share'), [(False, 1.0), (True, 0.7)])
+def test_an_assumed_start_shows_earlier_that_nothing_is_gripped(is_assumed, share):
+    grip = GRIP.moved_to(MODEL.pose)
+    belief = GripBelief(MODEL, grip, EstimatorSettings(), is_assumed=is_assumed)
+    for deviations, slipped in ((0.99 * share, False), (1.01 * share, True)):
+        belief.state.walk.deviations = deviations * MAX_DEVIATIONS
+        assert belief.slipped is slipped
+
+
+@pytest.mark.parametrize(('share', 'same'), [(0.9, True), (1.1, False)])
+def test_derivatives_by_offsets_are_those_of_an_equilibrium_within_first_order(share, same):
+    belief = believed()
+    differentiated = belief.cache.by_offsets.grasp
+    step = share * MAX_FIRST_ORDER_TRAVEL * np.sign(TRAVEL)
+    belief.follow(CONFIG.moved_to(CONFIG.roller_positions + step), PERIOD, None)
+    assert (belief.cache.by_offsets.grasp is differentiated) is same
+    assert belief.grasp is not differentiated
 
 
 def test_an_assumed_squeeze_is_an_error_of_the_squeeze():
@@ -283,6 +309,15 @@ def test_a_small_correction_of_the_offsets_moves_no_object_and_needs_no_search(m
     assert belief.follow(config, PERIOD, None) is HoldStatus.HELD
     assert belief.pose == pytest.approx(pose, abs=1e-9)
     assert belief.squeeze == pytest.approx(corrected, abs=0.05 * abs(corrected - squeeze))
+
+
+def test_contacts_of_another_number_of_members_may_be_anywhere_on_the_object():
+    body, members = place(make_robot(), 'three members', 0.5)
+    numbers = [BOX_HOME.robot.member_names.index(name) for name in members]
+    belief, three = believed(), attach_grip(BOX_HOME, body, np.array(numbers))
+    belief.take(three)
+    shifts = np.diag(belief.state.covariance)[SHIFTS:]
+    assert np.sqrt(shifts) == pytest.approx(np.full(3, three.arm))
 
 
 @pytest.mark.parametrize('shifts', [(-2.7e-3, -2.9e-3), (-2e-3, -2e-3)])
