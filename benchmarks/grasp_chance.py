@@ -156,10 +156,9 @@ class Carry:
         plan = plan_grasps(home, body, needs, max_rounds=1, uncertainty=uncertainty)
         if not plan.grasps:
             return None
-        held, passed = plan[0].equilibrium, []
+        held = plan[0].equilibrium
         at_rest = attach_grip(held.config, held.body, held.members, tubes=held.tubes)
-        foresee_path(at_rest, FRICTION, np.array(CARRY), passed)
-        return cls(plan[0], passed)
+        return cls(plan[0], foresee_path(at_rest, FRICTION, np.array(CARRY)).grips)
 
     @property
     def chance(self) -> float:

@@ -45,6 +45,7 @@ class Foresight(NamedTuple):
     share: float  #: fraction of the path that is reached, 0 to 1
     slip_margin: float  #: smallest slip margin on the path [N]
     why: str  #: reason for an end before the end of the path; otherwise empty
+    grips: list[HeldGrip]  #: equilibria along the path, the first one at its start
 
 
 @single_threaded
@@ -54,7 +55,6 @@ def foresee_grip(
     friction: float,
     poses: Array,
     record: GripRecord | None = None,
-    passed: list[HeldGrip] | None = None,
 ) -> Foresight | None:
     """
     Find the grip of an object, and predict its motion along a path by `foresee_path`.
@@ -62,7 +62,6 @@ def foresee_grip(
     :param record: equilibrium reported by the control loop that holds the object. If it is None,
         or if the predicted motion ends before the end of the path, the motion is predicted from
         the equilibrium of `attach_grip` instead.
-    :param passed: list to which the equilibria along the path are appended.
     :return: predicted motion; None if no members hold the object.
     """
     friction = check_friction(friction)
@@ -78,25 +77,19 @@ def foresee_grip(
     except NotHeldError:
         return foresight
     if held.hold(friction) is HoldStatus.HELD:
-        foresight = foresee_path(held, friction, poses, passed)
+        foresight = foresee_path(held, friction, poses)
     return foresight
 
 
 @single_threaded
-def foresee_path(
-    held: HeldGrip, friction: float, poses: Array, passed: list[HeldGrip] | None = None
-) -> Foresight:
+def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     """
     Predict the motion of a held object along a path from rest to rest, at constant squeeze.
 
     Contacts roll without slip. External loads and barriers are not considered. The motion ends if
     the slip margin becomes less than `MIN_RELATIVE_MARGIN` times the squeeze, or if a roller must
     move much faster than the object. Angles of the poses are not wrapped to one turn.
-
-    :param passed: list to which the equilibria along the path are appended.
     """
-    passed = [] if passed is None else passed
-    passed.append(held)
     what = 'the poses of the path (x, y, angle) [m, rad]'
     poses = finite_rows(poses, 3, what, GraspError, MAX_MAGNITUDE)
     if not len(poses):
@@ -104,7 +97,7 @@ def foresee_path(
     goals = _divide(poses, held.arm)
     # The equilibrium may differ from the first pose.
     goals = goals - goals[0] + np.array(held.pose)
-    least, force = held.slip_margin(friction), held.squeeze
+    grips, least, force = [held], held.slip_margin(friction), held.squeeze
     for number, goal in enumerate(goals[1:], 1):
         try:
             moved, why = _take_step(held, friction, force, pose_difference(goal, held.pose))
@@ -121,10 +114,10 @@ def foresee_path(
             if off > 4.0 * STEP:
                 why = f'the robot cannot move the object along the path, {1e3 * off:.0f} mm off it'
         if moved is None or why:
-            return Foresight(held.pose, (number - 1) / (len(goals) - 1), least, why)
+            return Foresight(held.pose, (number - 1) / (len(goals) - 1), least, why, grips)
         held, least = moved, min(least, margin)
-        passed.append(held)
-    return Foresight(held.pose, 1.0, least, '')
+        grips.append(held)
+    return Foresight(held.pose, 1.0, least, '', grips)
 
 
 def _take_step(

@@ -10,7 +10,6 @@ import math
 
 from isotruss_ros.core.chance.probability import find_chance
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -81,15 +80,14 @@ def _check_carry(grip: ClosedGrip, closing: Closing, needs: GraspRequirements) -
     """Return the grip with its chance on the path `carry`; raise RequirementError for slip."""
     held, poses = grip.equilibrium, np.array(needs.carry)
     body = held.body.moved_to(held.pose)
-    passed: list[HeldGrip] = []
-    foresight = foresee_grip(held.config, body, needs.friction, poses, passed=passed)
+    foresight = foresee_grip(held.config, body, needs.friction, poses)
     share = 0.0 if foresight is None else foresight.share
     if foresight is None or foresight.why:
         raise RequirementError('carry', share, 1.0)
     if closing.uncertainty is None:
         return grip
     covariance = closing.uncertainty.covariance(held)
-    return grip._replace(chance=find_chance(passed, needs.friction, covariance))
+    return grip._replace(chance=find_chance(foresight.grips, needs.friction, covariance))
 
 
 def _planned(

@@ -27,9 +27,9 @@ def carried(name='disc 0.2 m'):
     """Return the equilibria along a short path."""
     body, members = place(make_robot(), name, 0.5)
     held = core.settle_grasp(HOME, body, FRICTION, members=members).equilibrium
-    passed = []
-    assert foresee_path(held, FRICTION, np.array(CARRY), passed).why == ''
-    return passed
+    foresight = foresee_path(held, FRICTION, np.array(CARRY))
+    assert foresight.why == ''
+    return foresight.grips
 
 
 def rolled(passed, change):
