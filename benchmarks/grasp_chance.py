@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from benchmarks.grasp_planner import objects
 from benchmarks.measuring import part, Table, timed
@@ -22,20 +23,24 @@ from comparison.carrying import RATE, squeeze_in
 from comparison.grips import mesh, round_robot
 from isotruss_ros.core import (
     ConvexObject,
+    Disc,
     GraspRequirements,
     IsotrussError,
+    place_between,
     plan_grasps,
+    Polygon,
     Robot,
     settle_grasp,
     Uncertainty,
 )
 from isotruss_ros.core.chance.probability import changed_grip, find_chance
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.planning.describe_plan import export_path
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
@@ -43,32 +48,51 @@ from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-GRASPS, DRAWS, ROBOTS = part(130), part(120), part(4)
-OBJECTS, PLANNED = part(21), part(50)
+#: Grasps in each tenth of the chance, draws for each grasp, and largest number of grasps tried.
+GRASPS, DRAWS, TRIED = part(4), part(500), part(1000)
+ROBOTS, OBJECTS, PLANNED, PLANS = part(4), part(21), part(50), part(30)
 FRICTION, LOST = 0.5, 0.05
 CARRY = ((0.0, 0.0, 0.0), (0.05, 0.03, 0.0), (0.0, 0.05, 0.15))
 #: Uncertainty of the robots in MuJoCo.
 UNCERTAIN = Uncertainty(stiffness=0.2, roller_offset=0.005, position=0.002, force=0.5, moment=0.02)
 
 
-def random_grasps(count: int) -> Iterator[tuple[SettledGrasp, Uncertainty]]:
-    """Yield settled grasps of discs, each with an uncertainty."""
+def outline(name: str, diameter: float) -> Shape:
+    """Return a disc, a box or a hexagon."""
+    if name == 'disc':
+        return Disc(diameter)
+    count = {'box': 4, 'hexagon': 6}[name]
+    corners = 0.5 * diameter * np.exp(2j * np.pi * np.arange(count) / count)
+    return Polygon(np.column_stack([corners.real, corners.imag]).tolist(), corner_radius=0.01)
+
+
+def random_grasps(name: str) -> Iterator[tuple[SettledGrasp, Uncertainty]]:
+    """Yield settled grasps of discs, boxes or hexagons, each with an uncertainty."""
     rng, robot = np.random.default_rng(7), round_robot()
     needs = GraspRequirements(count=1)
-    plans = [plan_grasps(robot.home, body, needs, thorough=False) for body in objects(part(30))]
-    found = 0
-    while found < count:
-        grasp = plans[rng.integers(len(plans))][0]
-        shift = rng.uniform(0.0, 0.008) * np.exp(2j * np.pi * rng.random())
-        x, y, angle = grasp.grip.body.pose
-        body = grasp.grip.body.moved_to((x + shift.real, y + shift.imag, angle))
-        wrench = rng.normal(size=3) * (1.0, 1.0, 0.1)
-        wrench *= rng.uniform(0.0, grasp.slip_margin) / np.linalg.norm(wrench[:2])
-        friction = rng.uniform(0.9, 1.8) * grasp.required_friction
-        settled = settle_grasp(grasp.config, body, friction, wrench, members=grasp.members)
-        if settled.equilibrium is None:
+    found = [plan_grasps(robot.home, body, needs, thorough=False) for body in objects(PLANS)]
+    plans = [plan[0] for plan in found if plan.grasps]
+    while True:
+        grasp = plans[rng.integers(len(plans))]
+        x, y, _ = grasp.grip.body.pose
+        shape = outline(name, grasp.grip.body.shape.diameter)
+        try:
+            body = ConvexObject(shape, (x, y, 0.0))
+            if name != 'disc':
+                angle, depth = rng.uniform(0.0, np.pi), rng.uniform(0.005, 0.02)
+                body = place_between(grasp.config, grasp.members, shape, angle, depth).body
+            shift = rng.uniform(0.0, 0.008) * np.exp(2j * np.pi * rng.random())
+            x, y, angle = body.pose
+            body = body.moved_to((x + shift.real, y + shift.imag, angle))
+            wrench = rng.normal(size=3) * (1.0, 1.0, 0.1)
+            wrench *= rng.uniform(0.0, grasp.slip_margin) / np.linalg.norm(wrench[:2])
+            free = settle_grasp(grasp.config, body, 1.0, wrench, members=grasp.members)
+            if free.equilibrium is None:
+                continue
+            friction = rng.uniform(0.8, 1.6) * free.required_friction
+            settled = settle_grasp(grasp.config, body, friction, wrench, members=grasp.members)
+        except IsotrussError:
             continue
-        found += 1
         yield (
             settled,
             Uncertainty(
@@ -98,22 +122,31 @@ def held_share(settled: SettledGrasp, uncertainty: Uncertainty, seed: int) -> fl
     return float(np.mean(held))
 
 
-def _calibration() -> Table:
-    pairs = [
-        (settled.chance(uncertainty, samples=0).probability, held_share(settled, uncertainty, i))
-        for i, (settled, uncertainty) in enumerate(random_grasps(GRASPS))
-    ]
-    chances, shares = np.array(pairs).T
-    bins, rows = np.minimum((10.0 * chances).astype(int), 9), []
-    for i in np.unique(bins).tolist():
-        at = bins == i
-        values = (f'{chances[at].mean():.3f}', f'{shares[at].mean():.3f}')
-        rows.append((f'{0.1 * i:.1f} to {0.1 * (i + 1):.1f}', str(at.sum()), *values))
-    return Table('Predicted chance and held draws', ('chance', 'grasps', 'mean', 'held'), rows)
+def _calibration(name: str) -> Table:
+    bins: list[list[tuple[float, float]]] = [[] for _ in range(10)]
+    for i, (settled, uncertainty) in enumerate(islice(random_grasps(name), TRIED)):
+        try:
+            chance = settled.chance(uncertainty).probability
+        except GraspError:  # the equilibrium is neutral
+            continue
+        pairs = bins[min(int(10.0 * chance), 9)]
+        if len(pairs) < GRASPS:
+            pairs.append((chance, held_share(settled, uncertainty, i)))
+        if min(map(len, bins)) == GRASPS:
+            break
+    rows = []
+    for tenth, pairs in enumerate(bins):
+        if pairs:
+            mean, share = np.mean(pairs, axis=0)
+            label = f'{0.1 * tenth:.1f} to {0.1 * (tenth + 1):.1f}'
+            values = f'{mean:.3f}', f'{share:.3f}', f'{share - mean:+.3f}'
+            rows.append((label, str(len(pairs)), *values))
+    header = ('chance', 'grasps', 'predicted', 'held', 'difference')
+    return Table(f'Predicted chance and {DRAWS} draws of each grasp: {name}', header, rows)
 
 
 def _times() -> Table:
-    settled, uncertainty = next(random_grasps(1))
+    settled, uncertainty = next(random_grasps('disc'))
     grip, members = settled.equilibrium, settled.equilibrium.member_names
     body, count = grip.statics.body, part(200)
 
@@ -244,6 +277,7 @@ def _carried() -> Table:
 
 def tables() -> Iterator[Table]:
     """Yield the tables."""
-    yield _calibration()
+    for name in ('disc', 'box', 'hexagon'):
+        yield _calibration(name)
     yield _times()
     yield _carried()
