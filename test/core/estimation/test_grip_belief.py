@@ -87,6 +87,18 @@ def test_an_assumed_equilibrium_explains_no_part_of_the_measured_pose():
     assert belief.squeeze == MODEL.squeeze
 
 
+@pytest.mark.parametrize(
+    ('exists', 'hold'), [(True, HoldStatus.HELD), (False, HoldStatus.NO_BALANCE)]
+)
+def test_an_object_that_cannot_roll_is_held_if_a_search_finds_an_equilibrium(
+    exists, hold, monkeypatch
+):
+    belief = believed()
+    monkeypatch.setattr(belief.cache, 'roll', lambda *_: None)
+    monkeypatch.setattr(belief, 'attach', lambda *_: exists)
+    assert belief.follow(CONFIG, PERIOD, None) is hold
+
+
 def test_one_pose_tells_nothing_about_a_small_load():
     loads = np.diag(believed(load=0.03).state.covariance)[:3]
     assert np.sqrt(loads) == pytest.approx(0.03, rel=0.02)
