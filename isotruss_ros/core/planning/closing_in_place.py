@@ -23,6 +23,7 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.planning.closing import Closing, FIRST_INDENTATION
 from isotruss_ros.core.planning.closing_step import press
+from isotruss_ros.core.planning.facing import CONE_SHARE
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.motion_in_place import (
     hold_between,
@@ -48,7 +49,7 @@ def close_in_place(
     diameter = touch.robot.description.tube_diameter
     depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
     grasp = hold_between(press(touch, closing, depths), closing)
-    _check_hold(grasp, needs.friction)
+    _check_hold(grasp, _reserved(needs.friction))
     # A grip of two members is assessed after the first step, which moves the object to its pose.
     if len(closing.members) > 2:
         with closing.tally.recording():
@@ -67,7 +68,7 @@ def close_in_place(
 
 def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
     """Return a grip with its contact forces; raise RequirementError for slip or a violation."""
-    _check_hold(grasp, needs.friction)
+    _check_hold(grasp, _reserved(needs.friction))
     closing.tally.analyses += 1
     forces = grasp.normal_forces
     needs.check_bounds(
@@ -80,6 +81,11 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
         with closing.tally.recording():
             margin, chance = _find_margin(grasp, closing, needs)
     return ClosedGrip(grasp, margin, chance)
+
+
+def _reserved(friction: float) -> float:
+    """Return the friction that a closing grip may use, as rollers deviate from the path."""
+    return math.tan(CONE_SHARE * math.atan(friction))
 
 
 def _check_hold(grasp: HeldGrip, friction: float) -> None:
