@@ -102,8 +102,8 @@ class DentTable:
     Depth of the dent of one corner, face or smooth surface of an object in a tube.
 
     The angle is that of the object's outward normal perpendicular to the tube, in the object's
-    frame [rad]. The depths are interpolated between angles by cubic polynomials, so their
-    derivatives are continuous. The contacts at both ends of a face extend to its middle, so forces
+    frame [rad]. The depths are interpolated between angles by polynomials with continuous
+    second derivatives. The contacts at both ends of a face extend to its middle, so forces
     are continuous if an end gains contact; a face shorter than a tube radius has one contact.
     """
 
@@ -194,11 +194,12 @@ class DentTable:
         first = math.floor(self._locate(beside, 0)[0])
         first = min(first, self._count - 1) if self._faces else first
         place, rate = self._locate(angle, first)
-        t = place - first
-        powers = [[1.0, t, t * t, t**3], [0.0, rate, 2.0 * rate * t, 3.0 * rate * t * t]]
-        # Cubic interpolation of Catmull and Rom.
-        catmull_rom = [[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]]
-        weights = 0.5 * np.array(powers) @ catmull_rom
+        powers = [(place - first) ** n for n in range(6)]
+        rates = [0.0, *(rate * n * power for n, power in enumerate(powers[:-1], start=1))]
+        # Quintic polynomials, with the first and second central differences at both samples.
+        columns = [[0, -1, 1, 3, -5, 2], [2, 0, -2, -9, 15, -6]]
+        columns += [[0, 1, 1, 9, -15, 6], [0, 0, 0, -3, 5, -2]]
+        weights = 0.5 * np.array([powers, rates]) @ np.array(columns).T
         numbers = [first + i for i in (-1, 0, 1, 2)]
         if self._faces:  # samples beyond the faces are extrapolated
             if first == -self._count:

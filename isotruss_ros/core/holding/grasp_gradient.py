@@ -33,9 +33,9 @@ STEP = 6e-5
 #: Largest sliding of a contact in these differences, relative to its distance from the nearest
 #: guide ring or pinch point, and largest change of its normal force, relative to the force [-]. At
 #: a ring and at zero force the stiffness has a kink. Without this bound, the derivatives err by
-#: 2e-4 at 0.5 mm from a ring, and by 5e-4 at a small force; with it by 4e-6, at three times it by
-#: 2e-5, and at a third by 8e-6, by rounding.
-KINK_SHARE = 0.01
+#: 2e-4 at 0.5 mm from a ring, and by 5e-4 at a small force; with it by 3e-6 and 9e-6, and at half
+#: of it by 3e-5, by rounding.
+KINK_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -84,6 +84,14 @@ def test_derivative_by_the_angle_agrees_with_finite_differences(shape, angle, fo
     assert turned == pytest.approx(slope, rel=1e-4, abs=1e-6 * abs(depth))
 
 
+@pytest.mark.parametrize('shape', [Ellipse((0.2, 0.1)), Polygon([(0, 0), (0.3, 0), (0, 0.3)])])
+def test_second_derivatives_by_the_angle_are_continuous_at_the_samples(shape):
+    table, step = dent_table(KERNEL, shape), 1e-7
+    angle = table._sampled_angle(17)
+    at, before, behind = (table(5.0, angle + s)[2] for s in (0.0, -step, step))
+    assert at - before == pytest.approx(behind - at, rel=1e-3)
+
+
 @pytest.mark.parametrize('force', [0.3, 20.0])
 @pytest.mark.parametrize(('shape', 'angle'), TURNS)
 def test_dents_between_samples_agree_with_those_of_their_angle(shape, angle, force):
