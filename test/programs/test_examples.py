@@ -16,7 +16,7 @@ EXAMPLES = Path(__file__).parents[2] / 'examples'
 CORE_EXAMPLES = sorted(p.stem for p in EXAMPLES.glob('*.py') if not p.stem.startswith('ros_'))
 #: A line that each prints, beside others: the same on every processor.
 PRINTED = {
-    'analyze_box': 'north/P-Z presses with 12.3 N over 22 mm',
+    'analyze_box': 'north/P-Z presses with 12.3 N over 25 mm',
     'analyze_grasp': '62 contact points, 13.0 N in all',
     'chance_map': 'largest chance 0.85, at the largest slip margin 0.72',
     'deform_under_load': 'T: 1.09 mm, -4.01 mm, 0.0000 rad',

@@ -103,9 +103,9 @@ class Uncertainty:
         if 'stiffness_deviation' in known:
             values['stiffness'] = known['stiffness_deviation']
         for source in (robot.description.uncertainty, body and body.uncertainty, given):
+            for fault in find_faults(source or {}, 'uncertainty'):  # also unknown keys
+                raise GraspError(f'uncertainty: {fault}')
             values.update(source or {})
-        for fault in find_faults(values, 'uncertainty'):  # also unknown keys
-            raise GraspError(f'uncertainty: {fault}')
         if 'zero_deviations' in known and 'roller_offset' not in values:
             zeros = [known['zero_deviations'].get(name, 0.0) for name in robot.roller_names]
             values['offset_covariance'] = np.diag(np.square(zeros))

@@ -136,7 +136,7 @@ def path(*poses):
             {'object': ObjectMessage(shape=1, diameter=0.3), 'object_pose': UNTURNED},
             'the quaternion has norm 0.0; must be 1',
         ),
-        ({'members': ['north/Z-R']}, "members: .*'north/Z-R'.*: must be the names .* of 2 or 3"),
+        ({'members': ['north/Z-R']}, "members 'north/Z-R': must be two or three different"),
         (
             {'members': ['north/Z-R', 'north/R-P'], 'module': 'north/R'},
             "module: 'north/R', and members .*: only one of the two can be required",
