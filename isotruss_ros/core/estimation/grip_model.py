@@ -101,12 +101,12 @@ class OffsetRates(NamedTuple):
     @classmethod
     def of(cls, grasp: HeldGrip) -> OffsetRates:
         """Return the derivatives by roller offsets at an equilibrium."""
-        found, count = held_gradient(grasp), len(grasp.config.roller_positions)
+        gradient, count = held_gradient(grasp), len(grasp.config.roller_positions)
         along = anchors_by_offsets(grasp)
         even = np.array([[1.0], [1.0], [grasp.arm]])
-        given = np.vstack([even * found.pose, found.normal_forces.mean(axis=0)])
+        given = np.vstack([even * gradient.pose, gradient.normal_forces.mean(axis=0)])
         by_offsets = given[:, :count] + given[:, count:] @ along
-        return cls(grasp, found, by_offsets[:3], by_offsets[3])
+        return cls(grasp, gradient, by_offsets[:3], by_offsets[3])
 
     def joint_rates(self, shifts: Array) -> Array:
         """Return those (2j, r) of the joint positions, for those (m, r) of contacts' shifts."""

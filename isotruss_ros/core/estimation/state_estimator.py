@@ -188,7 +188,7 @@ class StateEstimator:
         zeros, belief = self._zeros, self.belief
         values, rates = self._place_joints(readings, zeros.offsets)
         spread = rates @ zeros.offset_covariance @ rates.T
-        found = StateEstimate(
+        estimate = StateEstimate(
             time,
             zeros.offsets.copy(),
             zeros.offset_covariance.copy(),
@@ -202,11 +202,11 @@ class StateEstimator:
             slipping=zeros.slipping,
         )
         if belief is None:
-            return found
+            return estimate
         errors = self.settings.pose_error / np.array([1.0, 1.0, belief.grasp.arm])
         state = belief.estimate if self._record is None else self._record.estimate
         return replace(
-            found,
+            estimate,
             pose=state.pose,
             pose_covariance=state.pose_covariance + np.diag(errors**2),
             squeeze=state.squeeze,

@@ -136,7 +136,8 @@ def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[FreeCorne
 
     :param gap: largest gap in the bent tube that counts as penetration [m].
     """
-    contacts, statics, body, found = grip.contacts, grip.statics, grip.body, list[FreeCorner]()
+    contacts, statics, body = grip.contacts, grip.statics, grip.body
+    penetrating: list[FreeCorner] = []
     along = _distances_along_faces(body.shape)
     for ends in contacts.ends if len(along) else ():
         touching, straight = contacts.corners[ends], complex(statics.straight_normals[ends[0]])
@@ -156,8 +157,8 @@ def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[FreeCorne
             depths = np.where(is_near, higher, skin_depths(grip, members, numbers))
         chosen = depths > np.where(is_near, SKIN_TOLERANCE, -gap)
         columns = depths, beside, numbers, distances
-        found += map(FreeCorner, *(values[chosen].tolist() for values in columns))
-    return found
+        penetrating += map(FreeCorner, *(values[chosen].tolist() for values in columns))
+    return penetrating
 
 
 def _distances_along_faces(shape: Shape) -> Array:
