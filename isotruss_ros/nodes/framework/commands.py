@@ -14,7 +14,12 @@ from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import ACKNOWLEDGE_TIME, NEWEST_MESSAGES, NO_EVENTS
+from isotruss_ros.nodes.framework.topics import (
+    ACKNOWLEDGE_TIME,
+    NEWEST_MESSAGES,
+    NO_EVENTS,
+    take_queued,
+)
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
@@ -81,10 +86,8 @@ class RollerCommands:
         self.note(info)
         # The executor passes on one message per cycle: always the node's own if another node
         # commands at the same rate.
-        for _ in range(NEWEST_MESSAGES.depth):
-            taken = self._subscription.handle.take_message(Float64MultiArray, True)
-            if taken is not None:
-                self.note(taken[1])
+        for _, waiting in take_queued(self._subscription, NEWEST_MESSAGES.depth):
+            self.note(waiting)
 
     def note(self, info: dict[str, Any]) -> None:
         """Record a received command of this node or of another node."""

@@ -14,7 +14,7 @@ Messages that are valid until the next message are latched.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from rclpy.duration import Duration
@@ -74,10 +74,14 @@ def subscribe_newest(
 
 def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:
     """Return a received message, followed by the messages queued behind it, in their order."""
-    messages = list(taken)
-    while len(messages) < most:
+    queued = take_queued(subscription, most - len(taken))
+    return [*taken, *(message for message, _ in queued)]
+
+
+def take_queued(subscription: Subscription, most: int) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """Yield the queued messages of a subscription, each with its information, in their order."""
+    for _ in range(most):
         taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
         if taken is None:
-            break
-        messages.append(taken[0])
-    return messages
+            return
+        yield taken
