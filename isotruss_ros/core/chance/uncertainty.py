@@ -159,11 +159,12 @@ class Uncertainty:
             samples = 200 if grip.body.shape.faces_at(0) else 0
         if isinstance(samples, bool) or not isinstance(samples, int) or samples < 0:
             raise GraspError(f'samples {samples!r}: must be an integer, not negative')
-        chance = find_chance([grip], settled.friction, self.covariance(grip))
+        covariance = self.covariance(grip)
+        chance = find_chance([grip], settled.friction, covariance)
         if not samples:
             return chance
         # The equilibrium does not depend on friction, so friction is not drawn.
-        needed = sample_friction(grip, self.covariance(grip), samples, seed, on_progress)
+        needed = sample_friction(grip, covariance, samples, seed, on_progress)
         held = scipy.special.ndtr((settled.friction - needed) / max(self.friction, EPSILON))
         return replace(
             chance,
