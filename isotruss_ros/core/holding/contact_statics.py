@@ -194,7 +194,8 @@ class ContactStatics:
         touch[:, 1] += gaps.imag
         touch[:, 2] -= unknowns[indices.inclinations]
         rows = jacobian[: 3 * count].reshape(count, 3, -1)
-        swept, dented = swung + tilts * local, tilts * local
+        dented = tilts * local
+        swept = swung + dented
         rows[:, 0, ANGLE] -= swept.real
         rows[:, 1, ANGLE] -= swept.imag
         rows[:, :, indices.feet] += self.bent.rates
