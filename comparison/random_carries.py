@@ -42,6 +42,8 @@ NOISE = (1e-3, np.radians(0.5))
 LEGS, LEG_TIME, REACH = 2, 3.0, np.array([0.04, 0.04, 0.12])
 #: Rest before and after the path [s], and largest time of a slowed leg relative to its time [-].
 REST, LONGEST = 1.0, 3.0
+#: Number of cycles at the end, whose median squeeze is that of a carry [-].
+LAST = 20
 #: Smallest slip margin of a carry [N], largest utilisation of the tubes at home [-], which changes
 #: along the path, and pull relative to the slip margin [-].
 LEAST_MARGIN, MOST_USED, PULL = 0.5, 0.9, 0.5
@@ -228,10 +230,13 @@ def _carry(steering: Regulated, goal: Array, legs: Array, pull: Array) -> Outcom
             done, cycles = done + steering.scale, cycles + 1
             arrived = cycles < LONGEST * len(speeds)
     plant.pull(np.zeros(3))
+    squeezes = []
     for _ in range(round(REST * RATE)):
         steering.step(np.zeros(3))
+        squeezes.append(squeeze_in(plant))
     error = float(np.hypot(*(goal - np.array(plant.object_pose()))[:2]))
-    squeeze = squeeze_in(plant) / steering.control.settings.force
+    # MuJoCo's collision detection can miss a contact in a single step.
+    squeeze = float(np.median(squeezes[-LAST:])) / steering.control.settings.force
     if squeeze == 0.0 or error > OFF:
         halted = max(steering.statuses) >= Status.HALT_NO_TWIST
         return Outcome(ENDS[3] if halted else ENDS[4], error, squeeze)
