@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from comparison.carrying import RATE, rates, Regulated, squeeze_in
 from comparison.grips import hold_at_home, round_robot, soften
-from comparison.random_carries import BOX, DISC, draw_grip, FRICTION
+from comparison.random_carries import BOX, DISC, draw_grip, FRICTION, LONGEST
 from isotruss_ros.calibration.home import move_home
 from isotruss_ros.core import Grip, place_between, Pose, Robot, Status
 from isotruss_ros.core.holding.held_grip import HeldGrip
@@ -282,12 +282,16 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
     twists += [np.outer(rates(LEG_TIME), leg / LEG_TIME) for leg in legs]
     twists += [np.zeros((round(REST * RATE), 3))]
     goal, begin, alone = loop.place(), plant.time, 0
-    squeezes = []
-    for twist in np.vstack(twists):
-        now = plant.time - begin
+    squeezes, rows = [], np.vstack(twists)
+    done, cycles = 0.0, 0
+    while done < len(rows) and cycles < LONGEST * len(rows):
+        twist, now = rows[int(done)], plant.time - begin
         pulled = REST + LEG_TIME <= now < REST + LEG_TIME + PULL_TIME
         plant.pull(pull if pulled else np.zeros(3))
         loop.step(twist if found.halt is None else np.zeros(3))
+        # Like the path follower, a leg takes longer where limits slow it.
+        done += loop.scale if twist.any() and found.halt is None else 1.0
+        cycles += 1
         goal = goal + loop.scale * twist / RATE
         off = float(np.hypot(*(goal - loop.place())[:2]))
         status = loop.decision.command.status
