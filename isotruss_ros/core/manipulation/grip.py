@@ -138,9 +138,6 @@ class MemberNodes(NamedTuple):
     lines: Indices  #: (k, 2) nodes B at the members' starts, and C at their ends
     driven: Indices  #: (d,) positions in `members` of those that start at a driven module
     rollers: Indices  #: (d,) indices of the rollers of these modules
-    #: (4 k,) flat indices of the nonzero entries of an array (3 k, n): gradients of each member's
-    #: x and y at its start, and of its angle, with respect to the nodes; used by `member_rows`
-    entries: Indices
 
 
 def find_members(robot: Mechanism, names: tuple[str, ...]) -> MemberNodes:
@@ -159,13 +156,11 @@ def _find_nodes(topology: Topology, names: tuple[str, ...]) -> MemberNodes:
     members = np.array([topology.member_names.index(name) for name in names], dtype=np.intp)
     driven = np.flatnonzero(np.isin(members, topology.driven))
     lines = np.stack([topology.b[members], topology.c[topology.following[members]]], axis=1)
-    rows = topology.n_nodes * np.arange(3 * len(members)).reshape(-1, 3)
     nodes = MemberNodes(
         members=members,
         lines=lines,
         driven=driven,
         rollers=topology.driven.searchsorted(members[driven]),
-        entries=(lines[:, [0, 0, 0, 1]] + rows[:, [0, 1, 2, 2]]).ravel(),
     )
     for array in nodes:
         array.flags.writeable = False

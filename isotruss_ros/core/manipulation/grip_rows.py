@@ -71,18 +71,21 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     Each member has three rows: vx, vy of the tube's material at the member's start in the robot
     frame [-], and the angular velocity of the member (16) [1/m].
     """
-    nodes, points, count = find_members(config.robot, names), config.points, len(names)
-    spans = [end - start for start, end in points.take(nodes.lines).tolist()]
-    by_node = np.zeros(3 * count * len(points), dtype=np.complex128)
-    # Angular velocity: Re(conj(turn) (velocity of the end - velocity of the start)).
-    turns = [1j / span.conjugate() for span in spans]
-    by_node[nodes.entries] = [entry for turn in turns for entry in (1.0, 1j, -turn, turn)]
-    rows = config.roller_rows(by_node.view(np.float64).reshape(3 * count, -1))
-    for member, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
+    nodes, points = find_members(config.robot, names), config.points
+    by_node = np.zeros((len(names), 3, len(points)), dtype=np.complex128)
+    spans: list[complex] = []
+    for member, (start, end) in zip(by_node, nodes.lines.tolist(), strict=True):
+        spans.append(complex(points[end] - points[start]))
+        # Angular velocity: Re(conj(turn) (velocity of the end - velocity of the start)).
+        turn = 1j / spans[-1].conjugate()
+        member[0, start], member[1, start] = 1.0, 1j
+        member[2, start], member[2, end] = -turn, turn
+    rows = config.roller_rows(by_node.view(np.float64).reshape(3 * len(names), -1))
+    for place, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
         # The roller moves the material along the member, so that the object rolls (17).
-        axis = spans[member] / abs(spans[member])
-        rows[3 * member, roller] += axis.real
-        rows[3 * member + 1, roller] += axis.imag
+        axis = spans[place] / abs(spans[place])
+        rows[3 * place, roller] += axis.real
+        rows[3 * place + 1, roller] += axis.imag
     return rows
 
 
@@ -113,42 +116,23 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     that touches a face. Without face contacts it rotates with the line through both contact
     points. The midpoint of both points moves with their mean velocity.
     """
-    first, *one = (contact for contact in contacts if contact.owner == 0)
-    second, *other = (contact for contact in contacts if contact.owner == 1)
-    point, other_point = _middle(first, one), _middle(second, other)
-    apart = other_point - point
-    distance = abs(apart)
+    sides = [[contact for contact in contacts if contact.owner == owner] for owner in (0, 1)]
+    points = [0.5 * (side[0].point + side[-1].point) for side in sides]
+    distance = abs(points[1] - points[0])
     _require_apart(distance)
-    along = apart / distance
-    # (19): velocity (15) and angular velocity (18) of the object, then the rate of the distance of
-    # the contacts, zero for a disc at a module if the angle (14) is constant. Each row has h1, h2,
-    # k1, k2 of Re(conj(h1) v1 + conj(h2) v2) + k1 w1 + k2 w2, with material velocities v at the
-    # points and angular velocities w of the members.
-    across, around, k, other_k = 1j * along, 0j, 0.0, 0.0
-    kept: list[tuple[complex, complex, float, float]] = [(-along, along, 0.0, 0.0)]
-    if one or other:
-        k, other_k = (1.0, 0.0) if one else (0.0, 1.0)
-        kept.append((-across, across, -distance * k, -distance * other_k))
-        if one and other:
-            kept.append((0j, 0j, -grip.body.arm, grip.body.arm))
-    else:
-        around = across / distance
-    # Vector from the midpoint of both contacts to the object's origin.
-    arm = grip.body.center - 0.5 * (point + other_point)
-    up, right = arm.imag, arm.real
-    rates = [
-        (0.5 + up * around, 0.5 - up * around, -up * k, -up * other_k),
-        (0.5j - right * around, 0.5j + right * around, right * k, right * other_k),
-        (-around, around, k, other_k),
-        *kept,
-    ]
-    back, other_back = (point - first.start).conjugate(), (other_point - second.start).conjugate()
-    on_members: list[float] = []
-    for h, g, k, other_k in rates:
-        on_members += (h.real, h.imag, (h * back).imag + k)
-        on_members += (g.real, g.imag, (g * other_back).imag + other_k)
-    return np.array(on_members).reshape(-1, 6).dot(members)
-
-
-def _middle(first: GripContact, others: list[GripContact]) -> complex:
-    return 0.5 * (first.point + others[0].point) if others else first.point
+    # (15): velocities x + iy of the material at both points, for roller speeds of 1 m/s.
+    x, y, turns = members.reshape(2, 3, -1).swapaxes(0, 1)
+    levers = [[point - side[0].start] for point, side in zip(points, sides, strict=True)]
+    speeds = x + 1j * (y + levers * turns)
+    parting = (speeds[1] - speeds[0]) * ((points[1] - points[0]) / distance).conjugate()
+    faces = [turn for side, turn in zip(sides, turns, strict=True) if len(side) > 1]
+    rotation = faces[0] if faces else parting.imag / distance  # (18)
+    # Rate of the distance of the points: zero for a disc at a module if the angle (14) is constant.
+    residuals = [parting.real]
+    if faces:
+        residuals.append(parting.imag - distance * rotation)
+    if len(faces) == 2:
+        residuals.append(grip.body.arm * (turns[1] - turns[0]))
+    origin = grip.body.center - 0.5 * (points[0] + points[1])
+    center = 0.5 * (speeds[0] + speeds[1]) + 1j * origin * rotation
+    return np.array([center.real, center.imag, rotation, *residuals])
