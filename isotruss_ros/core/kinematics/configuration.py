@@ -29,21 +29,10 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
     :ivar robot: the robot.
     :ivar roller_positions: (r,) travel of the tube through each roller since home [m].
     :ivar points: (n,) node positions x + iy in the robot frame [m].
-    :param nearby: factorised matrix of (12) in a nearby configuration, used for prediction and
-        continuation; None: the matrix of this configuration is used.
     """
 
-    def __init__(
-        self,
-        robot: Mechanism,
-        roller_positions: Array,
-        points: Points,
-        nearby: Factor | None = None,
-    ) -> None:
-        self.robot = robot
-        self.roller_positions = roller_positions
-        self.points = points
-        self._nearby = nearby
+    def __init__(self, robot: Mechanism, roller_positions: Array, points: Points) -> None:
+        self.robot, self.roller_positions, self.points = robot, roller_positions, points
         roller_positions.flags.writeable = False
         points.flags.writeable = False
 
@@ -81,11 +70,6 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return lengths
 
     @cached_property
-    def gradients(self) -> Points:
-        """Return the nonzero entries of the matrix of (12), see `Constraints.gradients`."""
-        return self.robot.constraints.gradients(self.points)
-
-    @cached_property
     def factor(self) -> Factor:
         """
         Return the factorised matrix of (12) in this configuration.
@@ -93,7 +77,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         :raises ConfigurationError: the matrix is singular.
         """
         try:
-            return factorize(self.robot.constraints.matrix_of(self.gradients))
+            return factorize(self.robot.constraints.matrix(self.points))
         except np.linalg.LinAlgError as error:
             raise ConfigurationError(
                 f'robot {self.robot.name}: the shape at roller positions '
@@ -116,19 +100,20 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return np.asarray(self.factor.solve(right))
 
     @single_threaded
-    def moved_to(self, roller_positions: ArrayLike, nearby: Factor | None = None) -> Configuration:
+    def moved_to(self, roller_positions: ArrayLike) -> Configuration:
         """
         Return the configuration at other roller travel, on the same branch of solutions.
 
         :param roller_positions: (r,) roller travel since home [m].
-        :param nearby: factorised matrix of (12) in a nearby configuration. It is used for the
-            first step of the continuation, and for predictions from the result.
         :raises ConfigurationError: the roller travel has a wrong shape or is not finite; a member
             would have no length; the straight line in roller travel passes a singular
             configuration; or the continuation along it takes more than `MAX_NEWTON_ITERATIONS`
             steps.
         """
-        robot, start, goal = self.robot, self.roller_positions, self._checked(roller_positions)
+        robot, start, goal = self.robot, self.roller_positions, np.array(roller_positions)
+        # Arrays of floats need no conversion.
+        if goal.dtype != float or goal.shape != start.shape or not np.isfinite(goal).all():
+            goal = robot.check_rollers(roller_positions, 'roller positions [m]')
         goal_lengths = _lengths(robot, goal)[: robot.topology.n_modules]
         shortest = float(goal_lengths.min())
         if shortest <= 0.0:
@@ -138,7 +123,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
                 f'{robot.member_names[worst]} {shortest:.6g} m long; must be positive'
             )
         change = float(np.abs(goal_lengths - self.member_lengths).max())
-        points, factor = self.points, nearby or self.__dict__.get('factor', self._nearby)
+        points, factor = self.points, self.__dict__.get('factor')
         done, step, steps, least = 0.0, change, 0, NEGLIGIBLE_SHARE * change
         while done < change:
             steps += 1
@@ -147,9 +132,6 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             moved = follow_branch(robot.constraints, points, _lengths(robot, ahead), factor)
             if moved is not None:
                 points, factor, done, step = moved, None, end, 2.0 * step
-            elif factor is not None:
-                # Near a singular configuration a nearby matrix predicts steps of any length badly.
-                factor = None
             else:
                 step *= 0.25
             if done < change and (step < least or steps == MAX_NEWTON_ITERATIONS):
@@ -160,26 +142,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
                     f'robot {robot.name}: roller positions {goal.tolist()} m: {why} '
                     f'beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
                 )
-        return Configuration(robot, goal, points, nearby)
-
-    def _checked(self, roller_positions: ArrayLike) -> Array:
-        """Return a checked copy of roller travel (r,); arrays of floats need no conversion."""
-        start, goal = self.roller_positions, np.array(roller_positions)
-        if goal.dtype == start.dtype and goal.shape == start.shape and np.isfinite(goal).all():
-            return goal
-        return self.robot.check_rollers(roller_positions, 'roller positions [m]')
-
-    def has_factor_for(self, roller_positions: Array) -> bool:
-        """
-        Return whether this configuration's factorised matrix can be used at other roller travel.
-
-        :param roller_positions: (r,) other roller travel since home [m].
-        """
-        if 'factor' not in self.__dict__:
-            return False
-        return bool(
-            np.abs(roller_positions - self.roller_positions).max() < MAX_FIRST_ORDER_TRAVEL
-        )
+        return Configuration(robot, goal, points)
 
     def predict(self, travel: Array) -> Configuration:
         """
@@ -199,7 +162,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         # (12) with Ldot = C phidot.
         right = np.zeros(self.robot.constraints.n_rows)
         right[: self.robot.topology.n_modules] = self.robot.topology.incidence @ travel
-        moved = (self._nearby or self.factor).solve(right).view(np.complex128)
+        moved = self.factor.solve(right).view(np.complex128)
         return Configuration(self.robot, self.roller_positions + travel, self.points + moved)
 
     def roller_rows(self, node_rows: Array) -> Array:
@@ -231,32 +194,15 @@ class ConfigurationTracker:
 
     def __init__(self, home: Configuration) -> None:
         self._home = self._last = home
-        self._ahead: Configuration | None = None
 
     def configuration(self, roller_positions: Array) -> Configuration:
         """Return the configuration at measured travel; the last one at unchanged travel."""
         if not np.array_equal(roller_positions, self._last.roller_positions):
-            start, nearby, ahead = self._last, None, self._ahead
-            if ahead is not None and ahead.has_factor_for(roller_positions):
-                start, nearby = ahead, ahead.factor
             try:
-                self._last = start.moved_to(roller_positions, nearby)
+                self._last = self._last.moved_to(roller_positions)
             except ConfigurationError:
                 self._last = self._home.moved_to(roller_positions)
         return self._last
-
-    def predict(
-        self, roller_positions: Array, travel: Array
-    ) -> tuple[Configuration, Configuration]:
-        """
-        Return the configuration at measured travel, and the configuration after further travel.
-
-        The next call reuses the factorised matrix of the predicted configuration, so a control
-        cycle needs only one factorisation.
-        """
-        measured = self.configuration(roller_positions)
-        self._ahead = measured.predict(travel)
-        return measured, self._ahead
 
 
 def require_configuration(config: Configuration) -> None:

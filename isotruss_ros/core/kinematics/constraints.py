@@ -101,7 +101,18 @@ class Constraints:
 
         It is dense, or sparse for a large robot.
         """
-        return self.matrix_of(self.gradients(points))
+        values = self.gradients(points)
+        if self._sparse is not None:
+            data = np.concatenate([values.view(np.float64), np.ones(len(self._ground_rows))])
+            pattern = self._sparse
+            return csc_matrix(
+                (data[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape
+            )
+        gradients = np.zeros(self.n_rows * self._topology.n_nodes, dtype=np.complex128)
+        gradients[self._places] = values
+        matrix = gradients.view(np.float64).reshape(self.n_rows, self.n_columns)
+        matrix[self._ground_rows, self._topology.grounded] = 1.0
+        return matrix
 
     def gradients(self, points: Points) -> Points:
         """
@@ -122,20 +133,6 @@ class Constraints:
         bend = side, -side - rod, back - rod, 2.0 * rod, -back
         along = stretch.ravel()
         return np.concatenate([along, -along, *bend])
-
-    def matrix_of(self, values: Points) -> Array | csc_matrix:
-        """Return the matrix (see `matrix`) with given nonzero entries (see `gradients`)."""
-        if self._sparse is not None:
-            data = np.concatenate([values.view(np.float64), np.ones(len(self._ground_rows))])
-            pattern = self._sparse
-            return csc_matrix(
-                (data[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape
-            )
-        gradients = np.zeros(self.n_rows * self._topology.n_nodes, dtype=np.complex128)
-        gradients[self._places] = values
-        matrix = gradients.view(np.float64).reshape(self.n_rows, self.n_columns)
-        matrix[self._ground_rows, self._topology.grounded] = 1.0
-        return matrix
 
     def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:
         """

@@ -127,7 +127,7 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     parting = (speeds[1] - speeds[0]) * ((points[1] - points[0]) / distance).conjugate()
     faces = [turn for side, turn in zip(sides, turns, strict=True) if len(side) > 1]
     rotation = faces[0] if faces else parting.imag / distance  # (18)
-    # Rate of the distance of the points: zero for a disc at a module if the angle (14) is constant.
+    # Rate of the distance of the points: zero for a disc at a module at constant angle (14).
     residuals = [parting.real]
     if faces:
         residuals.append(parting.imag - distance * rotation)

@@ -165,7 +165,7 @@ class RollingGrip:
 
     def _lowest(self, normals: Points) -> Indices:
         """Return the corners (k,) in contact: both ends of a face, or the outermost corner."""
-        if not self.shape.faces_at(0):
+        if self.shape.is_round:
             return self.corners
         alone = np.bincount(self.owners) == 1
         farthest = [self.shape.corner_at(normal) for normal in normals.tolist()]

@@ -192,25 +192,22 @@ class RigidityBarrier:
     def __init__(self, robot: Mechanism, law: BarrierLaw) -> None:
         self.law = law
         self._index = rigidity_index(robot)
-        self._far: tuple[Configuration, float] | None = None
+        # Gradients of the constraints where the index was last evaluated, and its margin there.
+        self._gradients, self._spare = np.array(np.nan), 0.0
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """Return the scaled singular values close to the bound; see `Barrier.active`."""
-        if self._far is not None and self.change(config, self._far[0]) < self._far[1]:
+        gradients = config.robot.constraints.gradients(config.points)
+        # Upper bound of the change of the index.
+        if np.linalg.norm((gradients - self._gradients) * self._index.weights) < self._spare:
             return NO_ACTIVE_VALUES
         modes = self._index.modes(config)
-        spare = float(modes.values[0]) - self.law.active_below
-        self._far = config, spare
-        if spare >= 0.0:
+        self._gradients, self._spare = gradients, modes.values[0] - self.law.active_below
+        if self._spare >= 0.0:
             return NO_ACTIVE_VALUES
         count = int((modes.values < self.law.active_below).sum())
         few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
         return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
-
-    def change(self, config: Configuration, other: Configuration) -> float:
-        """Return an upper bound of the change of the rigidity index between two configurations."""
-        change = np.abs(config.gradients - other.gradients) * self._index.weights
-        return math.sqrt(change @ change)
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """Return the scaled singular values in ascending order; see `Barrier.values`."""

@@ -241,7 +241,8 @@ class TwistServo(ServoState):
         before, travel, last = self._history.expected_travel(
             rollers, (pose or rollers).time, now, 0.5 * self.settings.period, still
         )
-        measured, config = self._tracker.predict(rollers.value.positions, travel)
+        measured = self._tracker.configuration(rollers.value.positions)
+        config = measured.predict(travel)
         if pose is None:
             return config, None, last
         if self.squeeze is not None and self.squeeze.belief is not None:

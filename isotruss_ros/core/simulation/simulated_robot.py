@@ -124,7 +124,7 @@ class SimulatedRobot(DrivenRollers):
         seed: int = 0,
     ) -> None:
         super().__init__(config.robot, faults, seed)
-        self.config = self._factored = config
+        self.config = config
         self.roller_positions = config.roller_positions.copy()
         self._object = simulated
 
@@ -155,9 +155,7 @@ class SimulatedRobot(DrivenRollers):
             if speeds.any():
                 travel = duration * speeds
                 goal = self.config.roller_positions + self._grips * travel
-                if not self._factored.has_factor_for(goal):
-                    self._factored = self.config
-                self.config = self.config.moved_to(goal, self._factored.factor)
+                self.config = self.config.moved_to(goal)
                 self.roller_positions = self.roller_positions + travel
                 self.roller_velocities = speeds
 

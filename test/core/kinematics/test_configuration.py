@@ -191,45 +191,6 @@ def test_tracker_reuses_a_configuration_at_unchanged_travel():
     assert tracker.configuration(np.array([0.1, -0.05])) is moved
 
 
-@robots.examples(20)
-@given(robots.robots(), robots.generators())
-def test_tracker_reuses_the_factor_of_the_prediction(robot, rng):
-    config = robots.random_state(robot, rng)
-    tracker = ConfigurationTracker(config)
-    travel = 1e-3 * rng.uniform(-1.0, 1.0, len(robot.roller_names))
-    measured, ahead = tracker.predict(config.roller_positions, travel)
-    assert measured is config
-    ahead.factor  # noqa: B018 - as a cycle that has solved for it
-    step = 1e-3 * rng.uniform(-1.0, 1.0, len(robot.roller_names))
-    found = tracker.configuration(config.roller_positions + step)
-    exact = config.moved_to(config.roller_positions + step)
-    np.testing.assert_allclose(found.points, exact.points, atol=1e-11)
-    # What follows is off by the travel times the distance of the two shapes: 1e-6 m^2.
-    travel = 1e-3 * rng.uniform(-1.0, 1.0, len(robot.roller_names))
-    close, wanted = found.predict(travel), exact.moved_to(exact.roller_positions + travel)
-    assert np.abs(close.points - wanted.points).max() < 0.05 * np.abs(travel).max()
-    assert 'factor' not in found.__dict__
-
-
 def test_a_path_near_a_singular_configuration_is_refused():
     with pytest.raises(ConfigurationError, match='near a singular one, none found in 50'):
         load_robot('triangle').configuration([-0.42376568, 0.5962088])
-
-
-@pytest.mark.parametrize('seed', range(4))
-def test_a_nearby_factor_suffices_beside_a_singular_configuration(seed):
-    robot = load_robot('nine_member')
-    way = np.random.default_rng(seed).standard_normal(len(robot.roller_names))
-    reached, missed = 0.0, 3.0 / np.abs(way).max()
-    while missed - reached > 1e-9:
-        middle = 0.5 * (reached + missed)
-        try:
-            robot.configuration(middle * way)
-            reached = middle
-        except ConfigurationError:
-            missed = middle
-    end = reached - 1e-4
-    nearby, start = (robot.configuration((end - back) * way) for back in (1e-3, 2e-4))
-    goal = end * way
-    found = start.moved_to(goal, nearby.factor)
-    assert found.nodes == pytest.approx(start.moved_to(goal).nodes, abs=1e-9)

@@ -104,12 +104,10 @@ def test_rigidity_changes_by_no_more_than_its_bound(robot, rng):
     except ConfigurationError:
         assume(False)
     change = abs(measure.modes(one).values[0] - measure.modes(two).values[0])
-    barrier = RigidityBarrier(robot, BarrierLaw(0.2, 0.2))
-    assert change <= barrier.change(one, two) + 1e-3
-    assert barrier.change(one, one) == 0.0
     # The singular values of a matrix change by its Frobenius norm at most (Weyl, Mirsky).
-    entries = (one.gradients - two.gradients) * measure.weights
-    assert barrier.change(one, two) == pytest.approx(np.linalg.norm(entries), rel=1e-14)
+    gradients = (robot.constraints.gradients(config.points) for config in (one, two))
+    entries = np.subtract(*gradients) * measure.weights
+    assert change <= np.linalg.norm(entries) + 1e-3
 
 
 @pytest.mark.parametrize('kind', KINDS)
