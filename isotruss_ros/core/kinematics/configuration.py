@@ -115,34 +115,33 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         if goal.dtype != float or goal.shape != start.shape or not np.isfinite(goal).all():
             goal = robot.check_rollers(roller_positions, 'roller positions [m]')
         goal_lengths = _lengths(robot, goal)[: robot.topology.n_modules]
-        shortest = float(goal_lengths.min())
-        if shortest <= 0.0:
-            worst = int(goal_lengths.argmin())
+        worst = int(goal_lengths.argmin())
+        if goal_lengths[worst] <= 0.0:
             raise ConfigurationError(
                 f'robot {robot.name}: roller positions {goal.tolist()} m make member '
-                f'{robot.member_names[worst]} {shortest:.6g} m long; must be positive'
+                f'{robot.member_names[worst]} {goal_lengths[worst]:.6g} m long; must be positive'
             )
-        change = float(np.abs(goal_lengths - self.member_lengths).max())
         points, factor = self.points, self.__dict__.get('factor')
-        done, step, steps, least = 0.0, change, 0, NEGLIGIBLE_SHARE * change
-        while done < change:
-            steps += 1
-            end = change if done + step > change * (1.0 - 1e-9) else done + step
-            ahead = goal if end == change else start + (end / change) * (goal - start)
-            moved = follow_branch(robot.constraints, points, _lengths(robot, ahead), factor)
-            if moved is not None:
-                points, factor, done, step = moved, None, end, 2.0 * step
-            else:
+        done, step = 0.0, 1.0  # fractions of the way
+        for _ in range(MAX_NEWTON_ITERATIONS):
+            end = min(done + step, 1.0)
+            lengths = _lengths(robot, start + end * (goal - start))
+            moved = follow_branch(robot.constraints, points, lengths, factor)
+            if moved is None:
                 step *= 0.25
-            if done < change and (step < least or steps == MAX_NEWTON_ITERATIONS):
+            else:
+                points, factor, done, step = moved, None, end, 2.0 * step
+            if done == 1.0:
+                return Configuration(robot, goal, points)
+            if step < NEGLIGIBLE_SHARE:
                 why = 'no configuration exists'
-                if step >= least:
-                    why = f'near a singular one, none found in {MAX_NEWTON_ITERATIONS} steps'
-                raise ConfigurationError(
-                    f'robot {robot.name}: roller positions {goal.tolist()} m: {why} '
-                    f'beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
-                )
-        return Configuration(robot, goal, points)
+                break
+        else:
+            why = f'near a singular one, none found in {MAX_NEWTON_ITERATIONS} steps'
+        raise ConfigurationError(
+            f'robot {robot.name}: roller positions {goal.tolist()} m: {why} '
+            f'beyond {100 * done:.6g} % of the way from {start.tolist()} m'
+        )
 
     def predict(self, travel: Array) -> Configuration:
         """
