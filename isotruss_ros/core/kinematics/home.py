@@ -163,16 +163,11 @@ def require_determinate(source: str, topology: Topology, matrix: Array | csc_mat
             f'{source}: tubes: {m} members between {joints} joints; must be at most '
             f'{2 * joints - 3}: with more of them the rollers would work against each other'
         )
-    if grounded < 3:
+    if grounded < 3 or grounded > needed:
         raise RobotFileError(
-            f'{source}: supports: too few: {grounded} grounded coordinates; '
-            f'must be {needed}, for example [x, y] of one joint and [y] of another'
-        )
-    if grounded > needed:
-        raise RobotFileError(
-            f'{source}: supports: too many: {grounded} grounded coordinates; must be {needed} '
-            f'(2 for each of {joints} joints, less one for each of {m} members): with more of '
-            'them the supports would work against the rollers'
+            f'{source}: supports: too {"few" if grounded < 3 else "many"}: {grounded} grounded '
+            f'coordinates; must be {needed}: 2 for each of {joints} joints, less one for each of '
+            f'{m} members'
         )
     moving = ', '.join(_what_moves(topology, matrix))
     missing = (

@@ -43,7 +43,16 @@ class Robot(
         require_determinate(description.source, self.topology, self.constraints.matrix(points))
         self.home_lengths = np.abs(self.constraints.spans(points))
         self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
-        _refuse_collision(self)
+        model = collision_model(self)
+        distances = model.distances(self.home)
+        least = int(distances.argmin())
+        if distances[least] < 0.0:
+            (parts,) = model.names(np.array([least]))
+            raise RobotFileError(
+                f'{description.source}: {parts} overlap at home: their clearance is '
+                f'{distances[least]:.3f} m; must not be negative: move the joints apart, or use '
+                f'smaller modules or a tube of less than {description.tube_diameter:g} m'
+            )
 
     def __eq__(self, other: object) -> bool:
         """Return whether another robot has an equal description."""
@@ -73,20 +82,6 @@ class Robot(
             configuration exists at it.
         """
         return (near or self.home).moved_to(roller_positions)
-
-
-def _refuse_collision(robot: Robot) -> None:
-    """Raise RobotFileError if two parts of a robot overlap at home."""
-    model = collision_model(robot)
-    distances = model.distances(robot.home)
-    least = int(distances.argmin())
-    if distances[least] < 0.0:
-        (parts,) = model.names(np.array([least]))
-        raise RobotFileError(
-            f'{robot.description.source}: {parts} overlap at home: their clearance is '
-            f'{distances[least]:.3f} m; must not be negative: move the joints apart, or use '
-            f'smaller modules or a tube of less than {robot.description.tube_diameter:g} m'
-        )
 
 
 @functools.lru_cache(maxsize=4)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names, Topology
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, MAX_MAGNITUDE
+from isotruss_ros.core.numerics.arrays import Array, covariance_matrix, Indices, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,18 +48,11 @@ class WorkingRollers:
 
         The cost is scaled so that its trace equals that of the paper's cost.
         """
-        words = f'a row of the cost matrix, which has {self.count} rows'
-        given = cost if np.iterable(cost) else [cost]
-        matrix = np.array([finite_array(row, self.count, words, GraspError) for row in given])
-        if len(matrix) != self.count:
-            raise GraspError(f'the cost matrix has {len(matrix)} rows; must be {self.count}')
-        size = max(float(np.abs(matrix).max()), SMALLEST_NORMAL)
-        matrix = matrix / size
-        least = float(np.linalg.eigvalsh(matrix)[0])
-        if np.abs(matrix - matrix.T).max() > COINCIDENCE or least < COINCIDENCE:
+        matrix = covariance_matrix(cost, self.count, 'the cost matrix', GraspError)
+        matrix /= max(float(np.abs(matrix).max()), SMALLEST_NORMAL)
+        if np.linalg.eigvalsh(matrix)[0] < COINCIDENCE:
             raise GraspError(
-                f'the smallest eigenvalue of the cost matrix is {size * least:.4g}: must be '
-                'symmetric and positive definite; add a small multiple of the identity'
+                'the cost matrix: must be positive definite; add a small multiple of the identity'
             )
         working_cost = matrix[np.ix_(self.indices, self.indices)]
         if len(working_cost):

@@ -103,7 +103,12 @@ class PathServo:
         elapsed, self._before = now - self._before, now
         self.tracker.clock.period = self.period
         try:
-            feedback = self._last_feedback(now)
+            (given,) = require_fresh(now, self.timeout, status=self.inputs.servo_feedback)
+            feedback: ServoFeedback = given.value
+            if not 0.0 <= feedback.scale <= 1.0:
+                words = f'status: scale {feedback.scale}: must be from 0 to 1'
+                raise InputError(InputFault.INVALID, 'status', words)
+            self._answered = max(self._answered, given.time)
         except InputError as error:
             if now - self._answered > self.timeout:
                 return Step(None, PathOutcome.STOPPED, str(error))
@@ -122,13 +127,3 @@ class PathServo:
         if feedback.message:
             message = f'{message}; manipulation: {feedback.message}'
         return Step(tracking, OUTCOMES[tracking.phase], message)
-
-    def _last_feedback(self, now: float) -> ServoFeedback:
-        """Return the feedback on the last twist; raise InputError if it is stale or invalid."""
-        (given,) = require_fresh(now, self.timeout, status=self.inputs.servo_feedback)
-        feedback: ServoFeedback = given.value
-        if not 0.0 <= feedback.scale <= 1.0:
-            words = f'status: scale {feedback.scale}: must be from 0 to 1'
-            raise InputError(InputFault.INVALID, 'status', words)
-        self._answered = max(self._answered, given.time)
-        return feedback

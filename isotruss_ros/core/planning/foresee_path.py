@@ -94,9 +94,13 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     poses = finite_rows(poses, 3, what, GraspError, MAX_MAGNITUDE)
     if not len(poses):
         raise GraspError('the path has no poses: must have one or more')
-    goals = _divide(poses, held.arm)
+    along = np.abs(np.diff(poses, axis=0)) * (1.0, 1.0, held.arm)
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(along, axis=1))])
+    count = min(max(math.ceil(lengths[-1] / STEP), 1), MAX_STEPS)
+    at = np.linspace(0.0, lengths[-1], count + 1)
     # The equilibrium may differ from the first pose.
-    goals = goals - goals[0] + np.array(held.pose)
+    shifted = poses - poses[0] + np.array(held.pose)
+    goals = np.column_stack([np.interp(at, lengths, values) for values in shifted.T])
     grips, least, force = [held], held.slip_margin(friction), held.squeeze
     for number, goal in enumerate(goals[1:], 1):
         try:
@@ -114,7 +118,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
             if off > 4.0 * STEP:
                 why = f'the robot cannot move the object along the path, {1e3 * off:.0f} mm off it'
         if moved is None or why:
-            return Foresight(held.pose, (number - 1) / (len(goals) - 1), least, why, grips)
+            return Foresight(held.pose, (number - 1) / count, least, why, grips)
         held, least = moved, min(least, margin)
         grips.append(held)
     return Foresight(held.pose, 1.0, least, '', grips)
@@ -138,12 +142,3 @@ def _take_step(
     moved_grip = roll_grip(held, config)
     hold = HoldStatus.NO_BALANCE if moved_grip is None else moved_grip.hold(friction)
     return (moved_grip, '') if hold is HoldStatus.HELD else (None, hold.value)
-
-
-def _divide(poses: Array, arm: float) -> Array:
-    """Return poses (n, 3) along a path, one for each step."""
-    along = np.abs(np.diff(poses, axis=0)) * (1.0, 1.0, arm)
-    lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(along, axis=1))])
-    count = min(max(math.ceil(lengths[-1] / STEP), 1), MAX_STEPS)
-    at = np.linspace(0.0, lengths[-1], count + 1)
-    return np.column_stack([np.interp(at, lengths, values) for values in poses.T])

@@ -101,7 +101,14 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         if abs(missing[0]) < 1.0 and (
             np.abs(gain).max() < 1.0 or after > MAX_CONTRACTION * before
         ):
-            _check_place(grasp, closing)
+            state = evaluate_state(grasp.config, grasp.body)
+            least = np.zeros(len(state.gaps))
+            least[list(closing.members)] = -np.inf
+            state.check_bounds(closing.min_rigidity, 0.0, least)
+            bound = MAX_SHIFT * grasp.config.robot.description.tube_diameter
+            distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
+            if distance > bound:
+                raise RequirementError('in_place', distance, bound)
             return grasp
         closing.tally.evaluations += 1
         try:
@@ -126,15 +133,3 @@ def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
     normals = grasp.state.normals[np.searchsorted(owners, np.arange(3))]
     shares = (np.roll(normals, -1).conj() * np.roll(normals, -2)).imag
     return np.append(missing, 3.0 * force * shares / shares.sum() - grasp.normal_forces)
-
-
-def _check_place(grasp: HeldGrip, closing: Closing) -> None:
-    """Raise RequirementError if a grip violates a bound or the object was displaced."""
-    state = evaluate_state(grasp.config, grasp.body)
-    least = np.zeros(len(state.gaps))
-    least[list(closing.members)] = -np.inf
-    state.check_bounds(closing.min_rigidity, 0.0, least)
-    bound = MAX_SHIFT * grasp.config.robot.description.tube_diameter
-    distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
-    if distance > bound:
-        raise RequirementError('in_place', distance, bound)

@@ -80,9 +80,16 @@ class GraspRequirements:
             values = check(getattr(self, name), 3, f'requirement {name}', GraspError)
             object.__setattr__(self, name, tuple(values.tolist()))
         for field in fields(self):
-            value = getattr(self, field.name)
-            if field.type in ('float', 'float | None') and value is not None:
-                self._check_number(field.name, value)
+            name, value = field.name, getattr(self, field.name)
+            if field.type not in ('float', 'float | None') or value is None:
+                continue
+            bounded = not name.startswith('max_') or name == 'max_length'
+            usable = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not usable or not value >= 0.0 or (bounded and math.isinf(value)):
+                raise GraspError(
+                    f'requirement {name}: {value!r}: must be a number, not negative'
+                    + (', and finite' if bounded else '')
+                )
         check_friction(self.friction, 'requirement friction')
         poses = [finite_array(pose, 3, 'pose of carry', GraspError) for pose in self.carry]
         object.__setattr__(self, 'carry', tuple(tuple(pose.tolist()) for pose in poses))
@@ -139,12 +146,3 @@ class GraspRequirements:
             response = grip.equilibrium.response
             return 0.0 if response is None else float(along @ response.stiffness @ along)
         return grip.slip_margin
-
-    def _check_number(self, name: str, value: float) -> None:
-        bounded = not name.startswith('max_') or name == 'max_length'
-        usable = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if not usable or not value >= 0.0 or (bounded and math.isinf(value)):
-            raise GraspError(
-                f'requirement {name}: {value!r}: must be a number, not negative'
-                + (', and finite' if bounded else '')
-            )

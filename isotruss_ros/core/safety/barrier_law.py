@@ -213,16 +213,9 @@ class BarrierLimit:
         below = np.flatnonzero(after < bound)
         if not len(below):
             return None
-        shares = _admissible_share(before - bound, self.matrix @ travel, after - before)
+        # Share of the motion after which the room is used up, with quadratic margins.
+        room, slope = before - bound, self.matrix @ travel
+        root = np.sqrt(np.maximum(slope**2 - 4.0 * (after - before - slope) * room, 0.0))
+        shares = np.minimum(2.0 * room / np.maximum(root - slope, EPSILON), 1.0)
         names = tuple(self.barrier.names(self.indices[below]))
         return BarrierViolation(float(shares[below].min()), self.status, names)
-
-
-def _admissible_share(room: Array, slope: Array, change: Array) -> Array:
-    """
-    Return the fraction of a motion after which each margin has decreased by a given amount.
-
-    Margins are approximated by quadratic functions of this fraction.
-    """
-    root = np.sqrt(np.maximum(slope**2 - 4.0 * (change - slope) * room, 0.0))
-    return np.minimum(2.0 * room / np.maximum(root - slope, EPSILON), 1.0)

@@ -315,8 +315,8 @@ def test_the_cost_of_the_paper_is_that_of_the_node_velocities():
 
 
 NO_COSTS = {
-    'too few rows': (np.eye(6)[:5], '5 rows; must be 6'),
-    'not a number': (np.full((6, 6), np.nan), 'must be 6 finite numbers'),
+    'too few rows': (np.eye(6)[:5], 'must be 6'),
+    'not a number': (np.full((6, 6), np.nan), 'must be 6 x 6 finite numbers'),
     'semidefinite': (
         np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]),
         'add a small multiple of the identity',
