@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import enum
 from operator import itemgetter
@@ -132,22 +131,6 @@ def check_stamp(
             'synchronise the clocks',
         )
     return min(stamp, now)
-
-
-def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float) -> Input:
-    """
-    Return the later of two inputs with checked stamps, unless the later input is rejected.
-
-    Messages may arrive in the wrong order; an earlier message is dropped. A rejected message does
-    not replace a measurement, which stays valid until its timeout; the rejection is stored with
-    the measurement. If the previous input has a later stamp than `now` [s], the clock was set
-    back, and the previous input is dropped.
-    """
-    if not isinstance(kept, StampedInput) or kept.time > now + CLOCK_SKEW:
-        return received
-    if isinstance(received, RejectedInput):
-        return kept._replace(rejected=received)
-    return kept if received.time < kept.time else received
 
 
 def require_fresh(
@@ -272,60 +255,6 @@ class UsedReadings:
         stored = {before for before in used if before[0] > time - HISTORY_DURATION}
         self._used[name] = stored | {reading}
         return True
-
-
-class RollerParts:
-    """
-    Last readings of each roller, from joint states with all or some of the rollers.
-
-    The merged state has the time of the oldest reading; newer readings are interpolated to this
-    time.
-    """
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self._names = names
-        #: Position [m] + 1j speed [m/s] of each roller.
-        self._readings = [Timeline() for _ in names]
-
-    def clear(self) -> None:
-        """Discard the readings of all rollers."""
-        for readings in self._readings:
-            readings.clear()
-
-    def take(self, part: Mapping[int, tuple[float, float]], time: float, now: float) -> None:
-        """
-        Store the positions [m] and speeds [m/s] by roller index that are newer than the stored.
-
-        Stored readings later than `now` [s], before the clock was set back, are discarded.
-        """
-        for number, reading in part.items():
-            readings = self._readings[number]
-            if readings and readings.last[0] > now:
-                readings.clear()
-            if not readings or time >= readings.last[0]:
-                readings.add(time, complex(*reading))
-
-    def merged(self) -> StampedInput | RejectedInput:
-        """Return the merged state of all rollers; a rejection if a roller was in no message."""
-        readings = self._readings
-        missing = [self._names[i] for i, timeline in enumerate(readings) if not timeline]
-        if missing:
-            return RejectedInput(
-                f'joint states: rollers {", ".join(missing)} are missing; must name '
-                f'{", ".join(self._names)}, in one message or in parts'
-            )
-        times = [timeline.last[0] for timeline in readings]
-        time, newest = min(times), max(times)
-        for timeline in readings:
-            timeline.discard_before(time)
-        values, behind = np.array([timeline.at(time) for timeline in readings]), None
-        if time < newest:
-            oldest = self._names[times.index(time)]
-            words = (
-                f'joint states: roller {oldest} was read {newest - time:.3f} s before the others'
-            )
-            behind = RejectedInput(words, InputFault.STALE)
-        return StampedInput(RollerState(values.real, values.imag), time, behind)
 
 
 class CommandHistory:

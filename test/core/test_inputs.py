@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rule for stamps, which input is kept, and joint states that come in parts."""
+"""The rule for stamps, repeated readings and measured pressures."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,16 +12,12 @@ from isotruss_ros.core.inputs import (
     fresh_pressures,
     InputError,
     InputFault,
-    keep_latest,
     PRESSURE_TIMEOUT,
     RejectedInput,
-    require_fresh,
-    RollerParts,
     StampedInput,
     steady_pressures,
     UsedReadings,
 )
-import numpy as np
 import pytest
 
 NOW, TIMEOUT = 100.0, 0.2
@@ -45,128 +41,6 @@ def test_a_stamp_counts_from_the_largest_age_to_the_skew(ahead):
 def test_largest_age_and_skew_are_admissible():
     assert check_stamp('object_pose', -TIMEOUT, 0.0, TIMEOUT) == -TIMEOUT
     assert check_stamp('object_pose', CLOCK_SKEW, 0.0, TIMEOUT) == 0.0
-
-
-def test_an_earlier_input_does_not_replace_a_later_one():
-    assert keep_latest(NEW, LATE, NOW) is NEW
-    assert keep_latest(LATE, NEW, NOW) is NEW
-
-
-def test_an_input_that_is_ahead_by_the_skew_is_not_from_before_a_jump():
-    ahead = StampedInput('ahead', CLOCK_SKEW)
-    assert keep_latest(ahead, StampedInput('now', 0.0), 0.0) is ahead
-
-
-def test_an_input_replaces_one_with_the_same_stamp():
-    again = StampedInput('again', NOW)
-    assert keep_latest(NEW, again, NOW) is again
-
-
-def test_an_input_replaces_none_and_a_rejected_one():
-    assert keep_latest(None, LATE, NOW) is LATE
-    assert keep_latest(BAD, LATE, NOW) is LATE
-    assert keep_latest(None, BAD, NOW) is BAD
-
-
-def test_an_input_replaces_one_from_before_the_clock_was_set_back():
-    assert keep_latest(NEW, LATE, NOW - 0.1) is LATE
-
-
-def test_a_rejected_input_never_erases_a_good_one():
-    kept = keep_latest(NEW, BAD, NOW)
-    assert require_fresh(NOW + 0.99 * TIMEOUT, TIMEOUT, object_pose=kept) == (kept,)
-    assert kept.value == 'new'
-
-
-def test_the_reason_of_a_rejection_is_told_once_the_good_input_is_too_old():
-    kept = keep_latest(NEW, BAD, NOW)
-    with pytest.raises(InputError, match='bad') as caught:
-        require_fresh(NOW + 1.01 * TIMEOUT, TIMEOUT, object_pose=kept)
-    assert (caught.value.name, caught.value.fault) == ('object_pose', InputFault.INVALID)
-
-
-NAMES = ('a', 'b', 'c')
-
-
-def part(rollers, time, speed):
-    """Return readings of rollers that turn evenly, each by its own speed."""
-    return {number: (speed[number] * time, speed[number]) for number in rollers}
-
-
-moments = st.floats(0.0, 1.0)
-
-
-@given(
-    st.lists(st.tuples(st.sets(st.integers(0, 2), min_size=1), moments), max_size=20),
-    st.tuples(*3 * [st.floats(-0.1, 0.1)]),
-)
-def test_parts_in_any_order_make_the_state_of_one_time(messages, speed):
-    parts, last = RollerParts(NAMES), dict.fromkeys(range(3), 0.0)
-    for rollers, time in [({0, 1, 2}, 0.0), *messages]:
-        parts.take(part(rollers, time, speed), time, 2.0)
-        last |= {number: max(last[number], time) for number in rollers}
-        found = parts.merged()
-        assert found.time == min(last.values())
-        assert found.value.positions == pytest.approx(np.multiply(speed, found.time), abs=1e-9)
-        assert found.value.offsets == 0.0
-
-
-def test_rollers_that_were_never_read_are_named():
-    parts = RollerParts(NAMES)
-    parts.take(part((1,), 1.0, (0.1, 0.1, 0.1)), 1.0, 2.0)
-    assert 'rollers a, c are missing' in parts.merged().reason
-
-
-def test_the_roller_that_is_behind_is_named():
-    parts = RollerParts(NAMES)
-    parts.take(part((0, 1, 2), 1.0, (0.1, 0.1, 0.1)), 1.0, 2.0)
-    parts.take(part((0, 1), 1.5, (0.1, 0.1, 0.1)), 1.5, 2.0)
-    with pytest.raises(InputError, match=r'roller c was read 0\.500 s before the others'):
-        require_fresh(1.6, TIMEOUT, joint_states=parts.merged())
-
-
-def test_readings_from_before_the_clock_was_set_back_are_dropped():
-    parts = RollerParts(NAMES)
-    parts.take(part((0, 1, 2), 10.0, (0.1, 0.1, 0.1)), 10.0, 10.0)
-    parts.take(part((0, 1, 2), 5.0, (0.1, 0.1, 0.1)), 5.0, 5.0)
-    assert parts.merged().time == 5.0
-
-
-def test_a_reading_at_the_current_time_keeps_the_earlier_ones_of_its_roller():
-    parts = RollerParts(NAMES)
-    for rollers, time in (((0, 1, 2), 1.0), ((1,), 1.5), ((0, 2), 2.0), ((0, 2), 2.0)):
-        parts.take(part(rollers, time, (0.1, 0.1, 0.1)), time, time)
-    merged = parts.merged()
-    assert merged.time == 1.5
-    assert merged.value.positions == pytest.approx(np.full(3, 0.15))
-
-
-def test_readings_of_one_time_are_a_complete_state():
-    parts = RollerParts(NAMES)
-    parts.take(part((0, 1, 2), 1.0, (0.1, 0.1, 0.1)), 1.0, 1.0)
-    assert parts.merged().rejected is None
-
-
-def test_merged_readings_are_stored_as_far_as_they_are_interpolated():
-    parts = RollerParts(NAMES)
-    for time in range(20):
-        parts.take(part((0, 1, 2), time, (0.1, 0.1, 0.1)), time, 20.0)
-        parts.merged()
-    assert [len(readings.values) for readings in parts._readings] == [1, 1, 1]
-
-
-def test_a_second_reading_of_the_same_time_replaces_the_first():
-    parts = RollerParts(NAMES)
-    for speed in (0.1, 0.2):
-        parts.take(part((0, 1, 2), 1.0, 3 * [speed]), 1.0, 1.0)
-    assert parts.merged().value.positions == pytest.approx(np.full(3, 0.2))
-
-
-def test_rollers_without_readings_since_the_clearing_are_missing():
-    parts = RollerParts(NAMES)
-    parts.take(part((0, 1, 2), 1.0, (0.1, 0.1, 0.1)), 1.0, 1.0)
-    parts.clear()
-    assert 'rollers a, b, c are missing' in parts.merged().reason
 
 
 @pytest.mark.parametrize('age', [0.9, 1.0, 1.1])

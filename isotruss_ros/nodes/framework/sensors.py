@@ -17,11 +17,9 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import (
     Input,
     InputFault,
-    keep_latest,
     LatestInputs,
     RejectedInput,
     require_fresh,
-    RollerParts,
     RollerState,
     StampedInput,
 )
@@ -29,6 +27,7 @@ from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part, read_tube_pressure
 from isotruss_ros.nodes.conversions.state_messages import read_estimate, read_grip
 from isotruss_ros.nodes.framework.gate import Gate, Received, Topic
+from isotruss_ros.nodes.framework.received_inputs import keep_latest, RollerParts
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
 import numpy as np

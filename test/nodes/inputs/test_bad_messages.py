@@ -27,10 +27,11 @@ from hypothesis import strategies as st
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import Pose, Status, TwistServo
-from isotruss_ros.core.inputs import RejectedInput, RollerParts, StampedInput
+from isotruss_ros.core.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.nodes.conversions.messages import make_header, MessageError
 from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part
+from isotruss_ros.nodes.framework.received_inputs import RollerParts
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
