@@ -23,7 +23,6 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.beam_column import end_forces
-from isotruss_ros.core.statics.blocks import Factored
 from isotruss_ros.core.statics.frame import Frame, keep_apart
 from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import linearize, Slopes, Tangent
@@ -84,7 +83,6 @@ class Changes(NamedTuple):
     responses: Array  #: (k, 3, p) responses at the load points, see `BentTubes`
     state: Array  #: (k, 3) responses in the linearised state
     slopes: Slopes  #: inclinations of the tubes before, then behind the load points
-    factored: Factored  #: factorised matrix of the frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +160,7 @@ class BentTubes:
         # The length of a part between two places of one member depends on both places.
         changed = (slopes.by_forces * by_length[layout.beside]).sum(axis=1)
         right[:, -1] = right[:, : 3 * count] @ self.before.loads.ravel() - tangent.carried
-        factored, moved = tangent.solve(right)
+        _, moved = tangent.solve(right)
         back = turns.swapaxes(1, 2)
         responses = back @ moved[cut]
         responses[:, 2] = _mean((slopes.by_ends @ moved[layout.places[layout.beside]])[:, 0])
@@ -171,7 +169,7 @@ class BentTubes:
         responses[load_points, 0, moving.start + load_points] -= 1.0
         state = (back @ tangent.unknowns[cut][:, :, None])[..., 0]
         state[:, 2] = _mean(slopes.values)
-        return Changes(moved, responses, state, slopes, factored)
+        return Changes(moved, responses, state, slopes)
 
     @property
     def _cut_unknowns(self) -> Indices:
@@ -342,8 +340,7 @@ class BentTubes:
         rates = np.zeros((len(frame.length), 3, count))
         rates[chosen] = tangent.force_rates(chosen, units) @ changes[:, chosen].swapaxes(0, 1)
         carried = tangent.sum_forces(chosen, rates[chosen])
-        scale = frame.scale[:, None]
-        moved = self._changes.factored.solve(-carried * scale) * scale
+        _, moved = tangent.solve(-carried)
         _, by_ends, by_forces, by_shear = self._changes.slopes
         inclined = by_forces[:, None] @ rates[parts] + by_ends @ moved[frame.layout.places[parts]]
         shear = (by_shear / frame.members.section[2, parts])[:, None] * changes[3, parts]

@@ -15,16 +15,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 import functools
-import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
-from isotruss_ros.core.numerics.factorization import (
-    count_negative_pivots,
-    Factor,
-    factorize,
-)
+from isotruss_ros.core.numerics.factorization import count_negative_pivots, factorize
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
@@ -250,39 +245,14 @@ def lay_out(numbering: Numbering, piece: bytes, order: bytes, active: bytes) -> 
     )
 
 
-class Factored(NamedTuple):
-    """Matrix with eliminated blocks, all scaled."""
+class Condensed(NamedTuple):
+    """Matrix with eliminated blocks, scaled."""
 
-    layout: Layout
     #: for each group, blocks (b, s, s), and displacements (b, s, t) of their unknowns by unit
     #: displacements of the hinges
     parts: list[tuple[Array, Array]]
     schur: list[Array]  #: for each group, stiffness (b, t, t) of the hinges
     matrix: Array | csc_matrix  #: (j, j) matrix of the hinges
-    factor: Factor  #: its factorisation
-
-    def solve(self, right: Array) -> Array:
-        """Return the unknowns (u, p) for right-hand sides (u, p); those not free are zero."""
-        insides, pushed = [], []
-        for group, (stiff, spread) in zip(self.layout.groups, self.parts, strict=True):
-            push = right[group.inner]
-            insides.append(np.linalg.solve(stiff, push))
-            pushed.append(spread.swapaxes(1, 2) @ push)
-        return self.complete(right, insides, pushed)
-
-    def complete(self, right: Array, insides: list[Array], pushed: list[Array]) -> Array:
-        """Return the unknowns (u, p) from those (b, s, p) and forces (b, t, p) at fixed hinges."""
-        joints, columns = self.layout.numbering.joints, right.shape[1]
-        push = np.concatenate(
-            [part.reshape(math.prod(part.shape[:2]), columns) for part in pushed]
-        )
-        moved, completed = np.zeros((len(joints) + 1, columns)), np.zeros(right.shape)
-        moved[:-1] = self.factor.solve(right[joints] + self.layout.sources @ push)
-        completed[joints] = moved[:-1]
-        groups = zip(self.layout.groups, self.parts, insides, strict=True)
-        for group, (_, spread), inside in groups:
-            completed[group.inner] = inside + spread @ moved[group.joints]
-        return completed
 
     @property
     def negative_pivots(self) -> int:
@@ -293,13 +263,15 @@ class Factored(NamedTuple):
 
 def eliminate(
     layout: Layout, matrices: list[Array], kept: list[Array], right: Array
-) -> tuple[Factored, Array]:
+) -> tuple[Condensed, Array]:
     """
     Eliminate the blocks of a matrix, and solve for right-hand sides (u, p).
 
-    The groups have the matrices (b, t + s, t + s), and those of kept blocks (b, t, t).
+    The groups have the matrices (b, t + s, t + s), and those of kept blocks (b, t, t). Unknowns
+    that are not free are zero.
     """
     parts, schur, insides, pushed = [], [], [], []
+    numbering, columns = layout.numbering, right.shape[1]
     for group, whole in zip(layout.groups, matrices, strict=True):
         width = group.outer.shape[1]
         stiff, coupling = whole[:, width:, width:], whole[:, width:, :width]
@@ -309,16 +281,20 @@ def eliminate(
         schur.append(whole[:, :width, :width] - carried[..., :width])
         parts.append((stiff, -answer[..., :width]))
         insides.append(answer[..., width:])
-        pushed.append(-carried[..., width:])
-    numbering, count = layout.numbering, len(layout.numbering.joints)
+        pushed.append(carried[..., width:].reshape(group.outer.size, columns))
+    count = len(numbering.joints)
     entries = np.concatenate([block.ravel() for block in schur + kept])
     entries = np.bincount(layout.joint_slots, entries, numbering.joint_size + 1)[:-1]
     if numbering.sparse is None:
         matrix = entries.reshape(count, count)
     else:
         matrix = csc_matrix((entries, *numbering.sparse), shape=(count, count))
-    factored = Factored(layout, parts, schur, matrix, factorize(matrix.copy()))
-    return factored, factored.complete(right, insides, pushed)
+    moved, solution = np.zeros((count + 1, columns)), np.zeros(right.shape)
+    push = right[numbering.joints] - layout.sources @ np.concatenate(pushed)
+    solution[numbering.joints] = moved[:-1] = factorize(matrix.copy()).solve(push)
+    for group, (_, spread), inside in zip(layout.groups, parts, insides, strict=True):
+        solution[group.inner] = inside + spread @ moved[group.joints]
+    return Condensed(parts, schur, matrix), solution
 
 
 def member_places(start: Indices, end: Indices) -> Indices:

@@ -53,29 +53,23 @@ class FrameState:
 def unloaded(frame: Frame) -> Tangent:
     """Return a frame linearised without loads; raise StructureError if it is a mechanism."""
     rest = linearize(frame, np.zeros(len(frame.scale)))
-    regular = _factorize(rest)
-    if regular is None and frame.layout.numbering.condensed:
+    if not _is_regular(rest) and frame.layout.numbering.condensed:
         whole = Numbering(frame.members, frame.held, frame.rows.places, condensed=False)
         rest = linearize(replace(frame, layout=whole.whole), rest.unknowns)
-        regular = _factorize(rest)
-    if regular is not None:
-        return regular
+    if _is_regular(rest):
+        return rest
     raise StructureError(
         f'the structure is a mechanism: {", ".join(_what_moves(rest))} can move '
         'without resistance; support it or connect it'
     )
 
 
-def _factorize(rest: Tangent) -> Tangent | None:
-    """Return a frame with the factorised matrix of (4); None if it is singular."""
-    # The solution for irregular loads is a lower bound of the scaled matrix' condition number.
-    loads = np.cos(np.arange(len(rest.unknowns)) ** 2)
+def _is_regular(rest: Tangent) -> bool:
+    """Return whether the matrix of (4) is regular."""
     try:
-        factored, moved = rest.solve((loads / rest.frame.scale)[:, None])
+        return rest.condensed[1] < MAX_CONDITION
     except StructureError:
-        return None
-    size = np.abs(moved[:, 0] / rest.frame.scale).max()
-    return replace(rest, given=factored) if size < MAX_CONDITION else None
+        return False
 
 
 def _what_moves(rest: Tangent) -> list[str]:

@@ -61,8 +61,8 @@ class Structure:
     @functools.cached_property
     def blocks(self) -> list[UnloadedBlocks | None]:
         """Return the groups of the unloaded frame; None for blocks without own unknowns."""
-        rest, frame = self.rest, self.frame
-        groups = zip(frame.layout.groups, rest.factored.schur, rest.factored.parts, strict=True)
+        (condensed, _), frame = self.rest.condensed, self.frame
+        groups = zip(frame.layout.groups, condensed.schur, condensed.parts, strict=True)
         return [
             UnloadedBlocks.of(frame, group, schur, spread) if spread.size else None
             for group, schur, (_, spread) in groups

@@ -18,7 +18,7 @@ from isotruss_ros.core.statics.beam_column import (
     chord_stiffness,
     EndForces,
 )
-from isotruss_ros.core.statics.blocks import eliminate, Factored
+from isotruss_ros.core.statics.blocks import Condensed, eliminate
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
 import numpy as np
@@ -62,7 +62,6 @@ class Tangent:
     matrices: list[Array]  #: scaled stiffness of each group of blocks, see `eliminate`
     #: the other blocks, and the forces (b, t) on their hinges and their stiffness (b, t, t)
     kept: tuple[tuple[UnloadedBlocks, ...], list[Array], list[Array]]
-    given: Factored | None = None  #: factorised matrix; None: it is computed
 
     @property
     def displacements(self) -> Array:
@@ -70,30 +69,32 @@ class Tangent:
         return self.frame.displacements(self.unknowns)
 
     @cached_property
-    def factored(self) -> Factored:
-        """Return the factorised matrix of (4), scaled."""
-        return self.given or self.solve(np.zeros((len(self.unknowns), 1)))[0]
+    def condensed(self) -> tuple[Condensed, float]:
+        """Return the condensed matrix of (4), and a lower bound of its condition number."""
+        right = np.cos(np.arange(len(self.unknowns)) ** 2)  # irregular
+        condensed, moved = self.solve((right / self.frame.scale)[:, None])
+        return condensed, float(np.abs(moved[:, 0] / self.frame.scale).max())
 
-    def solve(self, right: Array) -> tuple[Factored, Array]:
-        """Return the factorised matrix of (4), and its solutions (u, p)."""
+    def solve(self, right: Array) -> tuple[Condensed, Array]:
+        """Return the condensed matrix of (4), and its solutions (u, p)."""
         frame, scale = self.frame, self.frame.scale[:, None]
         kept = [
             stiff * frame.scale[blocks.outer, None] * frame.scale[blocks.outer][:, None]
             for blocks, _, stiff in zip(*self.kept, strict=True)
         ]
         try:
-            factored, solution = eliminate(frame.layout, self.matrices, kept, right * scale)
+            condensed, solution = eliminate(frame.layout, self.matrices, kept, right * scale)
         except np.linalg.LinAlgError as error:
             raise StructureError(
                 'the structure has no stiffness in its bent shape: the loads must be smaller'
             ) from error
-        return factored, solution * scale
+        return condensed, solution * scale
 
     def respond(self, loads: Array) -> Array:
         """Return the changes (u, p) of the unknowns by additional loads (3 n, p) on the nodes."""
         rows = self.frame.layout.numbering.rows
         right = np.concatenate([np.zeros((rows, loads.shape[1])), loads])
-        return self.factored.solve(right * self.frame.scale[:, None]) * self.frame.scale[:, None]
+        return self.solve(right)[1]
 
     def force_rates(self, parts: Indices, changes: Array) -> Array:
         """Return the changes (q, 3, c) of q parts' `EndForces` due to c changes of sections."""
@@ -154,7 +155,7 @@ class Tangent:
     @property
     def is_stable(self) -> bool:
         """Return whether the frame's equilibrium is stable under the constraints."""
-        return self.factored.negative_pivots == self.frame.layout.numbering.rows
+        return self.condensed[0].negative_pivots == self.frame.layout.numbering.rows
 
 
 def linearize(

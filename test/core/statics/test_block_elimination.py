@@ -50,19 +50,17 @@ def test_responses_of_robots_agree_with_those_of_one_matrix(robot, rng):
     loads = rng.normal(size=(len(tangent.unknowns), 4))
     loads[:rows] *= 1e-3
     loads[rows:].reshape(-1, 3, 4)[: len(robot.topology.joint_names), 2] = 0.0
-    expected = whole(tangent).solve(loads)[1]
-    factored, scale = tangent.factored, tangent.frame.scale[:, None]
-    for found in (tangent.solve(loads)[1], factored.solve(loads * scale) * scale):
-        for part, share in ((slice(None, rows), 1e2), (slice(rows, None), 10.0)):
-            size = np.abs(expected[part]).max()
-            assert np.abs(found[part] - expected[part]).max() < share * ROUNDING * size
+    expected, solution = (frame.solve(loads)[1] for frame in (whole(tangent), tangent))
+    for part, share in ((slice(None, rows), 1e2), (slice(rows, None), 10.0)):
+        size = np.abs(expected[part]).max()
+        assert np.abs(solution[part] - expected[part]).max() < share * ROUNDING * size
 
 
 @examples(20)
 @given(robots.robots(), generators())
 def test_negative_pivots_of_blocks_and_joints_are_those_of_one_matrix(robot, rng):
     tangent = bent_frame(robot, rng)
-    assert tangent.factored.negative_pivots == whole(tangent).factored.negative_pivots
+    assert tangent.condensed[0].negative_pivots == whole(tangent).condensed[0].negative_pivots
 
 
 def test_constraints_that_are_dependent_within_a_block_leave_the_frame_regular():
