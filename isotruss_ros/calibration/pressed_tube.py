@@ -11,7 +11,7 @@ from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.fixed_object.contact import ContactState, solve_contact
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints
 from isotruss_ros.core.fixed_object.straight_compliance import clamped_pieces
-from isotruss_ros.core.fixed_object.surfaces import surface_of
+from isotruss_ros.core.fixed_object.surfaces import Surface
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.beam_column import local_stiffness
@@ -62,13 +62,13 @@ def press(
     """
     center = complex(position, 0.5 * cylinder + tube.radius - depth)
     body = ConvexObject.disc((center.real, center.imag), cylinder)
-    surface = surface_of(body, 0.0 if flattens else tube.radius)
-    radius = surface.reach
+    surface = Surface(body, 0.0 if flattens else tube.radius)
+    radius = 0.5 * cylinder + surface.margin
     reach = np.arange(-int(radius / CONTACT_SPACING) - 2, int(radius / CONTACT_SPACING) + 3)
     places = position + CONTACT_SPACING * reach
     places = places[(places > 0.0) & (places < tube.length)]
     # Toward the centre line, because the skin may be beyond the centre of a small object.
-    normals = surface.nearest(places - surface.center).normals
+    normals = surface.nearest(places).normals
     points, dent = _contact_points(tube, pressure, places, normals, flattens)
     contact = solve_contact(points, surface)
     force = -float((contact.forces * contact.normals).imag.sum())

@@ -4,13 +4,13 @@
 """Convex shapes for tests, and what is known of a shape by its outline alone."""
 
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
-from isotruss_ros.core.fixed_object.surfaces import surface_of
+from isotruss_ros.core.fixed_object.surfaces import Surface
 import numpy as np
 
 
 def circle(center, radius):
     """Return the surface of a disc, which points of the tubes meet."""
-    return surface_of(ConvexObject.disc((center.real, center.imag), 2.0 * radius))
+    return Surface(ConvexObject.disc((center.real, center.imag), 2.0 * radius))
 
 
 def random_polygon(generator, size=0.2, corners=None, rounded=True):

@@ -15,7 +15,7 @@ from isotruss_ros.core.fixed_object.friction_closure import balance_by_friction
 from isotruss_ros.core.fixed_object.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.fixed_object.member_moments import find_utilisation
 from isotruss_ros.core.fixed_object.relaxation import relax_contact
-from isotruss_ros.core.fixed_object.surfaces import Surface, surface_of
+from isotruss_ros.core.fixed_object.surfaces import Surface
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
@@ -73,7 +73,7 @@ def analyze_grasp(
     mu, wrench = check_load(body, friction, external_wrench)
     distance = _check_arguments(config, body, method, spacing)
     margin = 0.5 * config.robot.description.tube_diameter
-    surface = surface_of(body, margin)
+    surface = Surface(body, margin)
     structure = structure_of(config, pressure)
     points, positions, tubes = find_contact_points(structure, surface, distance)
     contact = SOLVERS[method](points, surface)

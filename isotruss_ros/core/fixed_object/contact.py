@@ -41,20 +41,20 @@ class ContactState(NamedTuple):
 
 def solve_contact(points: ContactPoints, surface: Surface) -> ContactState:
     """Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point."""
-    away, normals = points.points - surface.center, points.normals
-    gaps = surface.open_gaps(away, normals)
+    normals = points.normals
+    gaps = surface.open_gaps(points.points, normals)
     # A point beyond a tangent is outside of the object, so the solution for given normals is
     # admissible for the updated normals, whose solution has less or equal energy. Therefore the
     # steps converge, but slowly; `_settle_normals` makes them few.
     for _ in range(MAX_STEPS):
         pressing, active = solve_complementarity(points.normal_compliance(normals), gaps)
-        ahead = np.zeros_like(away)
+        ahead = np.zeros_like(normals)
         ahead[active] = _settle_normals(
-            points.part(active), away[active], normals[active], gaps[active], surface
+            points.part(active), normals[active], gaps[active], surface
         )
         for push in (ahead, pressing * normals):
             displacements = points.displacements(push)
-            gaps_left, turned = surface.nearest(away + displacements)  # (5)
+            gaps_left, turned = surface.nearest(points.points + displacements)  # (5)
             # (6), (7): no force pulls, and none is tangential.
             local, sizes = push * turned.conj(), np.abs(push)
             if (
@@ -71,10 +71,10 @@ def solve_contact(points: ContactPoints, surface: Surface) -> ContactState:
 
 
 def _settle_normals(
-    points: ContactPoints, away: Points, normals: Points, gaps: Array, surface: Surface
+    points: ContactPoints, normals: Points, gaps: Array, surface: Surface
 ) -> Points:
     """Return the forces (a,), x + iy [N], that close the gaps (a,) and have updated normals."""
-    if not len(away):
+    if not len(normals):
         return np.zeros(0, dtype=np.complex128)
     for _ in range(MAX_NEWTON_ITERATIONS):
         _, pressing, failed = lapack.dposv(points.normal_compliance(normals), -gaps)
@@ -82,7 +82,7 @@ def _settle_normals(
             raise SolverError('the contact compliance is not positive definite')
         forces = pressing * normals
         moved = points.displacements(forces)
-        distances, turned = surface.nearest(away + moved)
+        distances, turned = surface.nearest(points.points + moved)
         change = float(np.abs(turned - normals).max())
         normals, gaps = turned, distances - (moved * turned.conj()).real
         # The change in the next step is negligible.

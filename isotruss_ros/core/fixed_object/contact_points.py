@@ -55,8 +55,10 @@ def find_contact_points(
     length = np.abs(end - start)
     axis = (end - start) / length
     # The margin of two spacings is for a tube that bends and touches beyond the object's chord.
-    margin, away = 2.0 * spacing, (surface.center - start) * axis.conj()
-    chord = np.sqrt(np.maximum(0.0, (surface.reach + margin) ** 2 - away.imag**2))
+    margin, body = 2.0 * spacing, surface.body
+    away = (body.middle - start) * axis.conj()
+    reach = body.shape.reach + abs(body.shape.centroid) + surface.margin + margin
+    chord = np.sqrt(np.maximum(0.0, reach**2 - away.imag**2))
     # Points are counted from the foot of the object's centre on the tube, where contact begins.
     # So a symmetric grasp has symmetric points.
     foot = away.real
@@ -69,9 +71,8 @@ def find_contact_points(
     number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
     points = start[member] + place * axis[member]
-    outside = points - surface.center
-    normals = surface.facing(outside, axis[member])
-    close = surface.open_gaps(outside, normals) <= margin
+    normals = surface.facing(points, axis[member])
+    close = surface.open_gaps(points, normals) <= margin
     member, place = member[close], place[close]
     tubes = straight_points(structure, member, place)
     return ContactPoints(points[close], normals[close], member, tubes.compliance), place, tubes

@@ -28,13 +28,12 @@ MAX_GAP = 1e-11
 
 def relax_contact(points: ContactPoints, surface: Surface) -> ContactState:
     """Solve (8) by the iteration (9)."""
-    away = points.points - surface.center
-    normals, forces = points.normals, np.zeros(len(away))
+    at, normals, forces = points.points, points.normals, np.zeros(len(points.points))
     for _ in range(MAX_STEPS):
-        gaps, compliance = surface.open_gaps(away, normals), points.normal_compliance(normals)
+        gaps, compliance = surface.open_gaps(at, normals), points.normal_compliance(normals)
         forces = _iterate(gaps, compliance, forces)
         displacements = points.displacements(forces * normals)
-        distances, normals = surface.nearest(away + displacements)
+        distances, normals = surface.nearest(at + displacements)
         if (distances >= -MAX_GAP).all() and (distances[forces > 0.0] <= MAX_GAP).all():
             return ContactState(forces, distances, normals, displacements)
     raise SolverError(

@@ -10,7 +10,7 @@ from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import find_contact_points
 from isotruss_ros.core.fixed_object.relaxation import relax_contact
-from isotruss_ros.core.fixed_object.surfaces import surface_of
+from isotruss_ros.core.fixed_object.surfaces import Surface
 from isotruss_ros.core.numerics.qp import solve_complementarity
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -140,7 +140,7 @@ def check_state(contact_points, state, center, radius, share=1e-5):
 
 def pressed_surface(config, body, spacing=0.005):
     """Return contact points of tubes that stay round, and the surface that they meet."""
-    surface = surface_of(body, 0.5 * config.robot.description.tube_diameter)
+    surface = Surface(body, 0.5 * config.robot.description.tube_diameter)
     return find_contact_points(structure_of(config), surface, spacing)[0], surface
 
 
@@ -150,7 +150,7 @@ def test_grasps_of_robots_are_complementary(rng):
     found, surface = pressed_surface(*random_pressed(rng))
     state = solve_contact(found, surface)
     assert (state.forces > 0.0).any()
-    check_state(found, state, surface.center, surface.reach)
+    check_state(found, state, surface.body.center, surface.body.arm + surface.margin)
 
 
 @robots.examples(15)

@@ -14,7 +14,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import find_contact_points
-from isotruss_ros.core.fixed_object.surfaces import surface_of
+from isotruss_ros.core.fixed_object.surfaces import Surface
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.structure import structure_of
@@ -40,7 +40,7 @@ def test_gaps_and_forces_are_complementary(seed):
     generator = np.random.default_rng(seed)
     shape = random_shape(generator, 0.15)
     held = pressed_into(HOME, MODULE, shape, generator.uniform(-3.0, 3.0), 0.02)
-    surface = surface_of(held, TUBE_RADIUS)
+    surface = Surface(held, TUBE_RADIUS)
     points, *_ = find_contact_points(structure_of(HOME), surface, 0.005)
     state = solve_contact(points, surface)
     push = state.forces * state.normals
@@ -51,7 +51,7 @@ def test_gaps_and_forces_are_complementary(seed):
     assert state.displacements == pytest.approx(points.displacements(push), abs=1e-8)
     # By brute force.
     moved = (points.points + state.displacements - held.center) / held.turn
-    wanted = surface_distance(dense_outline(surface.shape, 4000), moved) - TUBE_RADIUS
+    wanted = surface_distance(dense_outline(held.shape, 4000), moved) - TUBE_RADIUS
     start, end = member_lines(HOME)[points.member].T
     near = np.abs((state.normals / (end - start)).imag * np.abs(end - start)) > 0.3
     assert state.gaps[near] == pytest.approx(wanted[near], abs=2e-6)
