@@ -1,13 +1,15 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Iterated Kalman filter of the roller offsets, from markers on joints."""
+"""Roller offsets from joint markers: gates, iterated Kalman filter, and detection of slip."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers
 from isotruss_ros.core.estimation.schmidt_filter import condition
+from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -23,6 +25,9 @@ IMPROBABLE = 0.05
 #: Largest standard deviation of an offset, for unknown offsets after a restart of the encoders
 #: [m].
 MAX_OFFSET_DEVIATION = 0.05
+#: Number of successive messages without a consistent marker after which the roller offsets are
+#: regarded as unknown [-].
+MAX_INCONSISTENT_MESSAGES = 5
 
 
 class OffsetFilter:
@@ -33,8 +38,12 @@ class OffsetFilter:
     [m] and their common rotation about the origin of the robot frame [rad]. m are the mounting
     offsets of the markers from the joints [m].
 
+    Inconsistent markers are rejected.
+
     :ivar mean: (n,) mean of the state.
     :ivar covariance: (n, n) covariance of the state.
+    :ivar used: sorted names of the joints whose last marker was accepted; `left_out` and `swapped`
+        as in `StateEstimate`.
     """
 
     def __init__(self, robot: Robot, settings: EstimatorSettings) -> None:
@@ -51,6 +60,11 @@ class OffsetFilter:
         )
         self.mean, self.covariance = np.zeros(len(variances)), np.diag(variances)
         self._prior, self._measured = variances, np.zeros(2 * joints, dtype=bool)
+        self._names, self._rollers = robot.topology.joint_names, robot.roller_names
+        self._slips, self._inconsistent = SlipWatch(self._count), 0
+        self.used: tuple[str, ...] = ()
+        self.left_out: tuple[str, ...] = ()
+        self.swapped: tuple[str, ...] = ()
 
     @property
     def offsets(self) -> Array:
@@ -126,3 +140,52 @@ class OffsetFilter:
                 break
         self.mean, self.covariance = mean, covariance
         self._measured[rows] = True
+
+    @property
+    def slipping(self) -> tuple[str, ...]:
+        """Return the names of the slipping rollers."""
+        flags = zip(self._rollers, self._slips.slipping, strict=True)
+        return tuple(name for name, slips in flags if slips)
+
+    def take_markers(
+        self,
+        time: float,
+        markers: Mapping[str, tuple[float, float]],
+        deviation: float,
+        readings: tuple[Array, Array],
+        place: Callable[[Array], tuple[Array, Array]],
+    ) -> bool:
+        """
+        Update the offsets with a message of markers; return whether at least one was used.
+
+        :param readings: (r,) encoder readings at that time [m], and (n, r) all stored ones.
+        :param place: function that returns joint positions for offsets, see `update`.
+        """
+        now, stored = readings
+        rows = np.array([2 * self._names.index(name) + i for name in markers for i in (0, 1)])
+        values, rates = place(self.offsets)
+        expected, slopes = self.expect(values, rates, rows, self.mean)
+        measured = np.array(list(markers.values()), dtype=float).ravel()
+        encoders = self._settings.encoders**2 * rates[rows] @ rates[rows].T
+        noise = deviation**2 * np.eye(len(rows)) + encoders
+        covariance = slopes @ self.covariance @ slopes.T + noise
+        pairs, expected = measured.reshape(-1, 2), expected.reshape(-1, 2)
+        reach = np.ptp(stored, axis=0)
+        used, slipped = judge_markers(pairs - expected, covariance, rates[rows], reach)
+        self.inflate(slipped**2)
+        names = np.array(list(markers))
+        self.used = tuple(sorted(names[used].tolist()))
+        self.left_out = tuple(sorted(names[~used].tolist()))
+        swapped = find_swap(pairs, expected, covariance) if self.left_out else None
+        self.swapped = () if swapped is None else tuple(sorted(names[list(swapped)].tolist()))
+        self._inconsistent = 0 if self.used or self.swapped else self._inconsistent + 1
+        if self._inconsistent >= MAX_INCONSISTENT_MESSAGES:  # e.g. after a restart of the encoders
+            self.inflate(np.full_like(now, np.inf))
+            self._inconsistent = 0
+        chosen = np.flatnonzero(np.repeat(used, 2))
+        if not len(chosen):
+            return False
+        self.update(measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen], place)
+        variances = np.diag(self.offset_covariance) + self._settings.joint_error**2
+        self._slips.add(time, now, self.offsets, variances)
+        return True

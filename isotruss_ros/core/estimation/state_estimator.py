@@ -5,7 +5,7 @@
 State estimation of the robot from encoders, the object's pose and joint markers.
 
 Encoders do not measure slip, and the calibration of home has errors. Markers correct the roller
-offsets, see `OffsetEstimator`. Measured poses correct the state of the grip, see `GripBelief`, in
+offsets, see `OffsetFilter`. Measured poses correct the state of the grip, see `GripBelief`, in
 which the covariance of the offsets is taken into account. Measurements are processed at the times
 of their stamps.
 """
@@ -21,7 +21,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureEr
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.grip_model import attach_model, SHIFTS
-from isotruss_ros.core.estimation.offset_estimator import OffsetEstimator
+from isotruss_ros.core.estimation.offset_filter import OffsetFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
@@ -49,7 +49,7 @@ class StateEstimator:
         self.settings = given = settings or EstimatorSettings()
         self._robot = robot
         self._grip: Grip | None = None
-        self._zeros, self._config = OffsetEstimator(robot, given), robot.home
+        self._zeros, self._config = OffsetFilter(robot, given), robot.home
         self.belief: GripBelief | None = None
         self._record: GripRecord | None = None  # last grip of the control loop
         self._held: HeldGrip | None = None  # its equilibrium

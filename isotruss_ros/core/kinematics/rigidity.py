@@ -82,15 +82,11 @@ class RigidityIndex:
         )
         return turning.T / self._at_home
 
-    def _modes(self, config: Configuration, block: Array, iterations: int) -> Modes:
+    def _modes(self, config: Configuration, basis: Array, iterations: int) -> Modes:
         factor, scale = config.factor, self._scale
         for _ in range(iterations):
             # (M^T M)^-1 with M = scale * matrix.
-            block = factor.solve(factor.solve_transposed(block) / scale**2)
-            block = (
-                np.linalg.qr(block)[0] if iterations > ITERATIONS else block / np.abs(block).max()
-            )
-        basis = np.linalg.qr(block)[0]
+            basis = np.linalg.qr(factor.solve(factor.solve_transposed(basis) / scale**2))[0]
         weak = factor.solve_transposed(basis) / scale
         rows, inverse, turned = np.linalg.svd(weak, full_matrices=False)
         return Modes(1.0 / (self._at_home * inverse), rows, basis @ turned.T)
