@@ -36,12 +36,9 @@ def attach_model(
     config: Configuration, grip: Grip, pressures: Pressures = None, zero_deviation: float = 0.0
 ) -> HeldGrip:
     """
-    Return the object's equilibrium near its measured pose.
+    Return the object's equilibrium near its measured pose, with a `response` to wrenches.
 
-    The equilibrium is not neutral, so its `response` to wrenches is not None.
-
-    :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-    :param zero_deviation: standard deviation of the roller offsets [m], see `lay_faces`.
+    For the deviation of the roller offsets [m] see `lay_faces`.
     """
     members = find_members(config.robot, grip.members).members
     grasp = attach_grip(
@@ -57,8 +54,7 @@ def shift_deviations(grasp: HeldGrip, anchored: Array, friction: float) -> Array
     """
     Return the prior deviations (m,) of the contacts' shifts along the members [m].
 
-    A deviation is twice the shift that causes slip, but at most the object's characteristic
-    radius; for `anchored` see `anchor_rates`.
+    A deviation is twice the shift that causes slip, at most the object's characteristic radius.
     """
     members = np.eye(len(grasp.members))[grasp.contacts.owners]
     presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
@@ -87,11 +83,7 @@ class StateRates(NamedTuple):
 
 
 class OffsetRates(NamedTuple):
-    """
-    Derivatives of pose and squeeze with respect to roller offsets.
-
-    The contacts do not move along the members.
-    """
+    """Derivatives of pose and squeeze by roller offsets, for contacts at rest on the members."""
 
     grasp: HeldGrip  #: equilibrium of the object
     gradient: HeldGradient  #: gradient of this equilibrium
@@ -116,11 +108,7 @@ class OffsetRates(NamedTuple):
 
 
 def anchor_rates(grasp: HeldGrip) -> Array:
-    """
-    Return the derivatives (3 + 4k, k) of the unknowns with respect to the rolling invariants.
-
-    The unknowns are those of `ContactForces`; for the invariants see `ContactStatics.anchors`.
-    """
+    """Return the derivatives (3 + 4k, k) of `ContactForces` by the rolling invariants."""
     places = grasp.state.places
     changes = np.zeros((places.size, len(grasp.anchors)))
     changes[places.conditions] = -np.eye(len(grasp.anchors))

@@ -14,10 +14,9 @@ import math
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
 from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
 from isotruss_ros.core.estimation.grip_model import BIAS, DELAY, LOAD, shift_deviations, SHIFTS
-from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
-from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, SLIP_LENGTH
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -85,8 +84,7 @@ class GripState(SchmidtFilter):
         """
         Update the belief with the innovation `off` (3,) of a pose [m]; return the change (n,).
 
-        :param speed: (3,) velocity of the object at the pose's time; as `off`, rotations times the
-            arm [m/s].
+        The `speed` (3,) of the object is that at the pose's time, rotations times the arm [m/s].
         """
         rates, noise = cache.rates.pose.copy(), np.diag(self.noise.variances)
         rates[:, DELAY] = -speed

@@ -22,10 +22,8 @@ class InputLag:
     """
     Poses by roller travel alone, and corrections that the control does not contain yet.
 
-    :ivar time: current time, from zero at the start [s].
     :ivar way: poses (3,) by roller travel alone over time [m, m, rad].
     :ivar travelled: (3,) pose by roller travel alone at the last equilibrium [m, m, rad].
-    :param pose: (3,) first pose [m, m, rad].
     """
 
     def __init__(self, pose: Array) -> None:

@@ -30,19 +30,12 @@ def judge_markers(
     innovation: Array, covariance: Array, by_rollers: Array, reach: Array
 ) -> tuple[Flags, Array]:
     """
-    Return the consistent markers, and the slip of at most one roller that makes them consistent.
+    Return the mask (k,) of consistent markers, and the slip (r,) of at most one roller [m].
 
     If some markers are inconsistent, two hypotheses are compared: one roller has slipped by at
-    most its travel, or some markers are wrong. For each, the worst marker is rejected repeatedly
-    until the others are consistent; if most are inconsistent, all are rejected. The hypothesis
-    with more consistent markers is selected.
-
-    :param innovation: (k, 2) measured minus predicted joint positions [m].
-    :param covariance: (2k, 2k) covariance of the innovation [m^2].
-    :param by_rollers: (2k, r) derivatives of the joint positions with respect to roller travel
-        [-].
-    :param reach: (r,) largest possible slip of each roller [m].
-    :return: (k,) mask of the consistent markers, and (r,) slip that makes them consistent [m].
+    most its travel `reach` (r,) [m], or some markers are wrong. For each, the worst marker is
+    rejected repeatedly until the others are consistent; if most are inconsistent, all are
+    rejected. The hypothesis with more consistent markers is selected.
     """
     count, difference = len(innovation), innovation.ravel()
     every, kept = np.ones((2, count), dtype=bool)
@@ -67,12 +60,7 @@ def judge_markers(
 
 
 def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int, int] | None:
-    """
-    Return two markers whose swap makes all markers consistent; None without such a pair.
-
-    :param measured: (k, 2) measured joint positions, as `expected` [m].
-    :param covariance: (2k, 2k) covariance of the difference [m^2].
-    """
+    """Return two markers whose swap makes all markers (k, 2) consistent, or None."""
     for pair in itertools.combinations(range(len(measured)), 2):
         swapped = measured.copy()
         swapped[list(pair)] = measured[list(reversed(pair))]

@@ -10,15 +10,13 @@ from collections.abc import Callable, Mapping
 from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers
 from isotruss_ros.core.estimation.schmidt_filter import condition
 from isotruss_ros.core.estimation.slip_watch import SlipWatch
-from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, SLIP_LENGTH
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 import numpy as np
 import scipy
 
-#: Correlation length of slip along the travel [m].
-SLIP_LENGTH = 0.1
 #: Probability with which a mean without other errors counts as improbable [-]. With a fifth, an
 #: upright robot with three marked joints was noticed in two of three carries.
 IMPROBABLE = 0.05
@@ -36,14 +34,8 @@ class OffsetFilter:
 
     dphi are the offsets of the r rollers [m]. c consists of the common shift (x, y) of all markers
     [m] and their common rotation about the origin of the robot frame [rad]. m are the mounting
-    offsets of the markers from the joints [m].
-
-    Inconsistent markers are rejected.
-
-    :ivar mean: (n,) mean of the state.
-    :ivar covariance: (n, n) covariance of the state.
-    :ivar used: sorted names of the joints whose last marker was accepted; `left_out` and `swapped`
-        as in `StateEstimate`.
+    offsets of the markers from the joints [m]. Inconsistent markers are rejected; `used`,
+    `left_out` and `swapped` are those of `StateEstimate`.
     """
 
     def __init__(self, robot: Robot, settings: EstimatorSettings) -> None:
@@ -81,10 +73,9 @@ class OffsetFilter:
     @property
     def is_improbable(self) -> bool:
         """
-        Return whether the mean is improbable for the prior without measurements.
+        Return whether the mean is improbable for the prior, for example of an upright robot.
 
-        Then the measured joints have errors that are not in the state, for example by the weight
-        of an upright robot.
+        Then the measured joints have errors that are not in the state.
         """
         free = self._prior > 0.0
         squared = (self.mean[free] ** 2 / self._prior[free]).sum()
@@ -107,11 +98,7 @@ class OffsetFilter:
     def expect(
         self, values: Array, rates: Array, rows: Indices, mean: Array
     ) -> tuple[Array, Array]:
-        """
-        Return the predicted marker coordinates (m,) and their Jacobian (m, n) at a state.
-
-        They are the `rows` of the joint positions (2j,) [m] with Jacobian (2j, r) by the offsets.
-        """
+        """Return coordinates (m,) of the markers in `rows`, and their Jacobian, at a state."""
         constant = self._constant[rows]
         expected = values[rows] + constant @ mean[self._count :]  # noqa: E203
         return expected, np.hstack([rates[rows], constant])
@@ -123,12 +110,7 @@ class OffsetFilter:
         rows: Indices,
         joints: Callable[[Array], tuple[Array, Array]],
     ) -> None:
-        """
-        Update the state with measured markers; its mean is found by Gauss-Newton steps.
-
-        The coordinates (m,) [m] are the `rows` of those that `joints` returns for offsets (r,),
-        see `expect`.
-        """
+        """Update the state with coordinates (m,) in `rows` by Gauss-Newton steps."""
         prior = mean = self.mean
         covariance = self.covariance
         for _ in range(MAX_SEARCH_STEPS):
@@ -158,8 +140,8 @@ class OffsetFilter:
         """
         Update the offsets with a message of markers; return whether at least one was used.
 
-        :param readings: (r,) encoder readings at that time [m], and (n, r) all stored ones.
-        :param place: function that returns joint positions for offsets, see `update`.
+        The readings are those (r,) at that time [m], and all stored ones (n, r); for `place` see
+        `update`.
         """
         now, stored = readings
         rows = np.array([2 * self._names.index(name) + i for name in markers for i in (0, 1)])

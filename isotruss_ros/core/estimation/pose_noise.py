@@ -20,11 +20,9 @@ MAX_STEP_SIGMAS = 3.0
 
 class PoseNoise:
     """
-    Estimated variance of white noise in the measured poses of a slowly moving object.
+    Estimated variances (3,) of white noise in the poses of a slowly moving object [m^2].
 
-    :ivar variances: (3,) variances of x, of y, and of the angle times the characteristic radius;
-        they include the model error [m^2].
-    :param deviations: (3,) prior standard deviations of the same [m].
+    They include the model error. Angles are multiplied by the characteristic radius.
     """
 
     def __init__(self, deviations: Array) -> None:

@@ -29,7 +29,6 @@ class SchmidtFilter:
     :ivar covariance: (n, n) covariance P of the state's own error.
     :ivar sensitivity: (n, c) derivatives S of the state's error with respect to the parameters.
     :ivar prior: (c, c) covariance of the parameters.
-    :param variances: (n,) prior variances of the state.
     """
 
     def __init__(self, variances: Array, prior: Array) -> None:
@@ -69,11 +68,7 @@ class SchmidtFilter:
         self.covariance = covariance + 0.5 * (uncorrelated + uncorrelated.T)
 
     def condition(self, rates: Array, by_parameters: Array, noise: Array) -> Array:
-        """
-        Update the covariances by a measurement (m,), and return the Kalman gain (n, m).
-
-        The gain is that for known parameters.
-        """
+        """Update the covariances by a measurement (m,); return the gain for known parameters."""
         gain, remaining, self.covariance = condition(self.covariance, rates, noise)
         self.sensitivity = remaining @ self.sensitivity - gain @ by_parameters
         return gain

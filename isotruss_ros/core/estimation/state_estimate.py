@@ -13,6 +13,8 @@ from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
 
+#: Correlation length of slip along the travel [m].
+SLIP_LENGTH = 0.1
 #: Largest standard deviation of a known squeeze, relative to the squeeze [-].
 MAX_KNOWN_DEVIATION = 0.5
 

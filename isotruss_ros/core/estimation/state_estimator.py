@@ -38,12 +38,7 @@ from numpy.typing import ArrayLike
 
 
 class StateEstimator:
-    """
-    Kalman filters of the roller offsets and of the grip.
-
-    :ivar belief: belief of the grip; None without a held object.
-    :param settings: prior standard deviations; None: defaults for a robot without calibration.
-    """
+    """Kalman filters of roller offsets and grip; the belief is None without an object."""
 
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
         self.settings = given = settings or EstimatorSettings()
@@ -71,11 +66,7 @@ class StateEstimator:
         self._grip, self.belief, self._record = grip, None, None
 
     def take_encoders(self, time: float, readings: Array) -> None:
-        """
-        Advance the estimate to an encoder reading; ignore readings not later than the last.
-
-        :param readings: (r,) encoder readings: roller travel since home minus roller offset [m].
-        """
+        """Advance to encoder readings (r,), travel minus offset [m]; skip older readings."""
         readings = self._robot.check_rollers(readings, 'encoder readings [m]')
         (time,) = finite_array([time], 1, 'time of the readings [s]', ConfigurationError).tolist()
         if self._readings:
@@ -87,12 +78,7 @@ class StateEstimator:
         self._readings.discard_before(time - HISTORY_DURATION)
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
-        """
-        Use measured pressures in the model; small changes are ignored, see `steady_pressures`.
-
-        :param pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa];
-            None: the pressures of the robot file.
-        """
+        """Use gauge pressures (t,) [Pa], or those of the robot file; see `steady_pressures`."""
         if pressures is not None:
             pressures = tube_pressures(self._robot.description, pressures)
         self._pressures = steady_pressures(self._pressures, pressures)
@@ -104,8 +90,7 @@ class StateEstimator:
 
         :param record: the grip with its estimate, which is not solved for again; None: poses are
             used.
-        :raises GraspError: the object has no such corners.
-        :raises StructureError: the bent tubes are those of another structure.
+        :raises GraspError: the object has no such corners, or the tubes are of another structure.
         """
         before, self._record = self._record, record
         if record is before or self._grip is None:
@@ -122,11 +107,11 @@ class StateEstimator:
     @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
         """
-        Update the belief of the grip with a measured pose.
+        Update the belief of the grip with a measured pose; return whether it was used.
+
+        Old and repeated poses, and poses without a held object, are not used.
 
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
-        :return: whether the pose was used; it is not used if it is old or repeated, or if no
-            object is held.
         """
         what = "the object's pose (x, y, angle) [m, rad]"
         pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE).tolist())
@@ -247,11 +232,7 @@ class StateEstimator:
         return belief if belief.squeeze > belief.geometric_deviation else None
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
-        """
-        Return the joint positions and their Jacobian with respect to the roller offsets.
-
-        :return: (2j,) positions [m], and (2j, r) Jacobian.
-        """
+        """Return the joint positions (2j,) [m], and their Jacobian by the roller offsets."""
         count, belief = 2 * len(self._robot.topology.joint_names), self.belief
         config = self._config = self._config.moved_to(readings + offsets)
         positions, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]

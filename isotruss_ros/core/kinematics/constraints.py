@@ -26,11 +26,7 @@ MAX_REUSE_CONTRACTION = 0.1
 
 
 class Constraints:
-    """
-    Residuals of the kinematic constraints, and their Jacobian, the matrix of (12).
-
-    The rows are those of tubes, modules, bisections and ground, in this order.
-    """
+    """Kinematic constraints; the rows are those of tubes, modules, bisections and ground."""
 
     def __init__(self, topology: Topology) -> None:
         self._topology = topology
@@ -72,8 +68,7 @@ class Constraints:
         """
         Return the residuals (5m + g,): lengths [m], bisection (3) [rad], ground [m].
 
-        The prescribed lengths (4m,) are those of the m members, then of the m sides AB, m sides AC
-        and m sides BC.
+        The lengths (4m,) are those of the members, then of the sides AB, AC and BC of the modules.
         """
         stretched = self.spans(points)
         return np.concatenate(
@@ -96,11 +91,7 @@ class Constraints:
         return points.take(self._heads) - points.take(self._tails)
 
     def matrix(self, points: Points) -> Array | csc_matrix:
-        """
-        Return the Jacobian (5m + g, 2n) of the residual by the nodes x0, y0, x1, y1, ...
-
-        It is dense, or sparse for a large robot.
-        """
+        """Return the Jacobian (5m + g, 2n) of the residual by nodes; sparse for a large robot."""
         values = self.gradients(points)
         if self._sparse is not None:
             data = np.concatenate([values.view(np.float64), np.ones(len(self._ground_rows))])
@@ -136,14 +127,11 @@ class Constraints:
 
     def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:
         """
-        Return the gradients of p scalars weights^T J motion with respect to node coordinates.
+        Return the gradients (2n, p) of p scalars weights^T J motion by the node coordinates.
 
         For changes a and b of a vector v between two nodes, the second derivatives are
         d2|v|[a, b] = (n . a) (n . b) / |v| and d2t[a, b] = -Im(a b / v^2), with the unit normal n
         and the direction angle t of v.
-
-        :param weights: (5m + g, p) factors of the rows of the Jacobian J.
-        :param motions: (2n, p) velocities of the nodes.
         """
         m = self._topology.n_modules
         stretched = (points[self._heads] - points[self._tails])[:, None]
@@ -170,13 +158,10 @@ def follow_branch(
     constraints: Constraints, points: Points, lengths: Array, factor: Factor | None = None
 ) -> Points | None:
     """
-    Solve the constraints for new prescribed lengths, on the same branch of solutions.
+    Return the nodes for new lengths on the same branch; None if the step is too long.
 
-    The predictor is a tangent step (12); the corrector consists of modified Newton steps.
-
-    :param points: (n,) nodes that fulfil the constraints for nearby lengths [m].
-    :param factor: factorised matrix at `points`; None: it is computed.
-    :return: nodes; None if the step is too long or no configuration exists.
+    A tangent step (12) is the predictor, modified Newton steps are the corrector. The `factor` is
+    that of the matrix at `points`.
     """
     # Largest residual [m, rad], not less than the rounding error of the coordinates.
     tolerance = max(COINCIDENCE, 64.0 * EPSILON * float(np.abs(points).max()))

@@ -32,11 +32,9 @@ def member_depths(config: Configuration, body: ConvexObject) -> Array:
 
 def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     """
-    Return an object after it was moved out of all members that it overlaps.
+    Return an object after it was moved out of all members that it overlaps, if this is possible.
 
-    It is repeatedly translated along the normal of the member with the deepest overlap, until
-    there is no overlap. If members enclose it so closely that this is impossible, the result is
-    the object after the last translation.
+    It is repeatedly translated along the normal of the member with the deepest overlap.
     """
     begin, end = member_lines(config).T
     reach = 0.5 * config.robot.description.tube_diameter

@@ -36,10 +36,9 @@ import numpy as np
 
 def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
     """
-    Return the distances (k,) of points from straight segments [m], and the nearest points.
+    Return distances (k,) [m], unit vectors to the points, positions along segments, 0 to 1.
 
-    :return: distances; unit vectors from the segments to the points, normal to the segment if a
-        point is on it; positions of the nearest points along the segments, 0 to 1.
+    The vectors are normal to the segment for a point on it.
     """
     arm, along = point - start, end - start
     squares = np.maximum(along.real**2 + along.imag**2, COINCIDENCE**2)
@@ -67,11 +66,7 @@ def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
 
 
 class CollisionModel:
-    """
-    Parts of a robot, and the pairs of parts that must not collide.
-
-    :ivar part_radii: (3m,) radii of the parts around their segments [m], read-only.
-    """
+    """Parts of a robot with radii (3m,) [m], and the pairs of parts that must not collide."""
 
     def __init__(self, robot: Mechanism) -> None:
         topology, file = robot.topology, robot.description
@@ -124,10 +119,9 @@ class CollisionModel:
         self, config: Configuration, body: ConvexObject, parts: Indices | slice = slice(None)
     ) -> tuple[Array, Array, Array]:
         """
-        Return the distances between an object and parts of the robot, with their gradients.
+        Return the distances (k,) between an object and parts [m], with their gradients.
 
-        :return: (k,) distances [m]; (k, 2n) derivatives by the node coordinates [-]; and (k, 3)
-            derivatives of the distances' rates by the object's twist vx, vy [-], omega [m].
+        Those (k, 2n) are by the nodes [-], those (k, 3) by the twist vx, vy [-], omega [m].
         """
         starts, ends = self.part_ends(config, parts)
         nearest = segment_gaps(body, starts, ends)
@@ -157,11 +151,7 @@ class CollisionModel:
     def part_rows(
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
-        """
-        Return the gradients (k, n) of distances between parts and fixed points by the nodes [-].
-
-        The shares and normals are those of `nearest_on_segment`.
-        """
+        """Return gradients (k, n) of distances from fixed points, see `nearest_on_segment` [-]."""
         rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
         _add(rows, self._start[:, parts], -(1.0 - shares) * normals)
         _add(rows, self._end[:, parts], -shares * normals)

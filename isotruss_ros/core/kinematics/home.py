@@ -151,8 +151,7 @@ def require_determinate(source: str, topology: Topology, matrix: Array | csc_mat
     """
     Raise RobotFileError if the matrix of (12) at home is not square and regular.
 
-    The structure with locked rollers must be rigid, and must have no redundant members or
-    supports, because these would resist the rollers.
+    Redundant members or supports would resist the rollers.
     """
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
     needed = 2 * joints - m

@@ -19,14 +19,10 @@ class Mechanism:
     """
     Properties of a robot without a configuration; the subclass `Robot` adds home.
 
-    :ivar name: the robot's name.
-    :ivar frame: name of the robot's coordinate frame.
     :ivar node_names: names of the kinematic nodes: joints j, then t/j/B and t/j/C of each module.
     :ivar member_names: names t/j-k of the members, in module order.
     :ivar module_names: names t/j of the modules, in the order of the robot file.
     :ivar roller_names: names of the driven modules, in the order of every array over the rollers.
-    :ivar description: content of the robot file.
-    :ivar topology: names and index arrays of joints, modules, members and rollers.
     """
 
     #: (4m,) lengths at home, see `Constraints.residual`; only in `Robot` [m]

@@ -43,11 +43,10 @@ class Modes(NamedTuple):
 
 class RigidityIndex:
     """
-    Function that computes the rigidity index of a robot's configurations, with its gradients.
+    Rigidity index of a robot's configurations, 1 at home, with its gradients.
 
     :ivar weights: (13m,) weights for `Constraints.gradients`. The weighted norm of a change of the
         gradients is an upper bound of the change of the index (Weyl's inequality).
-    :param robot: the robot; its index at home is 1.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -74,8 +73,7 @@ class RigidityIndex:
         """
         Return the derivatives (p, 2n) of the scaled singular values by the nodes [1/m].
 
-        They are u^T dM v / s_home with the matrix M, its singular vectors u and v, and the
-        smallest singular value s_home at home.
+        They are u^T dM v / s_home with singular vectors u and v of the matrix M.
         """
         turning = config.robot.constraints.second_derivative(
             config.points, self._scale * modes.rows, modes.nodes

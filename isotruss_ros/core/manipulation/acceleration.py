@@ -48,14 +48,10 @@ def limit_acceleration(
     """
     Return the command closest to a desired command within a largest change of roller speeds.
 
-    If limits of the configuration require a faster stop than `change` admits, each roller
-    decelerates by at most `change`.
+    If limits of the configuration require a faster stop than `change` [m/s] admits, each roller
+    decelerates by at most `change`. The last `step` is the previous change of the speeds (r,).
 
-    :param previous: (r,) roller speeds of the previous cycle [m/s].
-    :param step: (r,) change of the roller speeds in the previous cycle [m/s].
-    :param change: largest change of a speed, positive [m/s].
-    :param find_rows: function that returns the rows of the limits at the command's configuration,
-        see `stack_rows`.
+    :param find_rows: function that returns the rows of the limits, see `stack_rows`.
     :param arm: factor from angular velocity to the speed of the object's surface [m]; None if no
         object is moved.
     """
@@ -117,11 +113,9 @@ def _avoid_reversals(
 
 def _nearest(speeds: Array, kept: Array, moving: Flags, rows: Rows, otherwise: Array) -> Array:
     """
-    Return the roller speeds (r,) that fulfil all rows and are closest to given ones.
+    Return the roller speeds (r,) closest to given ones that fulfil all rows, or else `otherwise`.
 
-    :param kept: (k, r) matrix whose product with the speeds remains as it is.
-    :param moving: (r,) mask of the rollers whose speeds may change.
-    :param otherwise: (r,) result if no such speeds exist.
+    The product of `kept` (k, r) with the speeds does not change, nor do rollers not `moving`.
     """
     if (rows.slack(speeds) >= 0.0).all():
         return speeds

@@ -27,17 +27,13 @@ import numpy as np
 @functools.lru_cache(maxsize=8)
 def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     """
-    Return the Jacobian of the object's motion with respect to roller speeds, (19) with (12).
+    Return the Jacobian (3 + g, r) of the object's motion by roller speeds, (19) with (12); cached.
 
-    Its first three rows yield the twist. Its other g rows yield the residual of J_h(q) qdot = G^T
-    nu, which is zero if no contact opens or slips. The Jacobian is cached.
-
-    :return: (3 + g, r) values for roller speeds of 1 m/s, read-only. The rows are vx, vy [m/s] and
-        omega [rad/s] of the object in the robot frame; then the opening rate [m/s], which is the
-        rate of the distance between the contacts of two members, or twice the speed of each of
-        three members away from the object; then g - 1 other residuals [m/s]. The number g is 1 for
-        two point contacts, 2 with one face, 3 with two faces, and 2 k - 3 for k contacts on three
-        members.
+    The rows are vx, vy [m/s] and omega [rad/s] of the object in the robot frame; then the residual
+    of J_h(q) qdot = G^T nu, zero if no contact opens or slips. Its first row is the opening rate
+    [m/s]: the rate of the distance between the contacts of two members, or twice the speed of each
+    of three members away from the object. The number g is 1 for two point contacts, 2 with one
+    face, 3 with two faces, and 2 k - 3 for k contacts on three members.
     """
     contacts = find_contacts(config, grip)
     if len(grip.members) == 2:
@@ -68,8 +64,7 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     """
     Return the Jacobian (3 m, r) of the velocities of m members with respect to roller speeds.
 
-    Each member has three rows: vx, vy of the tube's material at the member's start in the robot
-    frame [-], and the angular velocity of the member (16) [1/m].
+    Rows are vx, vy of the tube's material at the start [-], and angular velocity (16) [1/m].
     """
     nodes, points = find_members(config.robot, names), config.points
     by_node = np.zeros((len(names), 3, len(points)), dtype=np.complex128)
@@ -93,8 +88,8 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     """
     Return both matrices of the grasp constraint J_h(q) qdot = G^T nu, in the robot frame.
 
-    J_h (2 k, r) has the derivatives of each contact's velocity vx, vy by roller speeds [-], and
-    G^T (2 k, 3) those by the twist vx, vy [-], omega [m].
+    J_h (2 k, r) has the derivatives of the contacts' velocities by roller speeds, and G^T (2 k, 3)
+    those by the twist.
     """
     contacts = find_contacts(config, grip)
     rates = np.zeros((2 * len(contacts), len(grip.members), 3))
@@ -110,11 +105,10 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
 
 def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> Array:
     """
-    Return the rows of `grip_jacobian` for two members with given contacts.
+    Return the rows of `grip_jacobian` for two members: `contact_rows`, solved in closed form.
 
-    They solve the constraint of `contact_rows` in closed form. The object rotates with the member
-    that touches a face. Without face contacts it rotates with the line through both contact
-    points. The midpoint of both points moves with their mean velocity.
+    The object rotates with the member that touches a face, or else with the line through both
+    contact points. The midpoint of both points moves with their mean velocity.
     """
     sides = [[contact for contact in contacts if contact.owner == owner] for owner in (0, 1)]
     points = [0.5 * (side[0].point + side[-1].point) for side in sides]

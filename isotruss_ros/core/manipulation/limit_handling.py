@@ -69,12 +69,7 @@ class LimitHandling:
 def apply_limits(
     config: Configuration, task: Task, limits: Sequence[Limit], rows: Rows, handling: LimitHandling
 ) -> tuple[Array, float, Status, tuple[str, ...]]:
-    """
-    Return the command that executes a task under the limits, whose rows are stacked.
-
-    :return: roller velocities (r,) [m/s]; scale, see `RollerCommand`; status; and names of the
-        rollers and members whose limits bind.
-    """
+    """Return roller velocities (r,) under limits, scale, status, and names at binding limits."""
     reach, max_speed = task.reach, config.robot.description.max_speed
     working, gain = reach.working, float(np.abs(task.free).max())
     asked = gain * task.speed
@@ -138,10 +133,9 @@ def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[
     """
     Solve a quadratic program of the twist, with only the active rows if a guess is given.
 
-    Without a guess there is no regularisation, and many rows bind. The program is strictly convex,
-    so a solution with some of the rows that fulfils all other rows is the solution. For a subset S
-    of rows, the least-cost speeds are u = E y, where y is in the span of E^T [J^T, G_S^T]. So
-    there are only as many variables as rows.
+    The program is strictly convex, so a solution with some of the rows that fulfils all other rows
+    is the solution. For a subset S of rows, the least-cost speeds are u = E y, where y is in the
+    span of E^T [J^T, G_S^T]. So there are only as many variables as rows.
     """
     equality, whitening = task.reach.rows, task.reach.working.whitening
     if guess is None or len(rows.lower) <= ROW_BATCH:

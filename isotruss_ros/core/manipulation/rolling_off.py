@@ -58,11 +58,7 @@ def _missed(reach: Reach, twist: Array) -> float:
 def rolled_corners(
     contacts: Sequence[GripContact], friction: float
 ) -> Iterator[list[GripContact]]:
-    """
-    Yield the sets of contacts that may remain when an object rolls over ends of faces.
-
-    Forces can balance at these contacts. For three members nothing is yielded.
-    """
+    """Yield sets of fewer contacts of two members at which forces balance."""
     if contacts[-1].owner != 1 or len(contacts) == 2:
         return
     first, second = ([c for c in contacts if c.owner == owner] for owner in (0, 1))
@@ -79,11 +75,7 @@ def _choices(contacts: list[GripContact]) -> list[list[GripContact]]:
 
 
 def _balances(other: list[GripContact], one: list[GripContact], angle: float) -> bool:
-    """
-    Return whether a line through the contacts of two members is in both friction cones.
-
-    The first member has one contact, the second member has one or two contacts.
-    """
+    """Return whether a line from contact `other` to one of `one` is in both friction cones."""
     point, normal = other[0].point, one[0].normal
     # Directions of the force at `other`: in its own cone, and against one in the cone of `one`.
     between = cmath.phase(-other[0].normal / normal)

@@ -99,11 +99,7 @@ def carry_out(
     handling: LimitHandling,
     opening_rate: float = 0.0,
 ) -> RollerCommand:
-    """
-    Return the least-cost (11) roller velocities for a desired motion under limits.
-
-    The motion is a twist [m/s, rad/s], or velocity components of joints [m/s].
-    """
+    """Return the least-cost (11) command for a twist, or velocities of joints, under limits."""
     task = find_task(reach, desired, opening_rate, handling.soft_rank)
     velocities, scale, status = task.velocities, 1.0, task.status
     limiting: tuple[str, ...] = ()

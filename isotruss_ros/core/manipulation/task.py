@@ -43,11 +43,7 @@ class WorkingRollers:
         return rows.take(self.indices, -1)
 
     def with_cost(self, cost: ArrayLike) -> WorkingRollers:
-        """
-        Return the working rollers with another cost (11) of the speeds of all rollers.
-
-        The cost is scaled so that its trace equals that of the paper's cost.
-        """
+        """Return them with another cost (11) of all speeds, scaled to the paper's trace."""
         matrix = covariance_matrix(cost, self.count, 'the cost matrix', GraspError)
         matrix /= max(float(np.abs(matrix).max()), SMALLEST_NORMAL)
         if np.linalg.eigvalsh(matrix)[0] < COINCIDENCE:
@@ -88,9 +84,8 @@ class Reach(NamedTuple):
     """
     Reachable twists: twists that the working rollers can produce without breaking contacts.
 
-    Rotations are multiplied by d/2, so that translation and rotation have the same unit. If the
-    task moves joints instead of an object, the k velocity components of the joints replace the
-    twist, and there are no contacts.
+    Rotations are multiplied by d/2. If the task moves joints, the k velocity components of the
+    joints replace the twist, and there are no contacts.
     """
 
     working: WorkingRollers  #: the working rollers
@@ -117,11 +112,7 @@ class Reach(NamedTuple):
 
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
-        """
-        Return the motions of a gripped object, or of joints, that the working rollers can produce.
-
-        The Jacobian is that of a grip (3 + g, r), or of velocity components of joints (k, r).
-        """
+        """Return the reachable motions for the Jacobian of a grip (3 + g, r), or of joints."""
         count, rows = len(weights), working.take(jacobian)
         rows[:count] *= weights[:, None]
         motion, task, grip = jacobian[:count], rows[:count], rows[count:]
@@ -159,11 +150,7 @@ class Task(NamedTuple):
 def find_task(
     reach: Reach, twist: Array, opening_rate: float = 0.0, soft_rank: float = 0.0
 ) -> Task:
-    """
-    Return the closest reachable twist (20) with its least-cost (11) roller speeds.
-
-    For the opening rate see `solve_twist`, for the soft rank see `LimitHandling`.
-    """
+    """Return the closest reachable twist (20) at least cost, see `LimitHandling`."""
     direction, working = np.zeros(len(reach.rows)), reach.working
     opening = (reach.opening * opening_rate).tolist() if opening_rate else []
     # The twist is scaled so that no finite twist overflows.
@@ -196,9 +183,9 @@ def find_task(
 
 def least_cost(whitening: Array, equality: Array, direction: Array) -> Array:
     """
-    Return the minimiser u (w,) of the cost (11) under the task J u = direction, without limits.
+    Return the minimiser u (w,) of the cost (11) under the task J u = direction.
 
-    It equals `E @ numpy.linalg.lstsq(J @ E, direction)[0]` for a whitening E and J of full rank.
+    It is E lstsq(J E, direction) for a whitening E.
     """
     # (20): u = E y with the minimum-norm y of J E y = direction.
     right = np.zeros(len(whitening))
@@ -210,9 +197,8 @@ def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
     """
     Reduce a direction of (20) in place where the task is nearly singular; return whether it was.
 
-    With singular values s of the twist under the contact constraints, the components along their
-    vectors are multiplied by min(1, s^2 / soft_rank^2). So the roller speeds of a component fall
-    with s instead of growing with 1 / s.
+    Components along singular vectors of the twist with singular values s are multiplied by min(1,
+    s^2 / soft_rank^2), so their roller speeds fall with s instead of growing with 1 / s.
     """
     count = len(reach.directions)
     whitened = reach.rows.dot(reach.working.whitening)

@@ -39,8 +39,7 @@ def maximize_progress(
     """
     Return the speeds u with the largest progress s in a direction, at least cost, and s.
 
-    All quantities are dimensionless, and |u| is of order 1. The equality J has full row rank, and
-    `least` is the least cost |C f|^2 of speeds f with J f = direction.
+    |u| is of order 1, J has full row rank, and `least` is the least cost |C f|^2 for s = 1.
     """
     inequality, lower, upper = limited
     r, count = cost.shape[0], len(inequality)
@@ -73,9 +72,8 @@ def least_deviation(
     """
     Return the least change v of roller speeds that fulfils the limits on v.
 
-    It minimises 1/2 |J v|^2 + regularization/2 |C v|^2, where the first term has the first `rank`
-    rows of J. The other rows are equalities J v = 0; if the bounds do not admit them, they become
-    J v = -opening, the values of these rows before the change. All quantities are dimensionless.
+    It minimises 1/2 |J v|^2 + regularization/2 |C v|^2 with the first `rank` rows of J. The other
+    rows are equalities J v = 0; if the bounds do not admit them, they become J v = -opening.
     """
     inequality, lower, upper = limited
     reached, kept = equality[:rank], equality[rank:]

@@ -65,12 +65,7 @@ OUTCOMES = {
 
 
 class PathServo:
-    """
-    State of path following: current path and settings.
-
-    :ivar tracker: tracker of the current or last path; None before the first path.
-    :param inputs: latest inputs, which the client replaces; pose and servo feedback are used.
-    """
+    """Path following: the latest inputs, and the tracker of the last path; None before a path."""
 
     def __init__(self, period: float, timeout: float, inputs: LatestInputs) -> None:
         self.period, self.timeout, self.inputs = period, timeout, inputs

@@ -18,11 +18,8 @@ class PathClock:
     """
     Clock of the path time, which runs from 0 to the path's duration at a rate from 0 to 1.
 
-    :ivar time: path time [s].
-    :ivar rate: derivative of path time with respect to time [-].
     :ivar ramp_time: time in which the rate changes from 0 to 1, or back [s].
     :ivar waited: time since the last progress [s].
-    :ivar period: period of the control loop [s], which may vary along the path.
     """
 
     def __init__(
@@ -63,8 +60,7 @@ class PathClock:
         Advance path time by one cycle of the control loop.
 
         A rate above `room`, the largest that the robot's lag admits, is reduced at once. The rate
-        approaches `scale`, by which limits reduced the last twist, along a ramp, because this
-        feedback is some cycles late.
+        approaches `scale` along a ramp, because this feedback on limits is some cycles late.
         """
         self._now += max(elapsed, 0.0)
         if self._now > self._known.last[0]:

@@ -45,12 +45,10 @@ MAX_TIME_STEP = 0.2
 
 class RollerTrajectory:
     """
-    Waypoints of the rollers with times, with constant velocity between waypoints.
+    Waypoints (k, r) [m] of the rollers with times [s], with constant velocity between waypoints.
 
     At each waypoint the velocity changes with the largest acceleration (parabolic blend), for a
-    time centred on the waypoint. So the trajectory begins half of the first blend before the first
-    waypoint, and its duration [s] includes this time. Waypoints are (k, r) [m], and their times
-    (k,) increase from 0 [s].
+    time centred on the waypoint. The duration includes half of the blends at both ends.
     """
 
     def __init__(self, robot: Robot, positions: ArrayLike, times: ArrayLike) -> None:

@@ -29,8 +29,7 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
     """
     Yield the configurations of the path on which grasping members approach the object.
 
-    At the end of the path the directions of the members admit force closure. The path begins at
-    the current configuration and is piecewise linear in roller travel.
+    At the end of the path the directions of the members admit force closure.
     """
     diameter, members = config.robot.description.tube_diameter, list(closing.members)
     targets = np.full(len(members), STANDOFF * diameter)

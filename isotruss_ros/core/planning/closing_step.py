@@ -67,8 +67,7 @@ def take_closing_step(
     """
     Move the gaps of the grasping members toward their targets (s,) [m] by one step.
 
-    The share is the length of the step relative to the longest step, 1 for the first step. It is
-    returned for the next step.
+    The share of the longest step is that of the previous step, and 1 at first.
     """
     move = solve_step(state, closing, targets, share)
     rigidity, room = min(closing.min_rigidity, state.rigidity), min(0.0, state.clearance)
@@ -132,8 +131,7 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     """
     Return the matrix (k, r) and the bounds (k,) of the constraints matrix @ u >= bounds.
 
-    The constraints bound first the gaps of all parts to the object, those of grasping members by
-    their targets; then the rigidity, the distances between parts of the robot, and member lengths.
+    The first bound the gaps of all parts to the object, by targets for grasping members.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()

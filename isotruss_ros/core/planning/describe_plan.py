@@ -23,10 +23,7 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
     """
     Return the data of a grasp as a dictionary: module, members, roller positions, scores.
 
-    The module is empty if the members of the grip do not meet at a module. The chance is present
-    if an uncertainty was given.
-
-    :param grasp: planned grasp; `PlannedGrasp` lists the data with their units.
+    The module is empty if the members meet at none; the chance needs an uncertainty.
     """
     numbers = [field.name for field in fields(grasp) if field.type == 'float']
     chance = {} if grasp.chance is None else {'chance': grasp.chance.probability}
@@ -43,11 +40,9 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
 
 def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
     """
-    Return the path to a grasp as a dictionary with `path`, `times` and `touch`.
+    Return `path` (k, r) [m], `times` (k,) [s] and `touch` of a grasp as a dictionary.
 
-    `path` (k, r) are roller positions [m], and `times` (k,) are their times [s]. From the row with
-    the index `touch` on, all grasping members are in contact. The rollers move at their largest
-    speed, but near this row at the fraction `NEAR_SPEED_SHARE` of it.
+    The rollers move at their largest speed, but near the row `touch` at `NEAR_SPEED_SHARE` of it.
     """
     near = np.arange(len(grasp.path) - 1) >= grasp.touch - 2
     times = path_times(grasp.path, grasp.config.robot.description, near)
@@ -55,12 +50,7 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
 
 
 def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
-    """
-    Return the times (k,) at which rollers pass the waypoints of a piecewise linear path.
-
-    :param path: (k, r) roller positions [m].
-    :return: (k,) times of the waypoints, from 0 [s].
-    """
+    """Return the times (k,) of the waypoints (k, r) of a piecewise linear path, from 0 [s]."""
     speeds = np.where(near, NEAR_SPEED_SHARE * limits.max_speed, limits.max_speed)
     steps = np.diff(path, axis=0)
     longest = np.abs(steps).max(axis=1, initial=0.0)
@@ -78,11 +68,7 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
 
 
 def plan_in_words(plan: GraspPlan) -> str:
-    """
-    Return a text with the best grasp of a plan, or with the reason why the plan has no grasp.
-
-    The reason is the requirement violated by the candidate nearest to an admissible grasp.
-    """
+    """Return a text with the best grasp, or with the violation nearest to an admissible grasp."""
     if not plan.grasps:
         violation = violation_in_words(plan.closest_violation)
         return f'no grasp found in {plan.evaluations} evaluations; {violation}'

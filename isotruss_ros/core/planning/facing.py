@@ -34,8 +34,7 @@ def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tup
     """
     Return both ends (s,) of each contact with straight members, the clockwise end first [m].
 
-    The normals (s,) are unit vectors from the object toward the members. The ends are relative to
-    the origin of the object's frame, in robot axes.
+    Normals (s,) point to the members; ends are relative to the object's origin, in robot axes.
     """
     shape, facing = body.shape.smoothed(tube_radius), normals * body.turn.conjugate()
     if not shape.faces_at(0):
@@ -102,10 +101,9 @@ def find_facing(
     turning: float = TURN_WEIGHT,
 ) -> Points | None:
     """
-    Return directions (2,) of two members that admit force closure, near the current directions.
+    Return directions (2,) of two members that admit force closure, near the current ones, or None.
 
-    The directions minimise a weighted sum of required friction angle and rotation. None if no such
-    directions exist nearby.
+    They minimise a weighted sum of required friction angle and rotation.
     """
     firsts, others, used = _pairs(body.shape, tube_radius)
     firsts, others = firsts * body.turn, others * body.turn

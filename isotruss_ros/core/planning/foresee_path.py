@@ -57,12 +57,10 @@ def foresee_grip(
     record: GripRecord | None = None,
 ) -> Foresight | None:
     """
-    Find the grip of an object, and predict its motion along a path by `foresee_path`.
+    Predict the motion of an object in its grip by `foresee_path`; None if no members hold it.
 
-    :param record: equilibrium reported by the control loop that holds the object. If it is None,
-        or if the predicted motion ends before the end of the path, the motion is predicted from
-        the equilibrium of `attach_grip` instead.
-    :return: predicted motion; None if no members hold the object.
+    If there is no `record` of the loop that holds the object, or its motion ends early, the motion
+    starts from the equilibrium of `attach_grip`.
     """
     friction = check_friction(friction)
     foresight = None

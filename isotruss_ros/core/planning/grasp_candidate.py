@@ -29,12 +29,7 @@ import numpy as np
 def judge_candidate(
     config: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[PlannedGrasp | None, SearchTally]:
-    """
-    Compute approach and closing of a candidate; return planned grasp and counts of the search.
-
-    The grasp is None if the candidate violates a requirement; the counts then contain the
-    violation that was closest to an admissible grasp.
-    """
+    """Return the grasp of a candidate, None if it violates a requirement, and its tally."""
     grasp, tally = None, closing.tally
     try:
         with tally.recording():
@@ -54,10 +49,9 @@ def close_grip(
     opened: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[list[Configuration], ClosedGrip] | None:
     """
-    Return the path from first contact to the best admissible grip, and this grip.
+    Return the path from first contact to the best admissible grip, and this grip; or None.
 
-    The squeeze is increased until the score decreases or a requirement is violated. If no grip is
-    admissible, `closing.tally` contains the violation.
+    The squeeze is increased until the score decreases or a requirement is violated.
     """
     # A nominal posture would shift the gaps from their targets.
     closing = replace(closing, nominal_posture=None, facing=None)

@@ -19,12 +19,7 @@ from isotruss_ros.core.planning.violations import Violation
 
 
 class ClosedGrip(NamedTuple):
-    """
-    Grip reached by closing, with the contact forces on the object.
-
-    Its slip margin (see `SettledGrasp`) is zero if the free object is not held, and None if the
-    grip violates requirements.
-    """
+    """Grip reached by closing; the slip margin is None if the grip violates requirements."""
 
     equilibrium: HeldGrip  #: equilibrium of the object after closing, without external wrench
     slip_margin: float | None  #: slip margin of the object [N]
@@ -35,11 +30,7 @@ class ClosedGrip(NamedTuple):
 class PlannedGrasp(
     Record, headline=('members', 'squeeze', 'slip_margin', 'utilisation', 'roller_positions')
 ):
-    """
-    Grasp that fulfils the requirements, with the path of the rollers to this grasp.
-
-    The rollers move linearly between the rows of the path.
-    """
+    """Grasp that fulfils the requirements, with a path of the rollers, linear between its rows."""
 
     grip: Grip  #: grasping members, and the object at its pose after closing
     members: tuple[str, ...]  #: names `t/j-k` of the members in contact with the object

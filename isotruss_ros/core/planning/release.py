@@ -63,9 +63,8 @@ def plan_release(
     """
     Plan the release of a held object and the retreat of the members to a clearance [m].
 
-    :param record: equilibrium reported by the control loop that holds the object; None: the
-        equilibrium of `attach_grip`.
-    :param max_turn: largest admissible predicted rotation of the object [rad].
+    The `record` of the loop that holds the object replaces the equilibrium of `attach_grip`; the
+    predicted rotation of the object is at most `max_turn` [rad].
     """
     file = config.robot.description
     longest = float(config.member_lengths.sum())
@@ -99,8 +98,7 @@ def _unload(
     """
     Return the path of decreasing squeeze, and `closing` with the object at its pose at the end.
 
-    Without contact forces the path consists of its start only. With few rollers the object is
-    displaced a little.
+    Without contact forces the path consists of its start only.
     """
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= FIRST_INDENTATION * diameter:

@@ -37,11 +37,7 @@ RANDOM_POSTURE = 0.3
 def find_seeds(
     config: Configuration, body: ConvexObject, needs: GraspRequirements, seed: int, number: int
 ) -> list[Closing]:
-    """
-    Return the closing motions from which one round of the search starts, most promising first.
-
-    Pairs of members come before triples.
-    """
+    """Return the closing motions of a round of the search, pairs first, most promising first."""
     around, file = enclosing_members(config, body.middle), config.robot.description
     wanted = required_members(config.robot, needs)
     groups = [*itertools.combinations(around, 2), *itertools.combinations(around, 3)]

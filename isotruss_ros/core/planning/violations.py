@@ -52,11 +52,7 @@ class Violation:
 
     @property
     def distance(self) -> float:
-        """
-        Return by how much the candidate misses the requirement, to compare candidates [-].
-
-        It is the relative error of a value with a bound, and more than 1 for other requirements.
-        """
+        """Return the relative error of a bounded value, more than 1 for other requirements."""
         if self.requirement in BOUNDS:
             low, high = sorted((max(self.value, 0.0), self.bound))
             return 1.0 - low / high if high > 0.0 else 1.0

@@ -34,8 +34,7 @@ class WorkerPool(contextlib.AbstractContextManager):
     The processes are spawned, because it is unsafe to fork a process with threads. On two cores,
     two processes search 1.6 times as fast as one process.
 
-    :ivar executor: executor to be passed to `plan_grasps`. If a worker dies, the executor is
-        unusable: close the pool and create another one.
+    :ivar executor: executor to be passed to `plan_grasps`, unusable after a worker has died.
     :param workers: number of processes; 0: the number of cores.
     """
 
@@ -50,11 +49,7 @@ class WorkerPool(contextlib.AbstractContextManager):
         self.close()
 
     def close(self) -> None:
-        """
-        End the processes at once, and wait until they have ended.
-
-        Do not call this method while another thread submits tasks.
-        """
+        """End the processes, and wait for it; no other thread may submit tasks meanwhile."""
         self._wanted.close()
         self.executor.shutdown(cancel_futures=True)
 

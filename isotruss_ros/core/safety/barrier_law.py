@@ -59,11 +59,7 @@ class BarrierLaw:
         return SAFETY_MARGIN_SHARE * self.band
 
     def class_k_bound(self, margins: Array) -> Array:
-        """
-        Return the largest allowed rates of decrease (k,) of values at margins (k,) [value/s].
-
-        The rate is infinite for values above `active_below`.
-        """
+        """Return the largest rates of decrease (k,) at margins (k,), infinite beyond the band."""
         return self._class_k(np.maximum(margins - self.safety_margin, 0.0))
 
     def discrete_bound(self, margins: Array, duration: float, travel: float) -> Array:
@@ -72,11 +68,8 @@ class BarrierLaw:
 
         A margin below `MIN_MARGIN_SHARE` times the safety margin must not decrease, except by
         effects of second order, because otherwise the robot would stop in every other sample. A
-        positive margin must stay positive.
-
-        :param margins: (k,) distances of the values from the bound at the start of the sample.
-        :param duration: duration of the sample, positive [s].
-        :param travel: largest roller travel in this or the previous sample [m].
+        positive margin must stay positive. The travel is the largest one of this or the previous
+        sample [m].
         """
         last = MIN_MARGIN_SHARE * self.safety_margin
         usable = np.maximum(margins, last)
@@ -169,10 +162,7 @@ class BarrierLimit:
     """
     Limit on roller speeds due to those values of one barrier that are close to its bound.
 
-    :ivar barrier: the barrier.
-    :ivar indices: (k,) indices of the values.
     :ivar matrix: (k, r) derivatives of the values with respect to roller travel.
-    :param active: values close to the bound in one configuration, see `Barrier.active`.
     """
 
     can_slide = True
@@ -202,8 +192,7 @@ class BarrierLimit:
         """
         Return the violation of `BarrierLaw.discrete_bound` by a motion; None if there is none.
 
-        This limit must have been linearised at the midpoint of the motion. The velocities are
-        those before the motion [m/s].
+        This limit is linearised at the midpoint of the motion; `velocities` are those before it.
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)

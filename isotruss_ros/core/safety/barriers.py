@@ -64,14 +64,10 @@ class NeighborList:
     """
     Verlet neighbour list of pairs of parts, which reduces the number of evaluated distances.
 
-    A pair is close if the law limits the rate of its distance; the list contains all pairs up to a
-    larger distance. The distance of two parts changes at most by the sum of their displacements.
-    So all pairs are evaluated only if a pair outside of the list may have come within the larger
-    distance, and the pairs of the list are evaluated only if one of them may have become close.
-    The results are exact.
-
-    :ivar listed_below: distance below which pairs are in the list [m]; it exceeds
-        `BarrierLaw.active_below` by half of `BarrierLaw.band`.
+    A pair is close if the law limits the rate of its distance; the list contains all pairs up to
+    `listed_below` [m], half of the law's band farther. All pairs are evaluated only if one outside
+    of the list may have come that near, and the pairs of the list only if one of them may have
+    become close. The results are exact.
     """
 
     def __init__(self, law: BarrierLaw) -> None:
@@ -102,11 +98,7 @@ class NeighborList:
 
 
 class SelfCollisionBarrier:
-    """
-    Barrier on the distances between parts of the robot, see `CollisionModel`.
-
-    :param law: law of the distance between surfaces [m].
-    """
+    """Barrier on the distances between surfaces of the robot [m], see `CollisionModel`."""
 
     status = Status.SLOWED_SELF_COLLISION
     needs_object = False
@@ -135,11 +127,7 @@ class SelfCollisionBarrier:
 
 
 class ObjectBarrier:
-    """
-    Barrier on the distances between the held object and the parts outside of the grip.
-
-    :param law: law of the distance between surfaces [m].
-    """
+    """Barrier on the distances between the held object and the parts outside of the grip [m]."""
 
     status = Status.SLOWED_OBJECT
     needs_object = True
@@ -162,11 +150,7 @@ class ObjectBarrier:
         return ActiveValues(parts, distances, by_nodes, by_travel)
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
-        """
-        Return the distances from the object to parts of the robot, see `Barrier.values`.
-
-        The distances to the grasping members, which may touch the object, are infinite.
-        """
+        """Return distances to the object [m], infinite for the grip; see `Barrier.values`."""
         far = self._neighbors.listed_below
         return object_distances(config, grip.body, grip.members, far, indices)
 
@@ -180,10 +164,7 @@ class RigidityBarrier:
     """
     Barrier on the rigidity index of the configuration, see `rigidity_index`.
 
-    Each small singular value is one value of the barrier, because the order of singular values may
-    change in a step.
-
-    :param law: law of the rigidity index [-].
+    Each small singular value is one value, because their order may change in a step.
     """
 
     status = Status.SLOWED_RIGIDITY

@@ -32,11 +32,7 @@ class ShapeMargins(NamedTuple):
 
 @single_threaded
 def shape_margins(config: Configuration) -> ShapeMargins:
-    """
-    Return the distances of a configuration from singularity and from collisions.
-
-    For the distances from an object see `object_distances`.
-    """
+    """Return the distances of a configuration from singularity and from self-collisions."""
     try:
         rigidity = float(rigidity_index(config.robot).modes(config).values[0])
     except ConfigurationError:
@@ -55,15 +51,10 @@ def object_distances(
     parts: Indices | slice = slice(None),
 ) -> Array:
     """
-    Return the distances between an object and the parts of the robot [m].
+    Return the distances (k,) between an object and parts of the robot, members, modules, rods [m].
 
-    :param members: names of the grasping members; empty if the object is not grasped. These
-        members, a module at which two of them meet, and the rods at the joint of this module are
-        excluded.
-    :param far: distance above which a lower bound may be returned instead [m].
-    :param parts: indices of parts; by default, all parts. Parts are numbered: first the m members,
-        then the m modules, then the m rods.
-    :return: (k,) distances; infinite for excluded parts.
+    They are infinite for the grasping `members`, a module at which two of them meet, and the rods
+    at its joint. Above `far` [m] a lower bound may be returned instead.
     """
     model = collision_model(config.robot)
     starts, ends = model.part_ends(config, parts)

@@ -33,12 +33,8 @@ class FailureDetector:
     """
     Detector of failed rollers, which compares commanded with measured travel.
 
-    A roller that is not commanded is never reported as failed. A failed roller is reported until
-    it is reset, because a roller at rest cannot prove that it works.
-
-    :ivar failed: names of the failed rollers.
-    :ivar failure_time: a commanded roller that does not move for this time has failed [s]; the
-        value may be changed at any time.
+    A failed roller is reported until it is reset, because a roller at rest cannot prove that it
+    works. `failure_time` [s] may be changed at any time.
     """
 
     def __init__(self, names: Sequence[str], failure_time: float = FAILURE_TIME) -> None:
@@ -63,13 +59,7 @@ class FailureDetector:
         self._time = math.nan
 
     def update(self, positions: Array, time: float, commanded: Array) -> None:
-        """
-        Compare a sample of the measured travel with the commands.
-
-        :param positions: (r,) measured roller travel [m].
-        :param time: time of the sample [s]; a repeated time is ignored.
-        :param commanded: (r,) speeds commanded since the previous sample [m/s].
-        """
+        """Compare measured travel (r,) [m] with speeds since the previous sample [m/s]."""
         if time == self._time:
             return
         elapsed = time - self._time

@@ -149,8 +149,7 @@ class Watch(NamedTuple):
         """
         Return the command, scaled down if it would violate `BarrierLaw.discrete_bound`.
 
-        :param velocities: (r,) roller velocities with which the configuration was predicted [m/s].
-        :param duration: duration of the sample [s].
+        The `velocities` (r,) predicted the configuration; the sample has a `duration` [s].
         """
         rollers = command.roller_velocities
         size = duration * float(np.abs(rollers).max())

@@ -100,8 +100,7 @@ def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ..
     """
     Return the names of the members that an object indents, the most indented one first.
 
-    A tube that is indented by more than its diameter is assumed to pass above the object and is
-    excluded.
+    A tube that is indented by more than its diameter passes above the object.
     """
     tube, depths = config.robot.description.tube_diameter, member_depths(config, body)
     order = np.argsort(-depths, kind='stable')

@@ -63,11 +63,7 @@ class DrivenRollers:
         self._command, self.roller_positions, self.roller_velocities = np.zeros((3, len(names)))
 
     def command(self, velocities: ArrayLike) -> None:
-        """
-        Set the roller speeds, which are valid until the next command.
-
-        :param velocities: (r,) roller speeds [m/s].
-        """
+        """Set the roller speeds (r,), which are valid until the next command [m/s]."""
         self._command = self._robot.check_rollers(velocities, 'roller velocities [m/s]')
 
     def stop(self) -> None:
