@@ -47,8 +47,12 @@ FOLDERS = {
     'estimation': ([CORE + 'estimation/*.py'], ('test/core/estimation',)),
     'holding': ([CORE + 'holding/*.py'], ('test/core/holding',)),
     'gate': (
-        [CORE + 'inputs.py', 'isotruss_ros/nodes/framework/gate.py'],
-        ('test/core/test_inputs.py', 'test/nodes/inputs/test_input_gate.py'),
+        [
+            CORE + 'inputs.py',
+            'isotruss_ros/nodes/framework/gate.py',
+            'isotruss_ros/nodes/framework/received_inputs.py',
+        ],
+        ('test/core/test_inputs.py', 'test/nodes/inputs'),
     ),
 }
 #: Tests that count; random calls and planning take long, and the others do not hold objects.
