@@ -16,9 +16,8 @@ twist. It is zero without limits, so the command does not jump where a limit beg
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import Limit, Rows
@@ -29,14 +28,10 @@ from isotruss_ros.core.manipulation.twist_qp import (
     least_deviation,
     maximize_progress,
 )
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
 
-#: Initial number of rows of a quadratic program, and smallest number of rows added at a time [-].
-#: With 16, programs of 27 and 51 modules take 1.7 times as long; with 160, programs of 303 modules
-#: take 2.5 times as long (nested triangles).
-ROW_BATCH = 40
 #: Weight of progress along a scaled twist, and of the error of the twist while sliding, relative
 #: to the deviation from the least-cost speeds of the scaled twist [-]. While the heading turns at
 #: limits and singular tasks of the nine-member robot, rollers go back and forth by more than
@@ -46,9 +41,6 @@ PROGRESS_WEIGHT = 20.0
 #: rollers go back and forth in 183 cycles with 0, in 61 with 0.02, in 3 with 0.07, and in 6 with
 #: 0.22. With 0.07, four other robots do so in at most 4 of 360 cycles at 20, 50 and 100 mm/s.
 LOOP_SOFT_RANK = 0.07
-
-#: Function from a cost, equality rows and limits to speeds (n,) and progress, see `twist_qp`.
-Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 
 @dataclass(frozen=True)
@@ -85,31 +77,25 @@ def apply_limits(
     farthest, direction = min(asked / unit, 1.0 / NEGLIGIBLE_SHARE), task.direction / gain
     free = task.free / gain
     least = float(free.dot(working.cost.dot(free)))
-    penalty, weight, guess = EXACT_PENALTY, NEGLIGIBLE_SHARE, None
+    penalty, weight = EXACT_PENALTY, NEGLIGIBLE_SHARE
     if handling.regularized:
         penalty = min(penalty, PROGRESS_WEIGHT * max_speed / (unit * gain))
-        weight, guess = 1.0 / PROGRESS_WEIGHT, free
-
-    def progress(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
-        return maximize_progress(cost, equality, direction, farthest, limited, least, penalty)
-
+        weight = 1.0 / PROGRESS_WEIGHT
     fixed, slid = bounds, False
     if handling.slide_along_limits:
         counts = [len(limit.row_names(config)) for limit in limits]
         fixed = bounds.take(~np.repeat([limit.can_slide for limit in limits], counts))
-    solution, made = _solve(task, progress, fixed, guess)
+    solution, made = maximize_progress(
+        working.cost, reach.rows, direction, farthest, fixed, least, penalty
+    )
     slack = bounds.slack(solution)
     if handling.slide_along_limits and (slack < -NEGLIGIBLE_SHARE).any():
-        slid, scaled, rank = True, solution, len(reach.directions)
-        rates, opening = bounds.matrix.dot(scaled), made * direction[rank:]
-
-        def deviate(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
-            change = least_deviation(cost, equality, rank, opening, limited, weight)
-            return change, gain * float(task.direction.dot(equality.dot(change)))
-
+        slid, rank, rates = True, len(reach.directions), bounds.matrix.dot(solution)
         moved = Rows(bounds.matrix, bounds.lower - rates, bounds.upper - rates)
-        deviation, lost = _solve(task, deviate, moved, guess if guess is None else 0.0 * guess)
-        solution, made = scaled + deviation, made + lost
+        opening = made * direction[rank:]
+        change = least_deviation(working.cost, reach.rows, rank, opening, moved, weight)
+        solution = solution + change
+        made += gain * float(task.direction.dot(reach.rows.dot(change)))
         slack = bounds.slack(solution)
     scale = min(1.0, max(0.0, made * unit / gain / task.speed))
     if made < ROUNDING:
@@ -127,37 +113,3 @@ def apply_limits(
         slowed = bound[0][0] if bound else Status.SLOWED_ROLLER_SPEED
         status = Status.SLIDING if slid else slowed
     return velocities, scale, status, tuple(name for _, name in bound)
-
-
-def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:
-    """
-    Solve a quadratic program of the twist, with only the active rows if a guess is given.
-
-    The program is strictly convex, so a solution with some of the rows that fulfils all other rows
-    is the solution. For a subset S of rows, the least-cost speeds are u = E y, where y is in the
-    span of E^T [J^T, G_S^T]. So there are only as many variables as rows.
-    """
-    equality, whitening = task.reach.rows, task.reach.working.whitening
-    if guess is None or len(rows.lower) <= ROW_BATCH:
-        return solve(task.reach.working.cost, equality, rows)
-    reached = equality.dot(whitening)
-    chosen = np.sort(_largest(-rows.slack(guess), ROW_BATCH))
-    while True:
-        some = rows.take(chosen)
-        matrix = some.matrix.dot(whitening)
-        basis = np.linalg.qr(np.concatenate([reached, matrix]).T)[0]
-        cost, reduced = np.eye(basis.shape[1]), some._replace(matrix=matrix.dot(basis))
-        reduced_speeds, progress = solve(cost, reached.dot(basis), reduced)
-        speeds = whitening.dot(basis.dot(reduced_speeds))
-        excess = -rows.slack(speeds)
-        excess[chosen] = -np.inf
-        violated = int((excess > ROUNDING).sum())
-        if not violated:
-            return speeds, progress
-        added = _largest(excess, min(violated, max(ROW_BATCH, len(chosen))))
-        chosen = np.sort(np.concatenate([chosen, added]))
-
-
-def _largest(values: Array, count: int) -> Indices:
-    """Return the indices of the `count` largest values."""
-    return np.argsort(-values, kind='stable')[:count]

@@ -6,7 +6,6 @@
 from grips import surface
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import solve_twist, Status
-from isotruss_ros.core.manipulation import limit_handling
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit, stack_rows
@@ -135,29 +134,3 @@ def test_regularization_keeps_the_direction_and_nearly_the_progress(robot, rng, 
     surface_speed = np.linalg.norm(surface(grasp) * exact.achieved_twist)
     if surface_speed > 0.3 * np.linalg.norm(exact.roller_velocities):
         assert thrifty.scale > 0.9 * exact.scale
-
-
-@pytest.mark.parametrize('slide', [False, True])
-@pytest.mark.parametrize('first', [1, 16])
-@robots.examples(15)
-@given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
-def test_active_rows_give_the_solution_of_all_rows(slide, first, robot, rng, number):
-    config, grasp, _ = robots.random_grasp(robot, rng, number)
-    lengths = config.member_lengths
-    # Some members are at their bounds.
-    limits = [
-        RollerSpeedLimit(0.1),
-        MemberLengthLimit(*np.sort(rng.uniform(lengths.min(), lengths.max(), 2))),
-    ]
-    failed = [name for name in robot.roller_names if rng.random() < 0.1]
-    twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
-    arguments = (config, grasp, twist, failed, limits, LimitHandling(slide, True))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(limit_handling, 'ROW_BATCH', first)
-        few = solve_twist(*arguments)
-        patch.setattr(limit_handling, 'ROW_BATCH', 10**6)
-        every = solve_twist(*arguments)
-    assert few.scale == pytest.approx(every.scale, abs=1e-9)
-    assert few.status is every.status
-    size = max(1.0, np.abs(every.roller_velocities).max())
-    assert few.roller_velocities == pytest.approx(every.roller_velocities, abs=1e-7 * size)
