@@ -94,7 +94,7 @@ class LatestInputs:
 
 
 class InputError(IsotrussError):
-    """An input is missing, stale or invalid; its name has underscores in place of spaces."""
+    """An input is missing, stale or invalid; `name` is that of the input."""
 
     def __init__(self, fault: InputFault, name: str, message: str) -> None:
         super().__init__(message)
@@ -199,7 +199,7 @@ class Timeline:
         self._known: deque[tuple[float, Any]] = deque()
 
     def __bool__(self) -> bool:
-        """Return whether the function has a value at any time."""
+        """Return whether a value is stored."""
         return bool(self._known)
 
     @property

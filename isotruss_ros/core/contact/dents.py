@@ -172,7 +172,7 @@ class DentTable:
         return [self._samples[number] for number in numbers], near, weights
 
     def _sampled_angle(self, number: int) -> float:
-        """Return the angle of a sample [rad]."""
+        """Return the angle of the normal in the sample of this number [rad]."""
         if not self._faces:
             return ANGLE_STEP * number
         return self._middle + self._half * math.sin(0.5 * math.pi * number / self._count)

@@ -116,5 +116,5 @@ def anchor_rates(grasp: HeldGrip) -> Array:
 
 
 def anchors_by_offsets(grasp: HeldGrip) -> Array:
-    """Return the derivatives (k, r) of rolling invariants by offsets, for resting contacts."""
+    """Return the derivatives (k, r) of the anchors by roller offsets, for contacts at rest."""
     return grasp.statics.sides[:, None] * travel_rates(grasp.config, grasp.contacts.members)

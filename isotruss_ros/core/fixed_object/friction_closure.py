@@ -114,7 +114,7 @@ def _extremes(
 
 
 def _facets(segments: Array) -> tuple[Array, Array]:
-    """Return unit normals (f, 3) of a zonotope's facets, and extents (f,) along the normals."""
+    """Return unit normals (f, 3) of a zonotope's facets, and their distances (f,)."""
     first, second = _pairs(len(segments))
     normals = _cross(segments[first], segments[second])
     sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)

@@ -64,7 +64,7 @@ ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
 
 
 class TubeModel(NamedTuple):
-    """Model of the tubes that hold an object."""
+    """Stiffness and pressure of tubes in place of those of the robot file."""
 
     stiffness_scale: float = 1.0  #: ratio of the robot's true stiffness to the modelled one [-]
     pressure: Pressure | None = None  #: gauge pressure [Pa], see `tube_pressures`

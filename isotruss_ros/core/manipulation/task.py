@@ -43,7 +43,7 @@ class WorkingRollers:
         return rows.take(self.indices, -1)
 
     def with_cost(self, cost: ArrayLike) -> WorkingRollers:
-        """Return them with another cost (11) of all speeds, scaled to the paper's trace."""
+        """Return the rollers with another cost (11), scaled to the trace of the paper's cost."""
         matrix = covariance_matrix(cost, self.count, 'the cost matrix', GraspError)
         matrix /= max(float(np.abs(matrix).max()), SMALLEST_NORMAL)
         if np.linalg.eigvalsh(matrix)[0] < COINCIDENCE:

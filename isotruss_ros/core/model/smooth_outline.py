@@ -76,7 +76,7 @@ class SmoothOutline(PolygonalShape):
 
     @cached_property
     def _angles(self) -> Array:
-        """Return the normals' angles (n + 1,) at the corners, with the first one turn later."""
+        """Return the normals' angles at the n corners, and the first again plus 2 pi, (n + 1,)."""
         tangents = _conic_tangents(self.corners)
         turns = np.angle(np.roll(tangents, -1) / tangents)
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))

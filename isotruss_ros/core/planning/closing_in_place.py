@@ -49,7 +49,7 @@ def close_in_place(
     diameter = touch.robot.description.tube_diameter
     depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
     grasp = hold_between(press(touch, closing, depths), closing)
-    _check_hold(grasp, _reserved(needs.friction))
+    _check_hold(grasp, _usable_friction(needs.friction))
     # A grip of two members is assessed after the first step, which moves the object to its pose.
     if len(closing.members) > 2:
         with closing.tally.recording():
@@ -68,7 +68,7 @@ def close_in_place(
 
 def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
     """Return a grip with its contact forces; raise RequirementError for slip or a violation."""
-    _check_hold(grasp, _reserved(needs.friction))
+    _check_hold(grasp, _usable_friction(needs.friction))
     closing.tally.analyses += 1
     forces = grasp.normal_forces
     needs.check_bounds(
@@ -83,8 +83,8 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     return ClosedGrip(grasp, margin, chance)
 
 
-def _reserved(friction: float) -> float:
-    """Return the friction that a closing grip may use, as rollers deviate from the path."""
+def _usable_friction(friction: float) -> float:
+    """Return the part of the friction that a grip may use while it closes on its path."""
     return math.tan(CONE_SHARE * math.atan(friction))
 
 

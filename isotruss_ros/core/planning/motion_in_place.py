@@ -62,7 +62,7 @@ def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
 
 
 def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:
-    """Return the grasp with another mean normal force [N] and the object in its place."""
+    """Return the grasp with this mean normal force [N] and an unchanged pose of the object."""
     evened = len(closing.members) if len(closing.members) > 2 else 0
     place = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])
     scale = np.array([SQUEEZE_TOLERANCE * force, *place, *evened * [SQUEEZE_TOLERANCE * force]])

@@ -101,7 +101,7 @@ class SqueezeControl:
         self.reference, self._velocity = None, np.zeros(3)
 
     def lose(self) -> None:
-        """Discard the estimated grip after a loss of the object, a fault if it was held before."""
+        """Discard the grip of a lost object; if it was held before, that is a fault."""
         if self.belief is not None or self._lost is not None:
             self.fail(Status.HALT_NOT_HELD, 'the object is not between the members')
         self.reset()

@@ -189,7 +189,7 @@ class Layout:
         self.sources = sources.toarray() if numbering.sparse is None else sources
 
     def _cut(self, piece: Indices, order: Indices, chosen: Indices) -> dict[int, list[int]]:
-        """Divide members at the cuts, and return the cuts in each block."""
+        """Divide members at the cuts; return the cuts of each block by its number."""
         numbering, first, cuts = self.numbering, len(chosen), np.arange(len(piece))
         self.before, self.behind = np.zeros_like(cuts), first + cuts
         self.nodes = (len(numbering.free) - numbering.rows) // 3 + cuts
