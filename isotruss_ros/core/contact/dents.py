@@ -127,7 +127,7 @@ class DentTable:
         """
         Return the dent's depth [m], and its derivatives by force [m/N] and angle [m/rad].
 
-        It is extrapolated linearly, and negative for negative forces in an iteration.
+        The depth is extrapolated linearly, and odd in the force.
         """
         size = max(abs(force), 1e-9)
         place, sign = size**DEPTH_EXPONENT, force / size

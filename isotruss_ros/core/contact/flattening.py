@@ -37,14 +37,8 @@ class Flattening:
     Local compliance of a tube's sections under transverse forces from one side.
 
     Without fabric, f_n = 0. `local_stiffness` is the ratio of a tube's measured local stiffness to
-    the theoretical one [-].
-
-    :ivar stiffness: (n,) k_n of the modes whose deformation spreads along the tube, per unit
-        length [N/m^2].
-    :ivar tension: (n,) tension G_n, which couples neighbouring sections in these modes [N].
-    :ivar reach: (n,) decay lengths lambda_n of these modes along the tube [m].
-    :ivar rest: compliance for a line load of the other modes, whose deformation does not spread
-        along the tube [m^2/N].
+    the theoretical one [-]. `rest` is the compliance for a line load of the modes that do not
+    spread along the tube [m^2/N].
     """
 
     def __init__(
@@ -73,10 +67,9 @@ class Flattening:
 
     def compliance(self, points: Indices, spacing: float) -> Array:
         """
-        Return the compliances (c, c) of points on the skin by dents alone [m/N].
+        Return the compliances (c, c) of points on the skin, at positions in spacings [m/N].
 
-        The positions of the points are in spacings [-]. Load and depth are averaged over pieces of
-        tube that are one spacing long, so the sum over many points equals the integral.
+        Load and depth are averaged over pieces of tube that are one spacing long.
         """
         apart, ratio = np.abs(points[:, None] - points), spacing / self.reach
         # Compliance of the modes for a line load, at the load.

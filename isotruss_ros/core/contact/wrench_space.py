@@ -45,9 +45,8 @@ def wrench_space(
     """
     Return the wrench space of point contacts with friction.
 
-    :param points: (k, 2) contacts relative to the reference point of the moments [m].
-    :param normals: (k, 2) unit normals away from the object.
-    :param arm: characteristic radius by which moments are divided [m].
+    Points (k, 2) are relative to the reference point of the moments [m], unit normals (k, 2) away
+    from the object; `arm` is the characteristic radius [m].
     """
     edges = _edge_wrenches(points, normals, friction, arm)
     if norm == 'L1':

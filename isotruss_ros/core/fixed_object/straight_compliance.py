@@ -76,9 +76,8 @@ def clamped_pieces(
     """
     Return shape functions and compliances of n points, each on a piece whose ends are fixed.
 
-    The shape functions (6, n) are displacements, along + i across the piece, per displacement (ux,
-    uy, theta) of start and end; the compliances (n, n) are along and across [m/N], and valid for
-    two points on one piece.
+    The shape functions (6, n) are displacements, along + i across the piece, per displacement of
+    its ends; the compliances (n, n) along and across are for two points on one piece [m/N].
     """
     axial, flexural, shear = section
     beyond, turning = length - within, np.where(pinned_start, 0.0, 0.5 / flexural)

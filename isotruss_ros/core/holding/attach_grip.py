@@ -95,10 +95,8 @@ def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
     Return the equilibrium with a whole face in contact if the object is held only by this face.
 
-    Otherwise, return the given equilibrium. With wrong roller offsets the modelled tubes are
-    inclined, so the model has a gap at one end of a face that is in contact.
-
-    :param gap: largest gap at the far end of the face that wrong offsets can explain [m].
+    With wrong roller offsets the modelled tubes are inclined, so the model has a gap, at most
+    `gap` [m], at one end of a face that is in contact.
     """
     if grip.required_friction <= friction:
         return grip
@@ -152,10 +150,8 @@ def rest(statics: ContactStatics, grazing: int | None = None) -> ContactConditio
     - Three members: the squeeze follows from statics. Without a face contact the object has its
       measured angle, and all T are equal; with a face contact no member has friction.
     - T / N is equal at both ends of each face.
-    - If an end of a face grazes, its N is zero. This takes the place of the measured angle; apart
-      from that, the conditions are those without a face contact.
-
-    :param grazing: index of the end of a face that touches without force; None: no such end.
+    - If an end of a face grazes (its index is `grazing`), its N is zero. This takes the place of
+      the measured angle; apart from that, the conditions are those without a face contact.
     """
     contacts, indices, count = statics.contacts, statics.places, len(statics.sides)
     body = statics.body

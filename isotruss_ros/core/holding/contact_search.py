@@ -129,12 +129,10 @@ def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet] | None:
 
 def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[FreeCorner]:
     """
-    Return the corners without contact that penetrate a grasping member.
+    Return the corners without contact that penetrate a grasping member, or are within a gap [m].
 
     A corner that is nearer to a contact than a tube radius belongs to the dent of the contact; it
     penetrates the tube if it is higher than the corner in contact.
-
-    :param gap: largest gap in the bent tube that counts as penetration [m].
     """
     contacts, statics, body = grip.contacts, grip.statics, grip.body
     penetrating: list[FreeCorner] = []

@@ -159,12 +159,7 @@ class ContactStatics:
     def equations(
         self, unknowns: Array, wrench: Array, conditions: ContactConditions
     ) -> tuple[Array, ContactForces]:
-        """
-        Return the residual (3 + 4k,) of the equilibrium equations, and the state with Jacobian.
-
-        The rows are touch along and across the member and in inclination, for each contact; then
-        the balance of the object; then the conditions of friction or rolling.
-        """
+        """Return the residual (3 + 4k,) of the equations, see `Places`, and the state."""
         indices, count, arm = self.places, len(self.sides), self.body.arm
         (start, axis, *_), moment = self.bent.lines, indices.balance.start + 2
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
@@ -268,7 +263,7 @@ class ContactStatics:
         """
         Solve for the equilibrium by Newton's method; return it with its equations, or None.
 
-        The tubes are linearised again if a node has moved by more than `reach` [m].
+        Tubes are linearised again if a node has moved by more than `reach` [m].
         """
         statics, unknowns, indices, close, least = self, start, self.places, False, np.inf
         tolerance = np.full(indices.size, LENGTH_TOLERANCE)

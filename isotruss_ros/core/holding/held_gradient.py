@@ -65,13 +65,9 @@ class LoadedTubes:
     """
     Bent tubes of a robot with a held object, with derivatives along p parameter changes.
 
-    :ivar moved: (N, p) derivatives of the positions of the configuration's nodes, x + iy [m].
-    :ivar spins: (k, p) derivatives of the directions of the contacts' members [rad].
-    :ivar dents: (k, p) derivatives of the dents' depths at constant forces [m].
-    :ivar sections: derivatives of the tubes' sections, see `section_rates`.
-
-    :param chosen: (n, p) each column is a direction of change of the n parameters.
-    :param reach: the tubes are linearised again if a node has moved by more than this [m].
+    Each column of `chosen` (n, p) is a direction of change of the n parameters. The tubes are
+    linearised again if a node has moved by more than `reach` [m]. The derivatives `spins` (k, p)
+    are those of the directions of the contacts' members [rad].
     """
 
     def __init__(
@@ -226,11 +222,7 @@ class HeldGradient(NamedTuple):
 
 @single_threaded
 def held_gradient(grip: HeldGrip) -> HeldGradient:
-    """
-    Return the derivatives of pose, forces and joints by the parameters of `HeldGradient`.
-
-    The contacts stick. Joint positions include the displacements due to contact forces.
-    """
+    """Return the derivatives of pose, forces and displaced joints while the contacts stick."""
     config, state, statics = grip.config, grip.state, grip.statics
     indices, parameters = state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)

@@ -161,11 +161,7 @@ class HeldGrip:
         return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
 
     def slip_margin(self, friction: float) -> float:
-        """
-        Return the smallest additional wrench at which a member slips, see `SlipPlanes` [N].
-
-        It is negative after slip, and zero in a neutral equilibrium.
-        """
+        """Return the slip margin, see `SlipPlanes` [N]; zero in a neutral equilibrium."""
         return 0.0 if self.response is None else slip_planes(self.response, friction).margin
 
     @functools.cached_property
@@ -257,9 +253,7 @@ class HeldGrip:
 
     def squeeze_stiffness(self) -> float:
         """
-        Return the derivative of the squeeze with respect to the members' opening [N/m].
-
-        It is negative: the squeeze decreases as the members open.
+        Return the derivative of the squeeze by the members' opening, negative [N/m].
 
         For two members the opening is the distance between their contacts. For three members it is
         twice the displacement of each member away from the object.

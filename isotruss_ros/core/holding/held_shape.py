@@ -81,14 +81,10 @@ def held_joints(grip: HeldGrip) -> Array:
 
 def lowest_frequency(grip: HeldGrip) -> float | None:
     """
-    Return the lowest undamped natural frequency of an object held in equilibrium [rad/s].
+    Return the lowest undamped natural frequency of a held object [rad/s]; contacts stick.
 
-    Contacts stick. The robot file gives the masses of modules and tubes. A module's mass is placed
-    at the midpoint of its pinch points; half of the mass of each piece of tube is placed at each
-    end of its member.
-
-    :return: the frequency; None if a mass is unknown or the equilibrium is neutral (its Jacobian
-        is singular).
+    A module's mass is at the midpoint of its pinch points, half of the mass of each piece of tube
+    at each end of its member. None: a mass is unknown, or the equilibrium is neutral.
     """
     body, response = grip.body, grip.response
     if grip.config.robot.description.module.mass is None or body.mass is None or response is None:
@@ -100,9 +96,8 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
     inertia += body.mass * body.shape.gyration**2 * np.outer(moved[2], moved[2])
     inertia += _inertia_of_robot(grip)
     compliance = moved * np.array([[1.0], [1.0], [grip.arm]])
-    square = scipy.linalg.eigvalsh(0.5 * (compliance + compliance.T), inertia, check_finite=False)[
-        0
-    ]
+    compliance = 0.5 * (compliance + compliance.T)
+    square = scipy.linalg.eigvalsh(compliance, inertia, check_finite=False)[0]
     return math.sqrt(square) if square > 0.0 else None
 
 

@@ -60,7 +60,11 @@ class PressedContacts:
 
 
 class Places(NamedTuple):
-    """Indices of the unknowns and of the equations of k contacts."""
+    """
+    Indices of the unknowns and of the equations of k contacts.
+
+    The first equations are touch along and across the member and in inclination, by contact.
+    """
 
     feet: slice  #: positions along the members
     inclinations: slice  #: inclinations of the bent tubes

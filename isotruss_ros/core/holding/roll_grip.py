@@ -39,13 +39,11 @@ def roll_grip(
     grip: HeldGrip, config: Configuration, external_wrench: Array | None = None
 ) -> HeldGrip | None:
     """
-    Return a grip in a near configuration after its contacts have rolled without slip.
+    Return a grip in a near configuration after its contacts have rolled; None: no equilibrium.
 
     The end of a face loses contact if it is in tension, and gains contact if it would penetrate
-    the member. A third member is part of the grip while it is in compression. The result is None
-    if no equilibrium exists.
-
-    :param external_wrench: (fx, fy, m) about the origin of the object's frame [N, N m].
+    the member. A third member is part of the grip while it is in compression. The wrench is about
+    the origin of the object's frame [N, N m].
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
 
@@ -58,11 +56,7 @@ def roll_grip(
 def roll_contacts(
     grip: HeldGrip, config: Configuration, chosen: ContactSet, wrench: Array
 ) -> HeldGrip | None:
-    """
-    Return the equilibrium in a near configuration, with given contacts that roll without slip.
-
-    New contacts have no friction yet. The result is None if no equilibrium exists.
-    """
+    """Return the equilibrium with given rolling contacts, or None; new ones have no friction."""
     moved, contacts = config.roller_positions - grip.config.roller_positions, chosen.contacts
     same, before = contacts is grip.contacts, grip.state.unknowns
     new = np.flatnonzero(chosen.origins < 0)

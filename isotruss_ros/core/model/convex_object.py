@@ -198,11 +198,7 @@ def check_friction(value: float, what: str = 'friction') -> float:
 def check_load(
     body: ConvexObject, friction: float | None, external_wrench: ArrayLike
 ) -> tuple[float, Array]:
-    """
-    Return the friction, see `ConvexObject.friction_or`, and the external wrench (3,), checked.
-
-    The wrench (fx, fy, m) is about the origin of the object's frame [N, N m].
-    """
+    """Return the friction, see `ConvexObject.friction_or`, and the external wrench, checked."""
     mu = check_friction(body.friction_or(friction))
     return mu, load_array(external_wrench, 3, EXTERNAL_WRENCH, GraspError)
 

@@ -112,9 +112,8 @@ def _foot(u: Array, v: Array, flat: float) -> tuple[Array, Array]:
     """
     Return the points of an ellipse with semi-axes 1 and b = flat nearest to points (u, v) >= 0.
 
-    The point nearest to (u, v) is (u / (t + 1), b^2 v / (t + b^2)) for a parameter t. The equation
-    of the ellipse is convex and decreasing in t, so Newton's method converges from below. The
-    unknown is s = t + b^2.
+    It is (u / (t + 1), b^2 v / (t + b^2)) for a parameter t. The equation of the ellipse is convex
+    and decreasing in t, so Newton's method converges from below. The unknown is s = t + b^2.
     """
     square = flat**2
     square_eccentricity = 1.0 - square

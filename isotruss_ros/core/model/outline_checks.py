@@ -25,11 +25,7 @@ def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Arra
 
 
 def polygon_moments(corners: Points) -> tuple[float, complex, float]:
-    """
-    Return the integrals of 1, z and |z|^2 over the area of a polygon, with z = x + iy.
-
-    They are multiplied by -1 if the vertices are clockwise.
-    """
+    """Return the integrals of 1, z and |z|^2, z = x + iy, over a polygon; clockwise times -1."""
     following = np.roll(corners, -1)
     cross = (corners.conj() * following).imag
     squares = np.abs(corners) ** 2 + np.abs(following) ** 2 + (corners * following.conj()).real

@@ -27,12 +27,7 @@ class Law(NamedTuple):
     b: float  #: exponent of the length
 
     def stiffness(self, length: Array, pressure: Array) -> Array:
-        """
-        Return the stiffness [N/m], or [N m/rad] for a rotary law, at gauge pressures [Pa].
-
-        Lengths [m] are from pinch point to pinch point for an axial law, from guide ring to guide
-        ring for the other laws. The stiffness is zero after underflow, infinite after overflow.
-        """
+        """Return the stiffness [N/m or N m/rad]; zero after underflow, infinite after overflow."""
         with np.errstate(over='ignore', under='ignore'):
             return np.exp(np.log(self.C) + self.a * np.log(pressure) + self.b * np.log(length))
 

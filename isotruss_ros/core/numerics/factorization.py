@@ -65,11 +65,7 @@ def factorize(matrix: Array | csc_matrix) -> Factor:
 
 
 def estimate_condition(matrix: Array | csc_matrix) -> float:
-    """
-    Return a lower bound of a matrix' condition number in the maximum norm; infinite if singular.
-
-    It is found from the solution for one irregular right-hand side.
-    """
+    """Return a lower bound of the condition number in the maximum norm; infinite if singular."""
     right = np.cos(np.arange(matrix.shape[0]) ** 2)
     try:
         with np.errstate(over='ignore', invalid='ignore'):

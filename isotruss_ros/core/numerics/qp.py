@@ -58,11 +58,7 @@ class QuadraticProgram(NamedTuple):
 
 
 def solve_qp(problem: QuadraticProgram) -> Array | None:
-    """
-    Return the solution of a quadratic program.
-
-    :return: (n,) solution; None if none is found, or if P is not positive definite.
-    """
+    """Return the solution; None if none is found, or if P is not positive definite."""
     bounded = problem.bounds < np.inf
     rows, bounds = problem.rows[bounded], problem.bounds[bounded]
     free, start = _free_space(problem)
@@ -128,14 +124,10 @@ class Nearest(NamedTuple):
 
 def find_nearest(columns: Array, room: Array, size: float, relaxation: float) -> Nearest | None:
     """
-    Return the point of a polyhedron nearest to the origin.
+    Return the point y of the polyhedron y . column <= room nearest to the origin.
 
-    :param columns: (f, l) normal vectors of the polyhedron's planes, of any length.
-    :param room: (l,) upper bounds of y . column for a point y, one for each plane.
-    :param relaxation: perturbation of the bounds in the active-set search, relative to `size`;
-        zero or small [-].
-    :return: nearest point; None if the polyhedron is empty, or if the search fails because of
-        rounding errors.
+    The bounds are perturbed by `relaxation` times `size`. The result is None if the polyhedron is
+    empty, or if the search fails because of rounding errors.
     """
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
     lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf
@@ -178,12 +170,7 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
 
 
 def solve_least_squares(matrix: Array, right: Array) -> Array:
-    """
-    Return the minimum-norm least-squares solution of matrix x = right, by pivoted QR.
-
-    :param matrix: (m, n) matrix of any rank, with m and n at least 1.
-    :param right: (m,) right-hand side.
-    """
+    """Return the minimum-norm least-squares solution of matrix x = right, by pivoted QR."""
     return lstsq(matrix, right, COINCIDENCE, check_finite=False, lapack_driver='gelsy')[0]
 
 
@@ -191,9 +178,7 @@ def solve_complementarity(compliance: Array, gaps: Array) -> tuple[Array, Flags]
     """
     Solve the contact LCP f >= 0, g = gaps + compliance @ f >= 0, f g = 0, equations (6) and (8).
 
-    :param compliance: (c, c) compliance, symmetric positive definite [m/N].
-    :param gaps: (c,) gaps without contact forces [m].
-    :return: forces (c,) [N], and mask (c,) of the points with a force.
+    The result is the forces (c,) [N], and the mask (c,) of the points with a force.
     """
     forces = np.zeros(len(gaps))
     if (gaps < 0.0).any():

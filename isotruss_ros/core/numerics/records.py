@@ -24,9 +24,6 @@ class Record:
 
     The class attribute `data` names the data of a result. If it is empty, the data are all
     properties, and the fields without `repr=False`. The `repr` shows the data in `headline`.
-
-    :cvar headline: names of the data that are displayed, the most important first.
-    :cvar data: names of all data, or empty.
     """
 
     headline: ClassVar[tuple[str, ...]] = ()
@@ -114,11 +111,7 @@ def as_plain(value: Any) -> Any:
 
 
 def is_equal(value: Any, other: Any) -> bool:
-    """
-    Return whether two values are equal; arrays are compared element by element.
-
-    NaN counts as equal to NaN.
-    """
+    """Return whether two values, also arrays, are equal; NaN counts as equal to NaN."""
     if isinstance(value, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(value, other, equal_nan=True)
     if isinstance(value, Mapping) and isinstance(other, Mapping):

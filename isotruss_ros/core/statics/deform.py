@@ -42,10 +42,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     """
     Displacements, reactions and member forces of the robot under loads.
 
-    :ivar structure: structural model of the robot.
-    :ivar frame: frame of the structure, with additional nodes at the loads on tubes.
-    :ivar loads: (n, 3) loads fx, fy [N], m [N m] on the frame's nodes.
-    :ivar state: displacements, reactions and member forces of the frame.
+    The frame has additional nodes at the loads on tubes; its loads are (n, 3) fx, fy [N], m [N m].
     """
 
     structure: Structure = field(repr=False)

@@ -80,17 +80,12 @@ class InflatableBeam:
     Under an axial force F both sheets are arcs of radius rho = R + F/(pi R p) and angle alpha with
     cos alpha = 1 - R/rho. The length of the end is rho (sin alpha - alpha) + const.; its
     derivative at F = 0 gives c = 2 pi/(4 - pi).
-
-    :param radius: tube radius R [m].
-    :param membrane_modulus: E t [N/m].
-    :param membrane_shear_modulus: G t [N/m].
-    :param end_softening: factor c of the stiffness c p R of a pinched end [-].
     """
 
-    radius: float
-    membrane_modulus: float = MEMBRANE_MODULUS
-    membrane_shear_modulus: float = MEMBRANE_SHEAR_MODULUS
-    end_softening: float = END_SOFTENING
+    radius: float  #: tube radius R [m]
+    membrane_modulus: float = MEMBRANE_MODULUS  #: E t [N/m]
+    membrane_shear_modulus: float = MEMBRANE_SHEAR_MODULUS  #: G t [N/m]
+    end_softening: float = END_SOFTENING  #: factor c of the stiffness c p R of a pinched end [-]
 
     @property
     def fabric(self) -> Fabric:
@@ -127,14 +122,7 @@ def broadcast_members(length: ArrayLike, pressure: ArrayLike) -> tuple[Array, Ar
 def tube_pressures(
     description: RobotDescription, pressure: Pressure | None = None
 ) -> tuple[float, ...]:
-    """
-    Return the gauge pressure of each tube, in the order of the robot file.
-
-    :param pressure: gauge pressure [Pa], given as one number for all tubes, as (t,) numbers in the
-        order of the robot file, or as a mapping from tube names to pressures. If None, the
-        pressure of the robot file is used.
-    :return: (t,) gauge pressures [Pa].
-    """
+    """Return the gauge pressures (t,) of the tubes [Pa]; None: those of the robot file."""
     pressures = dict(description.pressures)
     if pressure is None:
         return tuple(pressures.values())

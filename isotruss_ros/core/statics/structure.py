@@ -85,10 +85,10 @@ class Structure:
 
     def locate(self, members: Indices, positions: Array) -> tuple[Indices, Array, Array]:
         """
-        Locate points (c,) of members, at distances from the members' starts [m].
+        Return the tube pieces that contain points (c,), at distances from the members' starts [m].
 
-        The result is the frame's tube pieces that contain them, the distances from the pieces'
-        starts [m], and 1 for pieces that point along their member, -1 for the others.
+        Then follow distances from the pieces' starts [m], and 1 for pieces along their member,
+        else -1.
         """
         robot, lengths = self.config.robot, self.config.member_lengths[members].tolist()
         ring, following = robot.description.module.guide_ring_distance, robot.topology.following

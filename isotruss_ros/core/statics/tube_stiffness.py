@@ -39,19 +39,13 @@ class Section:
 
     At other pressures, EI changes by the change of P R^2 / 2, and GA by the change of P, where P =
     p pi R^2 as in `InflatableBeam`.
-
-    :param axial_rigidity: EA [N].
-    :param flexural_rigidity: EI [N m^2].
-    :param shear_rigidity: GA [N].
-    :param radius: tube radius R [m].
-    :param pressure: gauge pressure at which EA, EI and GA are given [Pa].
     """
 
-    axial_rigidity: float
-    flexural_rigidity: float
-    shear_rigidity: float
-    radius: float
-    pressure: float
+    axial_rigidity: float  #: EA [N]
+    flexural_rigidity: float  #: EI [N m^2]
+    shear_rigidity: float  #: GA [N]
+    radius: float  #: tube radius R [m]
+    pressure: float  #: gauge pressure at which EA, EI and GA are given [Pa]
     fabric: ClassVar[None] = None
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
@@ -72,11 +66,7 @@ class Section:
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Section:
-        """
-        Return a section with EA, EI and GA from a robot file; see `TubeStiffness.of_block`.
-
-        If the block has no pressure, these values are valid at the pressure of the first tube.
-        """
+        """Return the section of a block; without pressure it holds at that of the first tube."""
         at = {'pressure': next(iter(description.pressures.values()))}
         return cls(**as_floats(at | dict(block)), radius=0.5 * description.tube_diameter)
 
@@ -86,19 +76,13 @@ class PowerLaw:
     """
     Measured stiffnesses at the ends of a member, as power laws of pressure and length.
 
-    :param axial: axial force over displacement of a pinch point, while the other pinch point is
-        fixed [N/m].
-    :param transverse: transverse force over displacement of a tube's end at a guide ring, with the
-        other end and both end rotations fixed [N/m].
-    :param rotary: moment over rotation of a tube's end at a guide ring, with its translation and
-        the other end fixed [N m/rad].
-    :param guide_ring_distance: distance g of each guide ring from its pinch point [m].
+    The other end is fixed; across the tube, so is the other motion of the loaded end.
     """
 
-    axial: Law
-    transverse: Law
-    rotary: Law
-    guide_ring_distance: float
+    axial: Law  #: axial force over displacement of a pinch point [N/m]
+    transverse: Law  #: transverse force over displacement of a tube's end at a guide ring [N/m]
+    rotary: Law  #: moment over rotation of a tube's end at a guide ring [N m/rad]
+    guide_ring_distance: float  #: distance g of each guide ring from its pinch point [m]
     fabric: ClassVar[None] = None
 
     def _end_stiffnesses(self, length: Array, pressure: Array) -> tuple[Array, Array, Array]:
@@ -132,9 +116,6 @@ class PowerLaw:
         With the length L from pinch point to pinch point and l = L - 2 g from guide ring to guide
         ring, it solves k_axial = EA/L, k_transverse = 12 EI / (l^3 (1 + phi)) and k_rotary = (4 +
         phi) EI / (l (1 + phi)), where phi = 12 EI / (GA l^2).
-
-        :param length: (k,) lengths of whole members, pinch point to pinch point [m].
-        :param pressure: (k,) gauge pressures, or one pressure for all [Pa].
         """
         length, pressure = broadcast_members(length, pressure)
         axial, transverse, rotary = self._end_stiffnesses(length, pressure)
@@ -179,7 +160,7 @@ class TubeSections:
         """
         Return the derivatives of 1 / EA, 1 / EI and 1 / GA by length and by pressure, (3, k) each.
 
-        The derivatives are central differences, for lengths from pinch point to pinch point.
+        They are central differences.
         """
         # This step minimises the error, which is about step^2 + EPSILON / step.
         step = EPSILON ** (1.0 / 3.0)

@@ -24,11 +24,6 @@ import numpy as np
 MAX_UTILISATION = 0.8
 
 
-def wrinkling_moment(pressure: float, radius: float) -> float:
-    """Return the wrinkling moment p pi R^3 / 2 of a tube without axial force [N m]."""
-    return 0.5 * np.pi * pressure * radius**3
-
-
 class Utilisation(NamedTuple):
     """Utilisation of the m members of a robot under loads; zero for those without moments."""
 
@@ -84,12 +79,11 @@ def evaluate_utilisation(
     loads: Array | tuple[Array, ...], sections: Array, radius: float
 ) -> tuple[Array, Array]:
     """
-    Return |M| / M_w (3, ...) at start, end and inner maximum, and the latter's position [m].
+    Return |M| / M_w (3, ...) at start, end and inner maximum (or zero), and its position [m].
 
-    Without an inner maximum it is zero there. The loads are bending moments (...) at start and end
-    [N m], tension of the wall (3, ...) or (...), and axial force (...), which amplifies the moment
-    between the ends [N]. The sections (3, ...) are length [m], EI [N m^2] and GA [N]. All of them
-    may be complex, for derivatives by complex steps.
+    The loads are bending moments at start and end [N m], tension of the wall, at one or three
+    points, and the axial force that amplifies moments [N]. The sections are length [m], EI [N m^2]
+    and GA [N]. All of them may be complex, for derivatives by complex steps.
     """
     begin, end, moment_capacity, pull = loads
     length, flexural, shear = sections
