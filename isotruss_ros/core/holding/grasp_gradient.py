@@ -164,8 +164,12 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     :raises GraspError: the equilibrium is neutral (its Jacobian is singular).
     """
     grip = settled.equilibrium
-    if grip is None:
-        return _lost_gradient(settled)
+    if grip is None:  # only pose and slip margin change
+        parameters = GraspParameters.of(settled.lost.config)
+        pose = np.eye(3, parameters.size, parameters.place.start)
+        none, zero = np.zeros((0, parameters.size)), np.zeros(parameters.size)
+        used = np.zeros((len(settled.utilisation), parameters.size))
+        return GraspGradient(parameters, settled, pose, none, none, zero, used, None)
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)
     tubes = LoadedTubes(grip, chosen, parameters)
@@ -188,24 +192,6 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         required_friction=slips / grip.normal_forces[most],
         utilisation=utilisation[:, :-3],
         _changes=(tubes, change),
-    )
-
-
-def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
-    """Return the gradient of a grasp without equilibrium: that of pose and slip margin."""
-    parameters = GraspParameters.of(settled.lost.config)
-    pose = np.zeros((3, parameters.size))
-    pose[:, parameters.place] = np.eye(3)
-    none = np.zeros((0, parameters.size))
-    return GraspGradient(
-        parameters=parameters,
-        settled=settled,
-        pose=pose,
-        normal_forces=none,
-        friction_forces=none,
-        required_friction=np.zeros(parameters.size),
-        utilisation=np.zeros((len(settled.utilisation), parameters.size)),
-        _changes=None,
     )
 
 

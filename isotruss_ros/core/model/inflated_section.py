@@ -14,8 +14,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.robot_schema import plausible_range
-from isotruss_ros.core.model.stiffness_law import Law, read_laws
+from isotruss_ros.core.model.stiffness_law import read_laws
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import SMALLEST_NORMAL
@@ -63,27 +64,16 @@ def inflated_section(
     )
 
 
-def find_implausible(
-    stiffness: Mapping[str, Any],
-    diameter: float,
-    pressures: Mapping[str, float],
-    limits: tuple[float, float],
-    ring: float,
-) -> Iterator[str]:
-    """
-    Yield a fault for each stiffness of a robot file that no tube of this diameter has.
-
-    The limits are the shortest and the longest member, and `ring` is the distance of each guide
-    ring from its pinch point [m].
-    """
-    radius = 0.5 * diameter
-    if stiffness['model'] == 'inflatable_beam':
-        modulus = float(stiffness.get('membrane_modulus', MEMBRANE_MODULUS))
-        yield from _overstretched('tube.pressure', max(pressures.values()), radius, modulus)
-    elif stiffness['model'] == 'section':
-        yield from _implausible_section(stiffness, radius, pressures, limits[0])
-    elif stiffness['model'] == 'power_law' and limits[0] > 2.0 * ring:
-        yield from _implausible_laws(read_laws(stiffness), radius, pressures, limits, ring)
+def find_implausible(file: RobotDescription) -> Iterator[str]:
+    """Yield a fault for each stiffness of a robot file that no tube of its diameter has."""
+    block, radius = file.stiffness, 0.5 * file.tube_diameter
+    if block['model'] == 'inflatable_beam':
+        modulus = float(block.get('membrane_modulus', MEMBRANE_MODULUS))
+        yield from _overstretched('tube.pressure', max(file.pressures.values()), radius, modulus)
+    elif block['model'] == 'section':
+        yield from _implausible_section(block, radius, file.pressures, file.min_length)
+    elif file.min_length > 2.0 * file.module.guide_ring_distance:
+        yield from _implausible_laws(file, radius)
 
 
 def _overstretched(key: str, pressure: float, radius: float, modulus: float) -> Iterator[str]:
@@ -140,18 +130,13 @@ def _implausible_section(
             yield from _overstretched('tube.stiffness.pressure', given, radius, modulus)
 
 
-def _implausible_laws(
-    laws: Mapping[str, Law],
-    radius: float,
-    pressures: Mapping[str, float],
-    limits: tuple[float, float],
-    ring: float,
-) -> Iterator[str]:
+def _implausible_laws(file: RobotDescription, radius: float) -> Iterator[str]:
     """Yield a fault for the first law that gives an end stiffness out of its range."""
+    laws = read_laws(file.stiffness)
     _, most_softening = plausible_range('tube.stiffness.end_softening')
-    for tube, pressure in pressures.items():
-        for whole in limits:
-            span = whole - 2.0 * ring
+    for tube, pressure in file.pressures.items():
+        for whole in (file.min_length, file.max_length):
+            span = whole - 2.0 * file.module.guide_ring_distance
             soft, hard = _bounds(radius, pressure, whole, most_softening)
             # A beam with shear has a rotary stiffness from EI / l to 4 EI / l.
             ranges = (

@@ -69,32 +69,30 @@ class Polygon(PolygonalShape):
     @cached_property
     def arc_centers(self) -> Points:
         """Return the centres (k,) of the arcs, x + iy [m]; a sharp corner is its own centre."""
+        return self.corners - self.radii * self._outward / np.cos(0.5 * self.turns)
+
+    @cached_property
+    def _outward(self) -> Points:
+        """Return the normals in the middle of the arcs, (k,)."""
         middle = self.normals + np.roll(self.normals, 1)
-        inward = middle / np.abs(middle) / np.cos(0.5 * self.turns)
-        return self.corners - self.radii * inward
+        return middle / np.abs(middle)
 
     @cached_property
     def _moments(self) -> tuple[float, complex, float]:
         """Return the integrals of 1, z and |z|^2 over the area, with z = x + iy."""
-        parts = [polygon_moments(self.corners)]
-        for corner, center, radius, turn in zip(
-            self.corners, self.arc_centers, self.radii, self.turns, strict=True
-        ):
-            if radius == 0.0:
-                continue
-            # Subtract the kite between the two sides and the arc's centre, add the sector.
-            out = (corner - center) / abs(corner - center)
-            half = 0.5 * turn
-            ends = center + radius * out * np.exp(1j * half * np.array([-1.0, 1.0]))
-            kite = polygon_moments(np.array([corner, ends[1], center, ends[0]]))
-            area = half * radius**2
-            mean = center + out * 2.0 * radius * np.sin(half) / (3.0 * half)
-            # Parallel-axis theorem, from the arc's centre to the origin.
-            polar = 0.5 * area * radius**2
-            polar += area * (2.0 * (mean * center.conjugate()).real - abs(center) ** 2)
-            parts += [(-kite[0], -kite[1], -kite[2]), (area, area * mean, polar)]
-        area, first, second = (sum(values) for values in zip(*parts, strict=True))
-        return float(area), complex(first), float(second)
+        # The polygon through the arcs' ends and centres, and the sectors of the arcs.
+        centers, radii, half = self.arc_centers, self.radii, 0.5 * self.turns
+        ends = centers + radii * np.array([np.roll(self.normals, 1), self.normals])
+        area, first, second = polygon_moments(np.stack([ends[0], centers, ends[1]], 1).ravel())
+        sectors = half * radii**2
+        means = centers + self._outward * radii * 2.0 * np.sin(half) / (3.0 * half)
+        # Parallel-axis theorem, from the arcs' centres to the origin.
+        squares = 0.5 * radii**2 + 2.0 * (means * centers.conj()).real - np.abs(centers) ** 2
+        return (
+            area + float(sectors.sum()),
+            first + complex(sectors @ means),
+            second + float(sectors @ squares),
+        )
 
     @cached_property
     def perimeter(self) -> float:
@@ -105,8 +103,7 @@ class Polygon(PolygonalShape):
     @cached_property
     def reach(self) -> float:
         """Return the largest distance of the surface from the origin [m]."""
-        after, before = self.normals, np.roll(self.normals, 1)
-        ends = self.arc_centers + self.radii * np.stack([before, after])
+        ends = self.arc_centers + self.radii * np.stack([np.roll(self.normals, 1), self.normals])
         facing = self._corner_of(self.arc_centers) == np.arange(len(self.vertices))
         middle = np.where(facing, np.abs(self.arc_centers) + self.radii, 0.0)
         return float(max(np.abs(ends).max(), middle.max()))
@@ -221,8 +218,7 @@ class Polygon(PolygonalShape):
         """Return the smooth convex curve through the corners; None if it does not exist."""
         if self.turns.max() >= MAX_SAMPLE_TURN:
             return None
-        outward = self.normals + np.roll(self.normals, 1)
-        tips = self.arc_centers + self.radii * outward / np.abs(outward)
+        tips = self.arc_centers + self.radii * self._outward
         curve = SmoothOutline(tuple(zip(tips.real.tolist(), tips.imag.tolist(), strict=True)))
         return curve if curve.is_convex else None
 

@@ -15,7 +15,7 @@ from isotruss_ros.core.model.inflated_section import find_implausible
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.core.model.robot_schema import check_form, refuse_if_any
 from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
-from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
+from isotruss_ros.core.model.stiffness_law import find_contradictions
 
 DEFAULT_FRAME = 'truss'
 #: Optional keys of the block `tube`, with the names of their fields in the description.
@@ -80,15 +80,11 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
 
 def _check_stiffness(description: RobotDescription) -> Iterator[str]:
     """Yield a fault for lengths and pressures at which the stiffness model is invalid."""
-    stiffness, pressures = description.stiffness, description.pressures
-    lengths = description.min_length, description.max_length
-    ring = description.module.guide_ring_distance
-    diameter = description.tube_diameter
-    implausible = list(find_implausible(stiffness, diameter, pressures, lengths, ring))
+    stiffness, implausible = description.stiffness, list(find_implausible(description))
     yield from implausible
     if stiffness['model'] == 'power_law' and not implausible:
-        yield from find_contradictions(read_laws(stiffness), pressures, lengths, ring)
-    alike = len(set(pressures.values())) == 1
+        yield from find_contradictions(description)
+    alike = len(set(description.pressures.values())) == 1
     if stiffness['model'] == 'section' and 'pressure' not in stiffness and not alike:
         yield (
             "tube.stiffness: key 'pressure' is missing; where tubes have different pressures "

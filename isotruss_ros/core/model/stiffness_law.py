@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
@@ -39,20 +40,16 @@ def read_laws(block: Mapping[str, Any]) -> dict[str, Law]:
     return {mode: Law(**{key: float(x) for key, x in block[mode].items()}) for mode in modes}
 
 
-def find_contradictions(
-    laws: Mapping[str, Law],
-    pressures: Mapping[str, float],
-    limits: tuple[float, float],
-    ring: float,
-) -> Iterator[str]:
+def find_contradictions(file: RobotDescription) -> Iterator[str]:
     """
     Yield a fault for lengths and pressures at which no beam has the stiffnesses of the laws.
 
     For a beam, the ratio 12 k_rotary / (k_transverse L^2) is 4 + 12 EI / (GA L^2), so at least 4.
     The ratio of two power laws is a power law, so if it is at least 4 at both ends of a range of
-    lengths, it is at least 4 in between. The length at which it is 4 follows in closed form. For
-    the limits and the ring see `find_implausible`.
+    lengths, it is at least 4 in between. The length at which it is 4 follows in closed form.
     """
+    limits, ring = (file.min_length, file.max_length), file.module.guide_ring_distance
+    laws = read_laws(file.stiffness)
     if limits[0] <= 2.0 * ring:
         yield (
             f'members.min_length: {limits[0]}: must be more than twice '
@@ -64,7 +61,7 @@ def find_contradictions(
     slope, between = rotary.b - transverse.b - 2.0, np.log(np.array(limits) - 2.0 * ring)
     factors = np.log(12.0) + np.log(rotary.C) - np.log(transverse.C)
     least = np.log(4.0) + np.log1p(-ROUNDING)
-    for tube, pressure in pressures.items():
+    for tube, pressure in file.pressures.items():
         level = factors + (rotary.a - transverse.a) * np.log(pressure)
         short, long = level + slope * between < least
         if not (short or long):
