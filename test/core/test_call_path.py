@@ -14,8 +14,8 @@ ROOT = Path(__file__).parents[2]
 BOUNDS = {
     'twist to roller command': (17, 132),
     'tick of the node: twist': (37, 215),
-    'closure by (10)': (27, 164),
-    'flag of the node: held': (44, 612),
+    'closure by (10)': (26, 160),
+    'flag of the node: held': (43, 608),
 }
 
 

@@ -4,7 +4,7 @@
 """Convex shapes for tests, and what is known of a shape by its outline alone."""
 
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
-from isotruss_ros.core.fixed_object.surfaces import Surface
+from isotruss_ros.core.fixed_object.contact_points import Surface
 import numpy as np
 
 

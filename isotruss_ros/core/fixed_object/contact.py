@@ -14,8 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.fixed_object.contact_points import ContactPoints
-from isotruss_ros.core.fixed_object.surfaces import Surface
+from isotruss_ros.core.fixed_object.contact_points import ContactPoints, Surface
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.qp import solve_complementarity
 from isotruss_ros.core.numerics.tolerances import (

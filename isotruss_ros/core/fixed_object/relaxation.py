@@ -16,8 +16,7 @@ from __future__ import annotations
 
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.fixed_object.contact import ContactState, MAX_STEPS
-from isotruss_ros.core.fixed_object.contact_points import ContactPoints
-from isotruss_ros.core.fixed_object.surfaces import Surface
+from isotruss_ros.core.fixed_object.contact_points import ContactPoints, Surface
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 

@@ -10,7 +10,7 @@ import enum
 import math
 from typing import NamedTuple
 
-from isotruss_ros.core.fixed_object.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.fixed_object.analyze_grasp import GraspAnalysis
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.inputs import InputFault
 from isotruss_ros.core.kinematics.configuration import Configuration

@@ -13,8 +13,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.fixed_object.contact import solve_contact
-from isotruss_ros.core.fixed_object.contact_points import find_contact_points
-from isotruss_ros.core.fixed_object.surfaces import Surface
+from isotruss_ros.core.fixed_object.contact_points import find_contact_points, Surface
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.structure import structure_of
