@@ -110,13 +110,10 @@ def check_stamp(
     skew: float = CLOCK_SKEW,
 ) -> float:
     """
-    Check a stamp; return it, or the current time if the stamp is slightly in the future.
+    Check a stamp; return it, or the current time if the stamp is slightly in the future [s].
 
-    This rule applies to all stamps in all nodes (docs/safety.md). The age of an input that is
-    stamped in the future counts from its reception. Times are in s.
-
-    :param setting: name of the parameter that contains the timeout, used in the error; empty if
-        there is none.
+    This rule applies to all stamps in all nodes (docs/safety.md). The error names the parameter
+    `setting` that contains the timeout, if any.
     """
     words, age = name.replace('_', ' '), now - stamp
     if age > timeout:
@@ -136,11 +133,7 @@ def check_stamp(
 def require_fresh(
     now: float, timeout: float, setting: str = 'command_timeout', **inputs: Input
 ) -> tuple[StampedInput, ...]:
-    """
-    Return the given inputs; raise InputError unless all are valid and fresh.
-
-    The keywords are the names of the inputs. Times are in s; `setting` is as in `check_stamp`.
-    """
+    """Return the inputs, given by name; raise InputError unless all are valid and fresh [s]."""
     for name, given in inputs.items():
         if given is None:
             words = name.replace('_', ' ')
@@ -176,12 +169,7 @@ def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float
 def steady_pressures(
     kept: tuple[float, ...] | None, pressures: tuple[float, ...] | None
 ) -> tuple[float, ...] | None:
-    """
-    Return the measured pressures, or `kept` if all differ from it by noise only.
-
-    Noise is a relative change by at most `PRESSURE_CHANGE`. Pressures (t,) are gauge pressures
-    [Pa]; None: as in the robot file.
-    """
+    """Return measured gauge pressures (t,) [Pa], or `kept` if the changes are noise only."""
     if kept is None or pressures is None:
         return pressures
     change = np.abs(np.subtract(pressures, kept))
@@ -189,11 +177,7 @@ def steady_pressures(
 
 
 class Timeline:
-    """
-    Piecewise linear function of time [s], with numbers or arrays as values.
-
-    Values of other kinds can be stored as well, but not interpolated.
-    """
+    """Piecewise linear function of time [s]; values that are no numbers are not interpolated."""
 
     def __init__(self) -> None:
         self._known: deque[tuple[float, Any]] = deque()
@@ -258,12 +242,7 @@ class UsedReadings:
 
 
 class CommandHistory:
-    """
-    History of commanded roller speeds, which are piecewise constant in time.
-
-    :ivar last: (r,) speeds of the last command [m/s]; None without commands.
-    :ivar step: (r,) change of the speeds by the last command [m/s].
-    """
+    """History of commanded roller speeds, which are piecewise constant in time."""
 
     def __init__(self, count: int) -> None:
         self._count = count
@@ -271,16 +250,13 @@ class CommandHistory:
 
     def clear(self) -> None:
         """Remove all commands from the history."""
-        self.last: Array | None = None
+        self.last: Array | None = None  #: (r,) speeds of the last command [m/s]
+        #: (r,) change of the speeds by the last command [m/s]
         self.step = np.zeros(self._count)
         self._travel = Timeline()  # integral of the commands up to each time, from any start [m]
 
     def discard_old(self, now: float, span: float) -> None:
-        """
-        Remove the commands before a time span [s] that ends now.
-
-        If the clock was set back, or if no command is within the span, all commands are removed.
-        """
+        """Remove the commands before a span [s] that ends now; all if the clock was set back."""
         if self.last is not None and not 0.0 <= now - self._travel.last[0] <= span:
             self.clear()
         self._travel.discard_before(now - span)
@@ -298,10 +274,9 @@ class CommandHistory:
 
     def travel(self, begin: float, end: float, before: Array) -> Array:
         """
-        Return the roller travel due to the commands between two times [s], (r,) [m].
+        Return the roller travel (r,) due to the commands between two times [s] [m].
 
-        If the end is before the begin, the travel is negated. `before` are the speeds (r,) before
-        the first command of the history [m/s].
+        `before` are the speeds (r,) before the first command of the history [m/s].
         """
         if self.last is None:
             return (end - begin) * before
@@ -313,14 +288,10 @@ class CommandHistory:
         """
         Predict the roller travel from a measurement to a moment slightly in the future.
 
-        This moment, called horizon, is `ahead` after `now`. The rollers are assumed to follow the
-        commands. Before the first command the measured speeds are used, because another client may
-        have moved the rollers.
-
-        :param then: a time between the measurement and the horizon, for the first result [s].
-        :param still: (r,) mask of the rollers that do not follow commands.
-        :return: three arrays (r,): travel from the measurement to `then` [m], travel from the
-            measurement to the horizon [m], and mean speeds from now to the horizon [m/s].
+        This moment is `ahead` after `now`. The rollers are assumed to follow the commands, except
+        `still` (r,). Before the first command the measured speeds are used, because another client
+        may have moved the rollers. The result is the travel from the measurement to `then` [m] and
+        to that moment [m], and the mean speeds from now to it [m/s].
         """
         measured = rollers.value.velocities
         last = np.where(still, 0.0, measured if self.last is None else self.last)

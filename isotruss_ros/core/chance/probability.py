@@ -38,25 +38,17 @@ QUANTITIES = 'roller offsets', 'pose', 'pressures', 'friction', 'load', 'stiffne
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Chance(Record, headline=('probability', 'method', 'limit', 'shares', 'standard_error')):
-    """
-    Probability that an object is held although parameters are uncertain.
+    """Probability that an object is held although parameters are uncertain."""
 
-    :ivar probability: probability that the object is held. To first order, it is a lower bound,
-        see this module.
-    :ivar method: `first order`, `samples`, or `no equilibrium`.
-    :ivar limit: most probable violation, for example `slip at south/P-Q`.
-    :ivar shares: shares of the uncertain quantities in the variance of the limiting condition to
-        first order, largest first [-].
-    :ivar standard_error: standard error of a probability from samples; 0 to first order.
-    :ivar reliability: standard normal quantile of the probability; larger is better [-].
-    """
-
+    #: probability that the object is held. To first order, it is a lower bound, see this module
     probability: float
-    method: str
-    limit: str
+    method: str  #: `first order`, `samples`, or `no equilibrium`
+    limit: str  #: most probable violation, for example `slip at south/P-Q`
+    #: shares of the uncertain quantities in the variance of the limiting condition to first order,
+    #: largest first [-]
     shares: dict[str, float]
-    standard_error: float = 0.0
-    reliability: float = 0.0
+    standard_error: float = 0.0  #: standard error of a probability from samples; 0 to first order
+    reliability: float = 0.0  #: standard normal quantile of the probability; larger is better [-]
 
 
 @single_threaded

@@ -186,12 +186,8 @@ def rest(statics: ContactStatics, grazing: int | None = None) -> ContactConditio
         residual, derivative = linear @ unknowns - given, linear.copy()
         if faces:
             forces = unknowns[pressing]
-            slopes = (
-                alike
-                @ forces
-                * FRICTION_COMPLIANCE
-                / max(float(np.abs(forces[:count]).sum()), 1e-3)
-            )
+            squeeze = max(float(np.abs(forces[:count]).sum()), 1e-3)
+            slopes = alike @ forces * FRICTION_COMPLIANCE / squeeze
             residual[: len(pairs)] = 0.5 * slopes @ forces
             derivative[: len(pairs), pressing] = slopes
         if across:

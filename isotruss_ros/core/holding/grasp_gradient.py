@@ -49,26 +49,21 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
     Between two members, the equilibrium depends on the given position along their bisector, but
     not on the other coordinates of the given pose. Between three members it does not depend on the
     given pose.
-
-    :ivar parameters: parameters, with the indices of their columns in the arrays of derivatives.
-    :ivar settled: the grasp.
-    :ivar pose: (3, p) derivatives of the object's pose (x, y, angle).
-    :ivar normal_forces: (m, p) derivatives of the normal forces, in the order of
-        `SettledGrasp.normal_forces`.
-    :ivar friction_forces: (m, p) derivatives of the friction forces on the object,
-        counter-clockwise.
-    :ivar required_friction: (p,) derivatives of the largest required friction coefficient. If
-        several members require it, as in a symmetric grasp, they are those of the first member.
-    :ivar utilisation: (n, p) derivatives of the largest utilisation of each member, in the order
-        of `Robot.member_names`.
     """
 
+    #: parameters, with the indices of their columns in the arrays of derivatives
     parameters: GraspParameters
-    settled: SettledGrasp
-    pose: Array
+    settled: SettledGrasp  #: the grasp
+    pose: Array  #: (3, p) derivatives of the object's pose (x, y, angle)
+    #: (m, p) derivatives of the normal forces, in the order of `SettledGrasp.normal_forces`
     normal_forces: Array
+    #: (m, p) derivatives of the friction forces on the object, counter-clockwise
     friction_forces: Array
+    #: (p,) derivatives of the largest required friction coefficient. If several members require
+    #: it, as in a symmetric grasp, they are those of the first member
     required_friction: Array
+    #: (n, p) derivatives of the largest utilisation of each member, in the order of
+    #: `Robot.member_names`
     utilisation: Array
     # For second derivatives: tubes with the changes of parameters, and changes of the unknowns.
     # The last three columns of both are for unit wrenches.

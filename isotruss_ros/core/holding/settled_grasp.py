@@ -90,20 +90,15 @@ class SettledGrasp(
     For a face contact with unknown contact history, the distribution of forces with the least
     friction is assumed. So `held`, `required_friction` and `slip_margin` are best cases. A box
     that needs a friction coefficient of 0.59 by this model needed 0.87 in MuJoCo.
-
-    :ivar hold: hold status.
-    :ivar reason: hold status in words; empty if the object is held.
-    :ivar given: given pose of the object, robot frame [m, rad].
-    :ivar friction: coefficient of friction between tube and object.
-    :ivar equilibrium: equilibrium of the object; None if none was found.
-    :ivar lost: gaps of the members to the object; None with an equilibrium.
     """
 
-    hold: HoldStatus
-    reason: str
-    given: Pose
-    friction: float
+    hold: HoldStatus  #: hold status
+    reason: str  #: hold status in words; empty if the object is held
+    given: Pose  #: given pose of the object, robot frame [m, rad]
+    friction: float  #: coefficient of friction between tube and object
+    #: equilibrium of the object; None if none was found
     equilibrium: HeldGrip | None = field(default=None, repr=False)
+    #: gaps of the members to the object; None with an equilibrium
     lost: LostContact | None = field(default=None, repr=False)
 
     @property

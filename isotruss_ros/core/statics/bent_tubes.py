@@ -73,11 +73,7 @@ class Lines(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """
-    Changes of a linearised frame by p causes.
-
-    These are 3 k unit loads at k load points, k unit motions of them, and the step to balance.
-    """
+    """Changes by p causes: 3 k unit loads, k unit motions of load points, step to balance."""
 
     unknowns: Array  #: (u, p) multipliers, and displacements of the nodes [m, rad]
     responses: Array  #: (k, 3, p) responses at the load points, see `BentTubes`
@@ -179,15 +175,13 @@ class BentTubes:
     @property
     def _moving(self) -> slice:
         """Return the columns of `_changes` that belong to the motions of the load points."""
-        count = len(self.members)
-        return slice(3 * count, 4 * count)
+        return slice(3 * len(self.members), 4 * len(self.members))
 
     @cached_property
     def matrix(self) -> Array:
         """Return the compliance (k, 3, k, 3): responses at the load points to unit loads."""
         count = len(self.members)
-        responses = self._changes.responses[:, :, : 3 * count]
-        return responses.reshape(count, 3, count, 3)
+        return self._changes.responses[:, :, : 3 * count].reshape(count, 3, count, 3)
 
     @cached_property
     def rates(self) -> Array:
@@ -302,10 +296,10 @@ class BentTubes:
 
     def changes(self, loads: Array, positions: Array) -> tuple[Array, Array, Array]:
         """
-        Return the frame's changes by additional loads (k, 3, p) and motions (k, p) of the places.
+        Return changes by additional loads (k, 3, p) and motions (k, p) of the places.
 
-        These are displacements (n, 3, p) of joints and of nodes of deformed tubes, inclinations
-        (k, p), and `EndForces` (c, 3, p) of the parts with fixed nodes.
+        These are displacements (n, 3, p) of the nodes, without those of undeformed tubes,
+        inclinations (k, p), and `EndForces` (c, 3, p) of the parts with fixed nodes.
         """
         changes = self._changes
         ways = np.concatenate([loads.reshape(-1, loads.shape[2]), positions])

@@ -99,12 +99,11 @@ class Numbering:
 
     def _collect(self, owner: Indices, real: Flags) -> tuple[list[Block], Indices]:
         """Return the blocks, and the block (k,) of each member."""
-        members, rows = (owner[indices].max(axis=1) for indices in (self.places, self.row_places))
-        count, alone = int(owner.max()) + 1, [members < 0, rows < 0]
-        members[alone[0]] = count + np.arange(np.count_nonzero(alone[0]))
-        count += np.count_nonzero(alone[0])
-        rows[alone[1]] = count + np.arange(np.count_nonzero(alone[1]))
-        count += np.count_nonzero(alone[1])
+        owners = [owner[unknowns].max(axis=1) for unknowns in (self.places, self.row_places)]
+        block, first = np.concatenate(owners), int(owner.max()) + 1
+        alone = np.flatnonzero(block < 0)
+        block[alone] = first + np.arange(len(alone))
+        (members, rows), count = np.split(block, [len(self.places)]), first + len(alone)
         inner = _split(np.where(self.free, owner, -1), count)
         blocks = []
         for chosen, bound, inside in zip(
@@ -152,12 +151,11 @@ class Layout:
     Connections of a frame's parts: members of the blocks `active`, some of them divided at c cuts.
 
     Cut i divides the member `piece[i]`; `order` sorts the cuts by member and along each member.
-    The nodes at the cuts are the last nodes. `whole` (p,) is the member to which each part
-    belongs. The first parts are in the order of the members; the last ones begin at the cuts.
-    `before` (c,) are the parts that end at the cuts, `behind` (c,) those that begin there, and
-    `beside` (2 c,) both; `parts` are all parts of divided members, and `longer` (p, c) the changes
-    of the parts' lengths by unit motions of the cuts. The blocks that are not active are `kept`:
-    index of a group of `Numbering.whole`, and indices in this group.
+    The nodes at the cuts are the last nodes. `whole` (p,) is the member of each part; the last
+    parts begin at the cuts. `before` (c,) are the parts that end at the cuts, `behind` (c,) those
+    that begin there, `beside` (2 c,) both, and `parts` all parts of divided members; `longer` (p,
+    c) are the changes of the parts' lengths by unit motions of the cuts. The blocks that are not
+    active are `kept`: index of a group of `Numbering.whole`, and indices in this group.
     """
 
     def __init__(
@@ -332,8 +330,7 @@ def _find_slots(indices: Indices, unknowns: Indices) -> Indices:
     """
     Return the indices of the entries of e matrices (w, w) in the stacked matrices of b blocks.
 
-    The matrices have the unknowns `indices` (b, e, w), and the blocks `unknowns` (b, s). Entries
-    of others are behind all matrices.
+    They have the unknowns `indices` (b, e, w) and `unknowns` (b, s); others are behind all.
     """
     count, size = unknowns.shape
     matches = indices.reshape(count, -1, 1) == unknowns[:, None]

@@ -122,16 +122,13 @@ class Tangent:
         """
         Return the inclinations of the bent centre lines before, then behind the cuts.
 
-        Relative to the chord they are (t - Q/GA) / (1 + N/GA), with the section's rotation t
-        relative to the chord and the transverse force Q.
+        Relative to the chord they are (t - Q/GA) / (1 + N/GA), with the section's rotation t and
+        the transverse force Q.
         """
         frame, layout = self.frame, self.frame.layout
         parts, signs = layout.beside, layout.signs
-        length, slide, forces = (
-            self.length[parts],
-            1.0 / frame.members.section[2, parts],
-            self.forces.values[parts],
-        )
+        length, forces = self.length[parts], self.forces.values[parts]
+        slide = 1.0 / frame.members.section[2, parts]
         across, compliance = forces[:, 1] / length, 1.0 / (1.0 + forces[:, 0] * slide)
         sway, bow = self.stretched[1][:, parts]
         inclined = (sway + signs * bow - across * slide) * compliance
