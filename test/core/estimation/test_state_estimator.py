@@ -149,6 +149,16 @@ def test_joint_covariance_has_the_offsets_and_the_error_of_the_model():
     assert added == pytest.approx(2e-3**2 * np.eye(len(added)), abs=1e-15)
 
 
+def test_large_offsets_are_consistent_after_the_first_message():
+    """A single linearisation at zero offsets leaves errors of several standard deviations."""
+    surprises = []
+    for seed in range(20):
+        drawn = DrawnRobot(seed, settings=replace(EXACT, zero_deviation=0.03), random_slip=False)
+        drawn.estimator.take_markers(drawn.time, drawn.markers(ALL), MARKER)
+        surprises.append(drawn.surprise(drawn.estimator.estimate()))
+    assert np.mean(surprises) < scipy.special.chdtri(6 * 20, 1e-3) / 20
+
+
 @pytest.mark.parametrize('encoders', [0.0, 2e-3])
 def test_offsets_of_a_robot_without_object_agree_with_least_squares(encoders):
     settings = replace(EXACT, drift=0.0, slip=0.0, encoders=encoders)
