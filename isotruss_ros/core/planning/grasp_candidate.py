@@ -53,8 +53,7 @@ def close_grip(
 
     The squeeze is increased until the score decreases or a requirement is violated.
     """
-    # A nominal posture would shift the gaps from their targets.
-    closing = replace(closing, nominal_posture=None, facing=None)
+    closing = replace(closing, facing=None)
     best, best_score = None, -math.inf
     with closing.tally.recording():
         path = [press(opened, closing, np.zeros(len(closing.members)))]
