@@ -21,13 +21,13 @@ from isotruss_ros.core import ConvexObject, load_robot, plan_grasps
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
-from isotruss_ros.core.planning import closing_step
+from isotruss_ros.core.planning import approach
 import numpy as np
 import qpsolvers
 
 PROGRAMS, KEPT, WALKS = part(20_000), 3000, part(30)
 PEERS = {'daqp': {'primal_tol': 1e-9}, 'quadprog': {}}
-SOURCES = {'twist': twist_qp, 'closing': closing_step}
+SOURCES = {'twist': twist_qp, 'closing': approach}
 
 
 def harvest() -> dict[str, list[QuadraticProgram]]:

@@ -17,10 +17,9 @@ direction.
 
 from __future__ import annotations
 
-from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
+from isotruss_ros.core.numerics.qp import QuadraticProgram, require_solution, solve_qp
 import numpy as np
 
 #: Penalty rho relative to |C u|^2 with |u| of order 1 that is exact up to rounding [-].
@@ -52,18 +51,8 @@ def maximize_progress(
     bounds = np.concatenate([upper, -lower, [reach, 0.0]])
     equations = np.concatenate([equality, -direction[:, None]], axis=1)
     problem = QuadraticProgram(hessian, slope, rows, bounds, equations, np.zeros(len(direction)))
-    solution = _require(solve_qp(problem))
+    solution = require_solution(solve_qp(problem))
     return solution[:r], float(min(max(solution[r], 0.0), reach))
-
-
-def _require(solution: Array | None) -> Array:
-    """Return the solution of a program for which zero speeds are admissible."""
-    if solution is None:
-        raise SolverError(
-            'the quadratic program of the manipulation has no solution; '
-            'the configuration is probably close to a singular one'
-        )
-    return solution
 
 
 def least_deviation(
@@ -81,6 +70,6 @@ def least_deviation(
     hessian, gradient = reached.T @ reached + regularization * cost, np.zeros(len(cost))
     problem = QuadraticProgram(hessian, gradient, rows, bounds, kept, np.zeros(len(kept)))
     change = solve_qp(problem)
-    if change is None and opening.any():
+    if change is None:
         change = solve_qp(problem._replace(target=-opening))
-    return _require(change)
+    return require_solution(change)

@@ -102,6 +102,16 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     return best
 
 
+def require_solution(solution: Array | None) -> Array:
+    """Return the solution of a program that has one unless the configuration is singular."""
+    if solution is None:
+        raise SolverError(
+            'a quadratic program of the rollers has no solution; '
+            'the configuration is probably close to a singular one'
+        )
+    return solution
+
+
 def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
     """Return an orthonormal basis (n, f) of the equalities' null space, and one solution (n,)."""
     n, k = len(problem.gradient), 0 if problem.equality is None else len(problem.equality)

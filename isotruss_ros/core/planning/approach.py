@@ -2,9 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Approach of the grasping members to the object, which is the first step of the search.
+Kinematic approach of the grasping members to an object; each step is a quadratic program (QP).
 
-The approach is kinematic. Each of its steps fulfils the requirements, so the steps form the path.
+minimize 1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u|^2 subject to
+limits, bounds on gaps of other parts, rigidity and clearance, |u| <= longest step
+
+u is the roller travel of the step, g are the gaps of the grasping members, turn is their rotation
+in the step, facing is their rotation to the directions `Closing.facing`, a is `TURNING_ARM`, and w
+is `MOTION_WEIGHT`. The configuration at the end of each step is evaluated; a step that violates a
+requirement is halved. So the steps form an admissible path. Lengths are relative to the mean
+member length at home or to the tube diameter, so that they suit robots of any size.
 """
 
 from __future__ import annotations
@@ -12,14 +19,37 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
-from isotruss_ros.core.planning.closing import Closing, evaluate_state
-from isotruss_ros.core.planning.closing_step import GAP_TOLERANCE, take_closing_step
+from isotruss_ros.core.kinematics.distances import collision_model
+from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
+from isotruss_ros.core.manipulation.grip_rows import member_rows
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.qp import QuadraticProgram, require_solution, solve_qp
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_SEARCH_STEPS, ROUNDING
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, evaluate_state, SearchState
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
+#: Largest roller travel and gap change of a step, in mean member lengths [-].
+MAX_STEP, MAX_GAP_STEP = 0.035, 0.027
+#: Largest rotation of a member in a step [rad].
+MAX_TURN_STEP = 0.1
+#: Weight of the rollers' motion relative to the gaps [-].
+MOTION_WEIGHT = 1e-4
+#: Length that scales rotations against gaps [m].
+TURNING_ARM = 0.3
+#: Smallest distance between parts of the robot, and between the object and the parts that do not
+#: grasp it, in tube diameters [-].
+CLEARANCE = 0.1
+#: Pairs of parts of the robot are constrained in a step if their distance is smaller than this, in
+#: mean member lengths [-].
+MAX_CONSTRAINED_DISTANCE = 0.15
+#: Tolerance of the gaps of the grasping members in tube diameters [-], at the end of the approach
+#: and for an overshoot; also the gap to which a grip is opened before a retreat. A rotation of
+#: 1 rad counts as one tube diameter.
+GAP_TOLERANCE = 0.015
 #: Gap between the grasping members and the object at the end of the approach, in tube diameters
 #: [-].
 STANDOFF = 0.06
@@ -56,3 +86,97 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
             name, value = ('reach', gap) if far else ('facing', missing)
             raise RequirementError(name, value, 0.0)
         state, share = take_closing_step(state, turned, targets, share)
+
+
+def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
+    """Return the configuration in which the members are indented by given depths (s,) [m]."""
+    state = evaluate_state(config, closing.body)
+    members, share, error = list(closing.members), 1.0, np.inf
+    for _ in range(15):
+        error = float(np.abs(state.gaps[members] + depths).max())
+        if error <= ROUNDING:
+            return state.config
+        state, share = take_closing_step(state, closing, -depths, share)
+    raise RequirementError('reach', error, 0.0)
+
+
+def take_closing_step(
+    state: SearchState, closing: Closing, targets: Array, share: float
+) -> tuple[SearchState, float]:
+    """
+    Move the gaps of the grasping members toward their targets (s,) [m] by one step.
+
+    The share of the longest step is that of the previous step, and 1 at first.
+    """
+    move = solve_step(state, closing, targets, share)
+    rigidity, room = min(closing.min_rigidity, state.rigidity), min(0.0, state.clearance)
+    config, diameter = state.config, state.config.robot.description.tube_diameter
+    # The gaps may become smaller than the program allows, because it is exact only to first order.
+    bounds = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
+    bounds[list(closing.members)] = targets - GAP_TOLERANCE * diameter
+    bounds = np.minimum(bounds, state.gaps - COINCIDENCE)
+    for halving in range(5):
+        closing.tally.evaluations += 1
+        try:
+            moved = config.moved_to(config.roller_positions + 0.5**halving * move)
+            there = evaluate_state(moved, closing.body)
+            there.check_bounds(rigidity, room, bounds)
+        except ConfigurationError:
+            blocked = RequirementError('rigidity', 0.0, rigidity)
+        except RequirementError as error:
+            blocked = error
+        else:
+            larger = 2.0 * share if halving == 0 else share * 0.5**halving
+            return there, min(1.0, larger)
+    raise blocked
+
+
+def solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
+    """Return the roller travel (r,) of one step by solving the quadratic program [m]."""
+    config, members = state.config, list(closing.members)
+    size = share * config.robot.home.member_lengths.mean()
+    rows, least = _bound_rows(state, closing, targets)
+    matrix = rows[members]
+    aim = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * size)
+    if closing.facing is not None:
+        turned = np.angle(closing.facing * closing.normals(config).conj())
+        turned = np.clip(turned, -MAX_TURN_STEP, MAX_TURN_STEP)
+        names = tuple(config.robot.member_names[member] for member in members)
+        turning = member_rows(config, names)[2::3]
+        matrix = np.concatenate([matrix, TURNING_ARM * turning])
+        aim = np.append(aim, TURNING_ARM * turned)
+    longest = np.full(len(config.roller_positions), MAX_STEP * size)
+    unit = np.eye(len(longest))
+    program = QuadraticProgram(
+        matrix.T @ matrix + MOTION_WEIGHT * unit,
+        -matrix.T @ aim,
+        np.concatenate([-rows, unit, -unit]),
+        np.concatenate([-least, longest, longest]),
+    )
+    return require_solution(solve_qp(program))
+
+
+def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
+    """
+    Return the matrix (k, r) and the bounds (k,) of the constraints matrix @ u >= bounds.
+
+    The first bound the gaps of all parts to the object, by targets for grasping members.
+    """
+    config, members, robot = state.config, list(closing.members), state.config.robot
+    collisions, length = collision_model(robot), robot.home.member_lengths.mean()
+    clearance = CLEARANCE * robot.description.tube_diameter
+    gaps = BOUND_SHARE * (clearance - state.gaps)
+    gaps[members] = targets - state.gaps[members]
+    # Two singular values, because they may exchange their order during a step.
+    few = Modes(*(values[..., :2] for values in state.modes))
+    near = np.flatnonzero(state.distances < MAX_CONSTRAINED_DISTANCE * length)
+    apart = state.distances[near] - clearance
+    margins = np.append(few.values - closing.min_rigidity, apart)
+    shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]
+    limits = closing.limit.rows(config)
+    by_nodes = config.roller_rows(np.concatenate([state.gaps_by_nodes, *shape]))
+    least = np.minimum(0.0, np.concatenate([gaps, -BOUND_SHARE * margins]))
+    return (
+        np.concatenate([by_nodes, limits.matrix, -limits.matrix]),
+        np.concatenate([least, limits.lower, -limits.upper]),
+    )

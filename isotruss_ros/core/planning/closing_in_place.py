@@ -21,8 +21,8 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.planning.approach import press
 from isotruss_ros.core.planning.closing import Closing, FIRST_INDENTATION
-from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import CONE_SHARE
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.motion_in_place import (

@@ -13,10 +13,9 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.planning.approach import approach
+from isotruss_ros.core.planning.approach import approach, press
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_in_place import close_in_place
-from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip, PlannedGrasp
 from isotruss_ros.core.planning.requirements import GraspRequirements

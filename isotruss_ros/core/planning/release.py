@@ -27,8 +27,8 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.planning.approach import GAP_TOLERANCE, press
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, FIRST_INDENTATION
-from isotruss_ros.core.planning.closing_step import GAP_TOLERANCE, press
 from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, Violation

@@ -19,9 +19,8 @@ from isotruss_ros.core import (
     settle_grasp,
     SimulatedRobot,
 )
-from isotruss_ros.core.planning.approach import approach
+from isotruss_ros.core.planning.approach import approach, press
 from isotruss_ros.core.planning.closing_in_place import close_in_place
-from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import CONE_SHARE
 from isotruss_ros.core.planning.grasp_candidate import close_grip
 from isotruss_ros.core.planning.seeds import find_seeds
