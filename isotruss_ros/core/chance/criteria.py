@@ -57,20 +57,15 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
     rolling = first.statics.rolling_rows(first.state.unknowns, first.state.normals)
     anchors = rolling @ change + _rolled(first, tubes)
     for grip in critical:
-        old = _same_contacts(first, grip)  # new contacts have no history
+        old, new = first.contacts, grip.contacts
+        same = (new.members[:, None] == old.members) & (new.corners[:, None] == old.corners)
         tubes = LoadedTubes(grip, chosen, parameters, FOLLOWED_MOTION)
         rates = _equation_rates(grip, tubes, sticks=True)
-        rates[grip.state.places.conditions] = _rolled(grip, tubes) - old @ anchors
+        # New contacts have no history.
+        rates[grip.state.places.conditions] = _rolled(grip, tubes) - same @ anchors
         parts.append(_criteria(grip, friction, tubes, grip.respond(rates)))
     names, *arrays = zip(*parts, strict=True)
     return Criteria(sum(names, ()), *map(np.concatenate, arrays))
-
-
-def _same_contacts(first: HeldGrip, grip: HeldGrip) -> Array:
-    """Return ones where contacts of a grip (rows) are those of the first one (columns)."""
-    old, new = first.contacts, grip.contacts
-    same = (new.members[:, None] == old.members) & (new.corners[:, None] == old.corners)
-    return same.astype(float)
 
 
 def _equation_rates(grip: HeldGrip, tubes: LoadedTubes, sticks: bool = False) -> Array:

@@ -127,7 +127,9 @@ def analyze_grasp(
     pressed, levers = _pressed(body, points, contact, margin)
     normals = contact.normals.view(np.float64).reshape(-1, 2)
     tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
-    load = _about_middle(body, pressed + wrench)
+    x, y, moment = pressed + wrench
+    away = body.middle - body.center
+    load = np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])
     closure = balance_by_friction(tangents, forces, load, mu, levers)
     names, push = config.robot.member_names, forces * contact.normals
     pressing = np.bincount(member, forces, len(names))
@@ -185,10 +187,3 @@ def _pressed(
     force, moment = push.sum(), (arms.conj() * push).imag.sum()
     levers = ((arms + body.center - body.middle) * normals.conj()).real / body.arm
     return -np.array([force.real, force.imag, moment]), levers
-
-
-def _about_middle(body: ConvexObject, wrench: Array) -> Array:
-    """Return (fx, fy, m / arm) about the centroid [N] of a wrench about the frame's origin."""
-    away = body.middle - body.center
-    x, y, moment = wrench
-    return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])

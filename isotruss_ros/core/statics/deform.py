@@ -57,10 +57,8 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     @cached_property
     def displacements(self) -> dict[str, tuple[float, float, float]]:
         """Return (ux, uy, theta) [m, rad] for the name of each node, see `displacement`."""
-        displaced = self.state.displacements.tolist()
-        return {
-            name: tuple(displaced[self.structure.node(name)]) for name in self.structure.node_names
-        }
+        displaced = map(tuple, self.state.displacements.tolist())
+        return dict(zip(self.structure.node_names, displaced, strict=False))  # not those at cuts
 
     @cached_property
     def reactions(self) -> dict[str, tuple[float, float]]:
