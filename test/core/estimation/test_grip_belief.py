@@ -3,6 +3,7 @@
 
 """The belief of a held object against drawn robots, poses, loads and walks."""
 
+from copy import deepcopy
 from dataclasses import replace
 from itertools import product
 
@@ -26,6 +27,7 @@ from isotruss_ros.core.kinematics.configuration import MAX_FIRST_ORDER_TRAVEL
 from nightly import some_now
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
 GRIP = Grip.at_module(CONFIG.robot, 'north/Z', CYLINDER)
@@ -261,6 +263,21 @@ def test_length_of_a_jump_counts_all_coordinates(away):
     carry(belief, 0.5, 1e-5)
     belief.observe(Pose(*belief.pose + away), 0.0)
     assert belief.state.jump == pytest.approx(np.linalg.norm(ARM * away), rel=0.05)
+
+
+def test_one_of_60000_valid_poses_is_inconsistent():
+    """The squared innovation of a valid pose has a chi-square distribution."""
+    belief = believed()
+    carry(belief, 0.5, 1e-5)
+    innovations, jumps = [], []
+    for away in np.linspace(0.0, 0.02, 200):
+        moved = deepcopy(belief)
+        moved.observe(Pose(*np.add(moved.pose, (away, 0.0, 0.0))), 0.0)
+        innovations.append(moved.state.innovation)
+        jumps.append(moved.state.jump > 0.0)
+    least = min(np.array(innovations)[jumps])
+    assert max(np.array(innovations)[np.logical_not(jumps)]) < least
+    assert least == pytest.approx(chi2.isf(1.0 / 60000.0, 3), rel=0.05)
 
 
 @pytest.mark.parametrize('attached', [False, True])
