@@ -127,22 +127,12 @@ class RollerTrajectoryServo:
         self._robot, self.timeout, self.inputs = robot, timeout, inputs
         self._rest = RollerStep(np.zeros(len(robot.roller_names)))
         self.time = 0.0  #: trajectory time [s]
-        self._trajectory: RollerTrajectory | None = None
+        self.trajectory: RollerTrajectory | None = None  #: trajectory that is tracked, if any
         self._tolerances = TrajectoryTolerances()
         self._start = self._before = self._waited = 0.0
         self._measured = 0.0  # time of the last valid measurement [s]
         self._near_since = math.inf  # since when all rollers are within the end tolerance [s]
         self._offsets: Array | float = 0.0
-
-    @property
-    def busy(self) -> bool:
-        """Return whether a roller trajectory is active."""
-        return self._trajectory is not None
-
-    @property
-    def desired_state(self) -> RollerState | None:
-        """Return the desired state of the rollers; None without a trajectory."""
-        return None if self._trajectory is None else self._trajectory.at(self.time)
 
     def begin(
         self,
@@ -153,7 +143,7 @@ class RollerTrajectoryServo:
     ) -> None:
         """Start a trajectory, which replaces the current one unless it is rejected."""
         state = self.check_start(trajectory, now)
-        self._trajectory, self._offsets = trajectory, state.offsets
+        self.trajectory, self._offsets = trajectory, state.offsets
         self._tolerances = tolerances or TrajectoryTolerances()
         self._start = self._before = now if start is None else max(start, now)
         self.time, self._waited, self._near_since, self._measured = 0.0, 0.0, math.inf, now
@@ -171,13 +161,9 @@ class RollerTrajectoryServo:
             )
         return state
 
-    def end(self) -> None:
-        """Abort the current roller trajectory."""
-        self._trajectory = None
-
     def decide(self, now: float) -> RollerStep:
         """Return the roller velocities of a cycle, zero without a valid measurement."""
-        trajectory = self._trajectory
+        trajectory = self.trajectory
         if trajectory is None:
             return self._finish('the servo has no trajectory; start one first')
         try:
@@ -256,5 +242,5 @@ class RollerTrajectoryServo:
 
     def _finish(self, failure: str = '', at_goal: bool = False) -> RollerStep:
         """End the trajectory, and return a step that stops the rollers."""
-        self._trajectory = None
+        self.trajectory = None
         return self._rest._replace(ended=True, failure=failure, at_goal=at_goal)

@@ -54,17 +54,9 @@ class SearchState:
     gaps: Array
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps with respect to node coordinates [-]
     modes: Modes  #: smallest singular values, see `Modes`; the first is the rigidity index
+    rigidity: float  #: rigidity index of the configuration, 1 at home
     distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
-
-    @property
-    def rigidity(self) -> float:
-        """Return the rigidity index of the configuration, 1 at home."""
-        return float(self.modes.values[0])
-
-    @property
-    def clearance(self) -> float:
-        """Return the smallest distance of two parts of the robot, see `CollisionModel` [m]."""
-        return float(self.distances.min(initial=np.inf))
+    clearance: float  #: smallest one of these distances [m]
 
     def check_bounds(self, rigidity: float, clearance: float, gaps: Array) -> None:
         """Raise RequirementError if rigidity, clearance [m] or a gap (3m,) [m] is too small."""
@@ -80,10 +72,8 @@ class SearchState:
 
 def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
     """Return a configuration with all quantities that are bounded while the members close."""
-    model = collision_model(config.robot)
-    return SearchState(
-        config,
-        *model.body_distances(config, body)[:2],
-        rigidity_index(config.robot).modes(config),
-        model.distances(config),
-    )
+    model, modes = collision_model(config.robot), rigidity_index(config.robot).modes(config)
+    gaps, by_nodes, _ = model.body_distances(config, body)
+    distances, rigidity = model.distances(config), float(modes.values[0])
+    clearance = float(distances.min(initial=np.inf))
+    return SearchState(config, gaps, by_nodes, modes, rigidity, distances, clearance)

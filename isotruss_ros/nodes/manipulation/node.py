@@ -117,7 +117,7 @@ class Manipulation(ManagedNode):
             'moves': 'the object' if settings.joint is None else f'joint {settings.joint}',
             'grip': ', '.join(settings.grip.members),
         }
-        if (follower := self._trajectory.follower).busy:
+        if (follower := self._trajectory.follower).trajectory is not None:
             details['moves'] = 'the rollers along a trajectory'
             details['time on the trajectory [s]'] = f'{follower.time:.3f}'
         if servo.failed:

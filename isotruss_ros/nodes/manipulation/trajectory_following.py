@@ -65,13 +65,13 @@ class TrajectoryFollowing:
 
     def decide(self, now: float) -> Decision:
         """Return the decision of the cycle, from the active trajectory or else from twists."""
-        if self.follower.busy:
+        if self.follower.trajectory is not None:
             # A twist of this time would move the object right after the end of the trajectory.
             self._servo.receive(twist=None)
             for goal in self._goals:
                 if (loss := goal.client.find_loss(self._servo.settings.timeout)) is not None:
                     self.abort(loss)
-        if not self.follower.busy:
+        if self.follower.trajectory is None:
             return self._add_outcome(self._servo.decide(now))
         self.follower.timeout = self._servo.settings.timeout
         step = self.follower.decide(now)
@@ -96,9 +96,9 @@ class TrajectoryFollowing:
 
         :return: whether a trajectory was active, in which case the rollers must be stopped.
         """
-        if not self.follower.busy:
+        if self.follower.trajectory is None:
             return False
-        self.follower.end()
+        self.follower.trajectory = None
         self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {why}', ABORTED_CODE)
         return True
 
@@ -111,7 +111,7 @@ class TrajectoryFollowing:
         try:
             self._begin(self._read(FollowRollerTrajectory.Goal(trajectory=message)))
         except IsotrussError as error:
-            self.follower.end()
+            self.follower.trajectory = None
             self._end(Status.HALT_TRAJECTORY, f'trajectory rejected: {error}', ABORTED_CODE)
 
     def _report_missing(self, why: str) -> None:
@@ -168,7 +168,7 @@ class TrajectoryFollowing:
         return goal
 
     def _cancel(self) -> None:
-        self.follower.end()
+        self.follower.trajectory = None
         # No fault: without a twist the rollers are halted anyhow.
         words = 'trajectory cancelled by the client'
         self._end(Status.HALT_NO_TWIST, words, ABORTED_CODE, Ending.CANCELED)
@@ -176,9 +176,10 @@ class TrajectoryFollowing:
     def _publish_feedback(self) -> None:
         """Publish desired and measured states of the rollers to the goal's client."""
         goal = next((goal for goal in self._goals if goal.active), None)
-        wanted, measured = self.follower.desired_state, self._servo.inputs.rollers
-        if goal is None or wanted is None or not isinstance(measured, StampedInput):
+        trajectory, measured = self.follower.trajectory, self._servo.inputs.rollers
+        if goal is None or trajectory is None or not isinstance(measured, StampedInput):
             return
+        wanted = trajectory.at(self.follower.time)
         actual, robot = measured.value.positions, self._servo.robot
 
         def point(positions: Array, **others: Any) -> JointTrajectoryPoint:

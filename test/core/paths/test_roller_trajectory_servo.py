@@ -92,7 +92,7 @@ class Run:
         for _ in range(round(longest / PERIOD)):
             step = self.cycle()
             if step.ended:
-                assert not self.servo.busy
+                assert self.servo.trajectory is None
                 assert not step.speeds.any()
                 return step
         raise AssertionError(f'not at its end after {longest} s')
@@ -188,7 +188,7 @@ def test_missed_cycles_are_not_caught_up():
     run.cycle()
     assert before < run.servo.time <= before + MAX_TIME_STEP
     assert np.abs(run.robot.roller_positions - held).max() < 3 * MAX_SPEED * PERIOD
-    while run.servo.busy:
+    while run.servo.trajectory is not None:
         run.cycle()
     assert run.away() <= TOLERANCE
 
@@ -404,7 +404,7 @@ def test_begins_only_where_the_rollers_are(roller, side):
             ConfigurationError, match=f'position of roller {ROBOT.roller_names[roller]}'
         ):
             run.servo.begin(PATH, run.now)
-        assert not run.servo.busy
+        assert run.servo.trajectory is None
 
 
 values = st.one_of(st.floats(-0.05, 0.05), st.floats(-1e6, 1e6), st.sampled_from([1e6, -1e6]))
