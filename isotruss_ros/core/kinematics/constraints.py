@@ -50,19 +50,15 @@ class Constraints:
         )
         self._ground_rows = 5 * m + np.arange(len(topology.grounded))
         self._places = self._rows * n + self._nodes
-        self._sparse = self._sparse_structure() if self.n_columns > MAX_DENSE_COORDINATES else None
-
-    def _sparse_structure(self) -> csc_matrix:
-        """Return the Jacobian's sparsity pattern with indices of its nonzero entries as data."""
-        rows = np.concatenate([np.repeat(self._rows, 2), self._ground_rows])
-        columns = np.concatenate(
-            [
-                np.stack([2 * self._nodes, 2 * self._nodes + 1], axis=1).ravel(),
-                self._topology.grounded,
-            ]
-        )
-        order = np.arange(1, len(rows) + 1)  # from 1: a stored zero could be dropped
-        return coo_matrix((order, (rows, columns)), shape=(self.n_rows, self.n_columns)).tocsc()
+        self._sparse: csc_matrix | None = None
+        if self.n_columns > MAX_DENSE_COORDINATES:
+            # Sparsity pattern with indices of the nonzero entries as data.
+            columns = np.stack([2 * self._nodes, 2 * self._nodes + 1], axis=1).ravel()
+            rows = np.concatenate([np.repeat(self._rows, 2), self._ground_rows])
+            columns = np.concatenate([columns, topology.grounded])
+            order = np.arange(1, len(rows) + 1)  # from 1: a stored zero could be dropped
+            pattern = coo_matrix((order, (rows, columns)), shape=(self.n_rows, self.n_columns))
+            self._sparse = pattern.tocsc()
 
     def residual(self, points: Points, lengths: Array) -> Array:
         """

@@ -70,7 +70,10 @@ def limit_acceleration(
     if limited:
         start = previous - np.linalg.pinv(contacts).dot(contacts.dot(previous))
         start = _nearest(start, contacts, moving, rows, 0.0 * start)
-        share = _largest_share(start - previous, wanted - start, change)
+        away, step_to = start - previous, wanted - start
+        changed = step_to != 0.0
+        shares = (np.copysign(change, step_to) - away)[changed] / step_to[changed]
+        share = float(max(min(shares.min(initial=1.0), 1.0), 0.0))
         if faster:
             share = min(share, _surface_share(weighted.dot(start), weighted.dot(wanted), top))
         velocities = limit_change(start + share * (wanted - start), previous, change)
@@ -149,10 +152,3 @@ def limit_change(speeds: Array, previous: Array, change: float) -> Array:
     step = speeds - previous
     largest = float(np.abs(step).max())
     return speeds if largest <= change else previous + (change / largest) * step
-
-
-def _largest_share(away: Array, step: Array, change: float) -> float:
-    """Return the largest fraction, 0 to 1, at which away + fraction * step is within a bound."""
-    moving = step != 0.0
-    shares = (np.copysign(change, step[moving]) - away[moving]) / step[moving]
-    return float(max(min(shares.min(initial=1.0), 1.0), 0.0))

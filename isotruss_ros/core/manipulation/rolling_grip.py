@@ -133,10 +133,14 @@ class RollingGrip:
     def _rolled(self, config: Configuration) -> RollingGrip:
         """Return the grip in another configuration with the same contacts."""
         body, lines, corners = self.grip.body, self._lines(config), self.corners
-        center, angle = body.center, body.pose.angle
+        center, angle, owners = body.center, body.pose.angle, self.owners
         for step in range(MAX_NEWTON_ITERATIONS):
-            if step < 10:  # later the corners are fixed, against cycling by rounding
-                corners = self._lowest(lines.normals * cmath.rect(1.0, -angle))
+            if step < 10 and not self.shape.is_round:  # later fixed, against cycling by rounding
+                # Both ends of a face remain; the outermost corner may change.
+                alone = np.bincount(owners)[owners] == 1
+                normals = lines.normals * cmath.rect(1.0, -angle)
+                farthest = np.array([self.shape.corner_at(n) for n in normals.tolist()])
+                corners = np.where(alone, farthest[owners], self.corners)
             values, rates = self._touch(lines, center, angle, corners)
             off = (values - self.invariants).ravel()
             rows = rates * (1.0, 1.0, 1.0 / body.arm)
@@ -162,14 +166,6 @@ class RollingGrip:
             'no pose of the object keeps its contacts in the new configuration: take smaller '
             'steps, or roller speeds that neither open nor close the grip'
         )
-
-    def _lowest(self, normals: Points) -> Indices:
-        """Return the corners (k,) in contact: both ends of a face, or the outermost corner."""
-        if self.shape.is_round:
-            return self.corners
-        alone = np.bincount(self.owners) == 1
-        farthest = [self.shape.corner_at(normal) for normal in normals.tolist()]
-        return np.where(alone[self.owners], np.array(farthest)[self.owners], self.corners)
 
     def _unwrapped(self, normals: Points, angle: float) -> Array:
         """Return the angles (m,) of normals in the object's frame, continued beyond one turn."""

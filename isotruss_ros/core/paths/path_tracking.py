@@ -175,6 +175,12 @@ class PathTracker:
             # The mean velocity over the step is exact also at corners and at the end.
             ahead = (self.path.pose(self.clock.time) - here) / max(step, COINCIDENCE)
             twist = ahead + self._feedback(error, age)
+        message = ''
+        if phase in FINISHED:
+            where = 'the end of the path' if self.clock.at_end else 'the path'
+            message = f'{1e3 * position_error:.3g} mm and {angle_error:.3g} rad off {where}'
+        if phase is PathPhase.STUCK:
+            message = f'no progress for {self.clock.waited:.3g} s, {message}'
         return Tracking(
             phase,
             twist,
@@ -182,7 +188,7 @@ class PathTracker:
             angle_error,
             self.clock.time / self.path.duration,
             self.clock.time_left,
-            self._words(phase, f'{1e3 * position_error:.3g} mm and {angle_error:.3g} rad'),
+            message,
         )
 
     def _feedback(self, error: Array, age: float) -> Array:
@@ -216,10 +222,3 @@ class PathTracker:
         if over:
             return PathPhase.SETTLING
         return PathPhase.SLOWED if pace < 1.0 else PathPhase.FOLLOWING
-
-    def _words(self, phase: PathPhase, error: str) -> str:
-        """Return the message for a final phase; empty for the other phases."""
-        where = 'the end of the path' if self.clock.at_end else 'the path'
-        if phase is PathPhase.STUCK:
-            return f'no progress for {self.clock.waited:.3g} s, {error} off {where}'
-        return f'{error} off {where}' if phase in FINISHED else ''

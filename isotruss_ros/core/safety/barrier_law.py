@@ -60,7 +60,9 @@ class BarrierLaw:
 
     def class_k_bound(self, margins: Array) -> Array:
         """Return the largest rates of decrease (k,) at margins (k,), infinite beyond the band."""
-        return self._class_k(np.maximum(margins - self.safety_margin, 0.0))
+        beyond = np.maximum(margins - self.safety_margin, 0.0)
+        with np.errstate(divide='ignore'):
+            return self.rate * beyond / (1.0 - np.minimum(beyond / self.band, 1.0))
 
     def discrete_bound(self, margins: Array, duration: float, travel: float) -> Array:
         """
@@ -73,7 +75,7 @@ class BarrierLaw:
         """
         last = MIN_MARGIN_SHARE * self.safety_margin
         usable = np.maximum(margins, last)
-        slowly = usable - 2.0 * duration * self._class_k(usable)
+        slowly = usable - 2.0 * duration * self.class_k_bound(usable + self.safety_margin)
         kept = np.maximum(np.maximum(MIN_MARGIN_SHARE * usable, slowly), last)
         allowed = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
         # A positive margin keeps a last remainder, so that the sum of such effects does not cross
@@ -81,11 +83,6 @@ class BarrierLaw:
         floor = np.where(margins > 0.0, np.minimum(margins, MIN_MARGIN_SHARE * last), -np.inf)
         beyond = np.maximum(margins - allowed, floor - ROUNDING)
         return np.where(margins > last, kept, beyond)
-
-    def _class_k(self, margins: Array) -> Array:
-        share = np.minimum(margins / self.band, 1.0)
-        with np.errstate(divide='ignore'):
-            return self.rate * margins / (1.0 - share)
 
 
 #: Indices of values; a slice for all values.
