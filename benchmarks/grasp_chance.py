@@ -190,7 +190,13 @@ class Carry:
         if not plan.grasps:
             return None
         held = plan[0].equilibrium
-        at_rest = attach_grip(held.config, held.body, held.members, tubes=held.tubes)
+        at_rest = attach_grip(
+            held.config,
+            held.body,
+            held.members,
+            stiffness=held.statics.bent.stiffness,
+            pressure=held.pressures,
+        )
         return cls(plan[0], foresee_path(at_rest, FRICTION, np.array(CARRY)).grips)
 
     @property

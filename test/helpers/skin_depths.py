@@ -19,7 +19,7 @@ def contact_loads(grip):
     rows = zip(grip.contacts.members, grip.state.feet, grip.state.loads, axes, strict=True)
     for number, foot, (along, across, moment), axis in rows:
         force = complex(along, across) * axis
-        row = np.array([force.real, force.imag, moment]) / grip.tubes.stiffness_scale
+        row = np.array([force.real, force.imag, moment]) / grip.statics.bent.stiffness
         loads.setdefault(grip.config.robot.member_names[number], []).append((foot, *row))
     return loads
 
@@ -30,7 +30,7 @@ def bent_line(grip, name, places):
     loads.setdefault(name, []).extend((place, 0.0, 0.0, 0.0) for place in places)
     begin = sum(map(len, list(loads.values())[: list(loads).index(name)]))
     begin += len(loads[name]) - len(places)
-    bent = deform(grip.config, {}, grip.tubes.pressure, tube_loads=loads)
+    bent = deform(grip.config, {}, grip.pressures, tube_loads=loads)
     nodes = bent.frame.layout.nodes[begin + np.arange(len(places))]
     return bent.frame.points[nodes] + bent.state.displacements[nodes] @ (1.0, 1.0j, 0.0)
 

@@ -18,7 +18,6 @@ import math
 from isotruss_ros.core.chance.criteria import find_criteria, scaled
 from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
@@ -89,13 +88,12 @@ def changed_grip(grip: HeldGrip, change: Array) -> HeldGrip:
     """Return the equilibrium with unknown contact history for changes (p,) of parameters."""
     columns, body = GraspParameters.of(grip.config), scaled(grip.statics.body, 1.0 + change[-1])
     body = body.moved_to(np.array(body.pose) + change[columns.place])
-    pressures = grip.statics.bent.structure.pressures + change[columns.pressures]
+    pressures = grip.pressures + change[columns.pressures]
     # A normal number may be negative.
-    stiffness = max(grip.tubes.stiffness_scale + change[columns.stiffness], 0.05)
-    tubes = TubeModel(stiffness, pressure=tuple(pressures.tolist()))
+    stiffness = max(grip.statics.bent.stiffness + change[columns.stiffness], 0.05)
     config = grip.config.moved_to(grip.config.roller_positions + change[columns.rollers])
     wrench = grip.wrench * (1.0, 1.0, grip.arm) + change[columns.wrench]
-    return attach_grip(config, body, grip.members, wrench, tubes, near=grip)
+    return attach_grip(config, body, grip.members, wrench, pressures, stiffness, near=grip)
 
 
 def sample_friction(

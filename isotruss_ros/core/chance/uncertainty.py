@@ -121,7 +121,7 @@ class Uncertainty:
         spread = np.zeros(columns.size + 1)
         spread[columns.rollers] = self.roller_offset
         spread[columns.place] = self.position, self.position, self.angle
-        spread[columns.pressures] = self.pressure * np.array(grip.statics.bent.structure.pressures)
+        spread[columns.pressures] = self.pressure * np.array(grip.pressures)
         spread[columns.friction], spread[columns.stiffness] = self.friction, self.stiffness
         spread[columns.wrench] = self.force, self.force, self.moment
         spread[-1] = self.size

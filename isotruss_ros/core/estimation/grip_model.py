@@ -13,7 +13,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.attach_grip import attach_grip, lay_faces
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient, HeldGradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -41,9 +40,7 @@ def attach_model(
     For the deviation of the roller offsets [m] see `lay_faces`.
     """
     members = find_members(config.robot, grip.members).members
-    grasp = attach_grip(
-        config, grip.body, members, tubes=TubeModel(pressure=pressures), quick=True
-    )
+    grasp = attach_grip(config, grip.body, members, pressure=pressures, quick=True)
     grasp = lay_faces(grasp, grip.friction, zero_deviation)
     if grasp.response is None:
         raise NotHeldError(HoldStatus.UNSTABLE)

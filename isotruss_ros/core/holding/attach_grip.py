@@ -25,8 +25,6 @@ from isotruss_ros.core.holding.contact_statics import (
     ContactConditions,
     ContactStatics,
     FRICTION_COMPLIANCE,
-    NOMINAL_TUBES,
-    TubeModel,
 )
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
@@ -45,6 +43,7 @@ from isotruss_ros.core.numerics.tolerances import (
     MAX_SEARCH_STEPS,
 )
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
+from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 
 #: Largest number of sets of contacts in a quick search [-]. It finds 315 of the 318 equilibria of
@@ -58,7 +57,8 @@ def attach_grip(
     body: ConvexObject,
     members: Indices | None = None,
     external_wrench: Array | None = None,
-    tubes: TubeModel = NOMINAL_TUBES,
+    pressure: Pressure | None = None,
+    stiffness: float = 1.0,
     quick: bool = False,
     near: HeldGrip | None = None,
 ) -> HeldGrip:
@@ -67,8 +67,9 @@ def attach_grip(
 
     The grasping members are given by their indices (m,), or are those that the object overlaps; if
     it overlaps fewer than two, the two nearest. The wrench (fx, fy, m) is about the origin of the
-    object's frame [N, N m]. A `quick` search fits in a control cycle. With the contacts of an
-    equilibrium `near`, the iteration starts there, and is as accurate as that of `roll_grip`.
+    object's frame [N, N m], the stiffness relative to the modelled one [-]. A `quick` search fits
+    in a control cycle. With the contacts of an equilibrium `near`, the iteration starts there, and
+    is as accurate as that of `roll_grip`.
     """
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
@@ -84,7 +85,7 @@ def attach_grip(
     limit, steps = MAX_SEARCH_STEPS, MAX_NEWTON_ITERATIONS
     if quick:
         limit, steps = QUICK_SETS, MAX_SEARCH_STEPS
-    solve = _rest_solver(config, body, wrench, tubes, steps, near)
+    solve = _rest_solver(config, body, wrench, (pressure, stiffness), steps, near)
     attached = search_contacts(solve, find_pressed(config, body, members), limit=limit)
     if attached is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
@@ -100,8 +101,8 @@ def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
     if grip.required_friction <= friction:
         return grip
-    body = grip.statics.body
-    solve = _rest_solver(grip.config, body, grip.wrench, grip.tubes, MAX_SEARCH_STEPS)
+    body, tubes = grip.statics.body, (grip.pressures, grip.statics.bent.stiffness)
+    solve = _rest_solver(grip.config, body, grip.wrench, tubes, MAX_SEARCH_STEPS)
     for free in sorted(free_corners(grip, gap), reverse=True):
         pair = with_corner(grip, free, rolls=False)[-1].contacts
         laid = search_contacts(solve, pair, limit=QUICK_SETS)
@@ -114,7 +115,7 @@ def _rest_solver(
     config: Configuration,
     body: ConvexObject,
     wrench: Array,
-    tubes: TubeModel,
+    tubes: tuple[Pressure | None, float],
     steps: int,
     near: HeldGrip | None = None,
 ) -> ContactSolver:
@@ -122,18 +123,18 @@ def _rest_solver(
 
     def solve(chosen: ContactSet, _: HeldGrip | None) -> HeldGrip | None:
         contacts = chosen.contacts
-        statics = build_statics(config, body, contacts, tubes)
+        statics = build_statics(config, body, contacts, *tubes)
         conditions, solution = rest(statics, chosen.grazing), None
         if near is not None and np.array_equal(near.contacts.corners, contacts.corners):
             state, bent = near.state, near.statics.bent
             bent = bent.update(state.loads, state.feet, statics.bent.structure)
-            bent = replace(bent, stiffness=tubes.stiffness_scale)
+            bent = replace(bent, stiffness=tubes[1])
             solution = replace(statics, bent=bent).settle(
                 state.unknowns, wrench, conditions, steps, FOLLOWED_MOTION
             )
         if solution is None:
             solution = statics.settle(statics.start(), wrench, conditions, steps)
-        return None if solution is None else HeldGrip.of(config, *solution, wrench, tubes)
+        return None if solution is None else HeldGrip.of(config, *solution, wrench)
 
     return solve
 

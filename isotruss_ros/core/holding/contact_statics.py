@@ -63,17 +63,6 @@ FRICTION_COMPLIANCE = 1e-4
 ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
 
 
-class TubeModel(NamedTuple):
-    """Stiffness and pressure of tubes in place of those of the robot file."""
-
-    stiffness_scale: float = 1.0  #: ratio of the robot's true stiffness to the modelled one [-]
-    pressure: Pressure | None = None  #: gauge pressure [Pa], see `tube_pressures`
-
-
-#: Tube model with pressure and stiffness of the robot file.
-NOMINAL_TUBES = TubeModel()
-
-
 class _Pushes(NamedTuple):
     """Loads of k contacts on the tubes."""
 
@@ -320,28 +309,29 @@ def build_statics(
     config: Configuration,
     body: ConvexObject,
     contacts: PressedContacts,
-    tubes: TubeModel = NOMINAL_TUBES,
+    pressure: Pressure | None = None,
+    stiffness: float = 1.0,
 ) -> ContactStatics:
     """Return the equilibrium equations of an object with given contacts, for straight tubes."""
-    structure = structure_of(config, tubes.pressure)
+    structure = structure_of(config, pressure)
     starts, axis, length, _ = Lines.of(structure, contacts.members)
     straight = facing_normals(body.middle, starts, axis)
     points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
     feet = ((body.center + body.turn * points - starts) * axis.conj()).real
     places = np.clip(feet, 0.0, length)
-    bent = BentTubes.of(structure, contacts.members, places, tubes.stiffness_scale)
+    bent = BentTubes.of(structure, contacts.members, places, stiffness)
     return ContactStatics(
         bent=bent,
         body=body,
         contacts=contacts,
         tube_radius=0.5 * config.robot.description.tube_diameter,
         sides=np.sign((straight * axis.conj()).imag),
-        dents=find_dents(structure, body.shape, contacts, tubes),
+        dents=find_dents(structure, body.shape, contacts, stiffness),
     )
 
 
 def find_dents(
-    structure: Structure, shape: Shape, contacts: PressedContacts, tubes: TubeModel
+    structure: Structure, shape: Shape, contacts: PressedContacts, stiffness: float
 ) -> Dents:
     """Return the depths of the dents at all contacts."""
     robot, corners = structure.config.robot, contacts.corners.tolist()
@@ -350,4 +340,4 @@ def find_dents(
         dent_table(flattening_of(robot, structure.pressures[tube]), shape, corner)
         for tube, corner in zip(pressed, corners, strict=True)
     ]
-    return Dents(tables, tubes.stiffness_scale)
+    return Dents(tables, stiffness)

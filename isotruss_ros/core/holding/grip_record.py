@@ -9,13 +9,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_statics import build_statics, TubeModel
+from isotruss_ros.core.holding.contact_statics import build_statics
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.section import tube_pressures
 import numpy as np
 
 
@@ -45,14 +46,14 @@ class GripRecord(NamedTuple):
     def of(cls, grip: HeldGrip, estimate: GripEstimate | None = None) -> GripRecord:
         """Return the record of a grip whose tubes are bent."""
         bent = grip.statics.bent
-        measured = grip.tubes.pressure is not None
+        measured = grip.pressures != tube_pressures(grip.config.robot.description)
         return cls(
             grip.config.roller_positions,
             grip.contacts,
             grip.state.unknowns,
             bent.places,
             bent.values,
-            bent.structure.pressures if measured else None,
+            grip.pressures if measured else None,
             estimate,
         )
 
@@ -66,9 +67,8 @@ class GripRecord(NamedTuple):
         there = config.moved_to(self.travel)
         body = body.moved_to(self.unknowns[:3])
         body = body.smoothed(0.5 * config.robot.description.tube_diameter)
-        tubes = TubeModel(pressure=self.pressures)
         try:
-            statics = build_statics(there, body, self.contacts, tubes)
+            statics = build_statics(there, body, self.contacts, self.pressures)
         except IndexError as error:
             raise GraspError(
                 f'held grip: corners {self.contacts.corners}: the object has no such corners'
@@ -77,4 +77,4 @@ class GripRecord(NamedTuple):
         bent = BentTubes.of(bent.structure, members, self.places, bent.stiffness, self.bent)
         statics = replace(statics, bent=bent)
         _, state = statics.equations(self.unknowns, np.zeros(3), statics.sticking)
-        return HeldGrip.of(there, statics, state, np.zeros(3), tubes)
+        return HeldGrip.of(there, statics, state, np.zeros(3))

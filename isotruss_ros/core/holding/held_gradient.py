@@ -89,7 +89,7 @@ class LoadedTubes:
         ahead = self.moved[topology.end[members]] - self._starts
         self.spins = (ahead / (lines.length * lines.axis)[:, None]).imag
         self._inflated = chosen[parameters.pressures]
-        self._stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
+        self._stiffer = chosen[parameters.stiffness] / grip.statics.bent.stiffness
         bent, state = grip.statics.bent, grip.state
         if bent.distance(state.loads, state.feet) > reach:
             bent = bent.update(state.loads, state.feet)
@@ -190,7 +190,7 @@ class LoadedTubes:
         force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[piece]
         # Rows: axial force and moments at both ends.
         by_end = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.5, -0.5]])
-        changes = np.tensordot(by_end, grip.tubes.stiffness_scale * force_rates, (1, 1))
+        changes = np.tensordot(by_end, bent.stiffness * force_rates, (1, 1))
         pull, first, second = changes + ends.T[[3, 2, 5], :, None] * self._stiffer
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
         changes = np.stack([-first, second, pulled, force_rates[:, 0]])

@@ -12,7 +12,7 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
-from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
+from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.holding.grip_response import GripResponse, slip_planes
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, ContactForces, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -81,7 +81,6 @@ class HeldGrip:
     statics: ContactStatics  #: equations of equilibrium in this configuration
     state: ContactForces  #: solution of the equations
     wrench: Array  #: wrench (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N]
-    tubes: TubeModel  #: model of the tubes
     #: changes of roller travel (r,) [m] and unknowns (3 + 4k,) since the previous configuration
     motion: tuple[Array, Array] | None = None
 
@@ -92,14 +91,13 @@ class HeldGrip:
         statics: ContactStatics,
         state: ContactForces,
         wrench: Array,
-        tubes: TubeModel,
     ) -> HeldGrip:
         """Return a grip with a solution of the equations, whose contacts have not rolled yet."""
         unknowns = state.unknowns
         angles = statics.angles(state.normals, unknowns[ANGLE])
         travel = travel_rates(config, statics.contacts.members) @ config.roller_positions
         anchors = statics.anchors(unknowns, state.normals, travel, angles)
-        return cls(config, anchors, angles, statics, state, wrench, tubes)
+        return cls(config, anchors, angles, statics, state, wrench)
 
     @property
     def contacts(self) -> PressedContacts:
@@ -116,6 +114,11 @@ class HeldGrip:
         """Return the object's pose; the angle is in (-pi, pi]."""
         x, y, angle = map(float, self.state.unknowns[:3])
         return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
+
+    @property
+    def pressures(self) -> tuple[float, ...]:
+        """Return the gauge pressures (t,) of the tubes [Pa]."""
+        return self.statics.bent.structure.pressures
 
     @property
     def arm(self) -> float:

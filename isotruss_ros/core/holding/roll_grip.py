@@ -30,8 +30,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
-from isotruss_ros.core.statics.section import Pressure
-from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.core.statics.structure import structure_under
 import numpy as np
 
 
@@ -58,16 +58,16 @@ def roll_contacts(
 ) -> HeldGrip | None:
     """Return the equilibrium with given rolling contacts, or None; new ones have no friction."""
     moved, contacts = config.roller_positions - grip.config.roller_positions, chosen.contacts
-    same, before = contacts is grip.contacts, grip.state.unknowns
+    same, before, bent = contacts is grip.contacts, grip.state.unknowns, grip.statics.bent
     new = np.flatnonzero(chosen.origins < 0)
     anchors, angles = grip.anchors[chosen.origins], grip.angles[chosen.origins]
     if same:
-        starts, structure = [grip.ahead(moved), before], structure_of(config, grip.tubes.pressure)
+        starts = [grip.ahead(moved), before]
         loads, feet = grip.statics.loads(starts[0]), starts[0][grip.state.places.feet]
-        bent = grip.statics.bent.update(loads, feet, structure)
+        bent = bent.update(loads, feet, structure_under(config, grip.pressures))
         statics = replace(grip.statics, bent=bent)
     else:
-        statics = build_statics(config, grip.body, contacts, grip.tubes)
+        statics = build_statics(config, grip.body, contacts, grip.pressures, bent.stiffness)
         starts = [_continued(grip, statics, chosen.origins)]
         angles[new] = np.angle(statics.straight_normals / grip.body.turn)[new]
     travel = travel_rates(config, contacts.members) @ config.roller_positions
@@ -127,18 +127,18 @@ def stick(
     return rows
 
 
-def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
+def with_pressures(grip: HeldGrip, pressures: tuple[float, ...] | None) -> HeldGrip:
     """
     Return a held grip with other tube pressures; its equilibrium must be found by `roll_grip`.
 
     Computing tables of dents for a pressure takes longer than a control cycle, so a control loop
     ignores small changes, see `steady_pressures`.
     """
-    if pressures == grip.tubes.pressure:
+    bent, state = grip.statics.bent, grip.state
+    pressures = pressures or tube_pressures(grip.config.robot.description)
+    if pressures == grip.pressures:
         return grip
-    tubes = grip.tubes._replace(pressure=pressures)
-    structure, state = structure_of(grip.config, pressures), grip.state
-    bent = grip.statics.bent.update(state.loads, state.feet, structure)
-    dents = find_dents(structure, grip.body.shape, grip.contacts, tubes)
-    statics = replace(grip.statics, bent=bent, dents=dents)
-    return replace(grip, tubes=tubes, statics=statics)
+    structure = structure_under(grip.config, pressures)
+    dents = find_dents(structure, grip.body.shape, grip.contacts, bent.stiffness)
+    bent = bent.update(state.loads, state.feet, structure)
+    return replace(grip, statics=replace(grip.statics, bent=bent, dents=dents))

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import depths_in_others, SKIN_TOLERANCE
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
     HoldStatus,
@@ -65,7 +64,7 @@ def settle_grasp(
     if members is not None:
         numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     try:
-        grip = attach_grip(config, body, numbers, wrench, TubeModel(pressure=pressure))
+        grip = attach_grip(config, body, numbers, wrench, pressure)
     except NotHeldError as error:
         lost = LostContact.of(config, body, numbers, scaled_wrench(wrench, body.arm), pressure)
         reason, depths = str(error), member_depths(config, body)
@@ -83,7 +82,7 @@ def assess_equilibrium(given: Pose, grip: HeldGrip, friction: float) -> SettledG
     reason = '' if hold is HoldStatus.HELD else ': '.join(filter(None, (hold.value, detail)))
     if hold not in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
         return SettledGrasp(hold, reason, given, friction, grip)
-    body, pressure = grip.body.moved_to(given), grip.tubes.pressure
+    body, pressure = grip.body.moved_to(given), grip.pressures
     lost = LostContact.of(grip.config, body, grip.members, grip.wrench, pressure)
     return SettledGrasp(hold, reason, given, friction, lost=lost)
 

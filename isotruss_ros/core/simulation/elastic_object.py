@@ -9,7 +9,6 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -109,10 +108,11 @@ class ElasticObject:
         if not self._pressed(config):
             return
         first = config if before is None else self._first_touch(before, config)
-        tubes = TubeModel(self._scale)
         for attached in (first, config):
             try:
-                grasp = attach_grip(attached, self._body, None, self._wrench, tubes)
+                grasp = attach_grip(
+                    attached, self._body, None, self._wrench, stiffness=self._scale
+                )
             except NotHeldError:
                 continue
             if grasp.hold(self._friction) is HoldStatus.HELD:

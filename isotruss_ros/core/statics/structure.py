@@ -190,11 +190,11 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
 
 def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:
     """Return the structural model, cached; for `pressure` see `tube_pressures`."""
-    return _structure(config, tube_pressures(config.robot.description, pressure))
+    return structure_under(config, tube_pressures(config.robot.description, pressure))
 
 
-#: Cache of `structure_of` by configuration and tube pressures.
-_structure = functools.lru_cache(maxsize=8)(Structure)
+#: Returns the structural model for a configuration and tube pressures (t,) [Pa], cached.
+structure_under = functools.lru_cache(maxsize=8)(Structure)
 
 
 def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: Array) -> Array:

@@ -21,7 +21,6 @@ from isotruss_ros.core.estimation.grip_model import (
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import MAX_FIRST_ORDER_TRAVEL
 from nightly import some_now
@@ -162,8 +161,7 @@ def test_an_assumed_squeeze_is_an_error_of_the_squeeze():
 
 
 def test_stiffness_of_the_tubes_scales_the_squeeze_and_moves_nothing():
-    tubes = TubeModel(stiffness_scale=1.1)
-    stiffer = attach_grip(CONFIG, MODEL.statics.body, MODEL.members, tubes=tubes)
+    stiffer = attach_grip(CONFIG, MODEL.statics.body, MODEL.members, stiffness=1.1)
     assert stiffer.pose == pytest.approx(MODEL.pose, abs=1e-8)
     assert stiffer.squeeze == pytest.approx(1.1 * MODEL.squeeze, rel=1e-6)
 

@@ -16,7 +16,6 @@ from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import ContactSet
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.manipulation.grip import Grip
@@ -343,7 +342,7 @@ def test_the_stiffness_is_that_of_the_measured_pressures():
         drawn = DrawnRobot(3, held=True)
         drawn.estimator.take_pressures(pressures)
         config, body = drawn.grip.config, drawn.grip.body
-        expected.append(attach_grip(config, body, tubes=TubeModel(pressure=pressures)).squeeze)
+        expected.append(attach_grip(config, body, pressure=pressures).squeeze)
         found.append(drawn.run(1.0, ALL).squeeze)
     assert expected[1] > 1.02 * expected[0]
     assert found[1] / found[0] == pytest.approx(expected[1] / expected[0], rel=0.01)

@@ -25,7 +25,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import ContactSet
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.holding.held_shape import held_joints
@@ -161,10 +160,10 @@ OTHERS = {'rollers': 5e-5, 'place': 5e-5, 'friction': 1e-3, 'wrench': 5e-3, 'sti
 
 def settle(case, chosen):
     """Return a random grasp with other parameters; None without an equilibrium."""
-    tubes = TubeModel(chosen.scale, chosen.pressures)
+    tubes = chosen.pressures, chosen.scale
     members = numbers(case.members)
     try:
-        found = attach_grip(chosen.config, chosen.body, members, chosen.wrench, tubes)
+        found = attach_grip(chosen.config, chosen.body, members, chosen.wrench, *tubes)
     except NotHeldError:
         return None
     return assess_equilibrium(chosen.body.pose, found, chosen.friction)
@@ -359,7 +358,7 @@ STEP = 2e-5  # [m], of travel and anchors
 def grip_of(name, scale=1.1):
     """Return a grasp away from home, with contacts that stick, under a load."""
     body, members = place(ROBOT, name, 0.5)
-    found = attach_grip(ROBOT.home, body, numbers(members), tubes=TubeModel(scale))
+    found = attach_grip(ROBOT.home, body, numbers(members), stiffness=scale)
     travel = 4e-3 * np.random.default_rng(1).normal(size=6)
     there = np.concatenate([travel, found.anchors])
     # Once more, until the tubes have bent.

@@ -25,7 +25,7 @@ from isotruss_ros.core.contact.dents import dent_table
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.contact_search import depths_in_others
-from isotruss_ros.core.holding.contact_statics import build_statics, TubeModel
+from isotruss_ros.core.holding.contact_statics import build_statics
 from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip, stick, with_pressures
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -270,8 +270,7 @@ def test_with_pressures_agrees_with_attaching_at_these_pressures(shape, share):
     assert with_pressures(filed, None) is filed
     pressures = tuple(share * each for each in NINE.description.pressures.values())
     changed = roll_grip(with_pressures(filed, pressures), HOME)
-    tubes = TubeModel(pressure=pressures)
-    anew = attach_grip(HOME, changed.body, filed.members, tubes=tubes)
+    anew = attach_grip(HOME, changed.body, filed.members, pressure=pressures)
     # With the dents that there were it would be off by 2 to 4 %.
     assert changed.squeeze == pytest.approx(anew.squeeze, rel=1e-3)
     assert abs(changed.squeeze / filed.squeeze - 1.0) > 0.03

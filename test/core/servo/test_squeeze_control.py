@@ -20,7 +20,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
@@ -270,18 +269,18 @@ def held_by(pressures, control=None):
     """Return a controller of the object that is held with some pressures."""
     control = control or SqueezeControl(SqueezeSettings(20.0, **MASSLESS))
     control.take_pressures(pressures)
-    model = attach_grip(CONFIG, CYLINDER, tubes=TubeModel(pressure=pressures), quick=True)
+    model = attach_grip(CONFIG, CYLINDER, pressure=pressures, quick=True)
     assert control.follow(CONFIG, measured_at(model.pose), PERIOD) is HoldStatus.HELD
     return control
 
 
 def test_model_uses_measured_pressures_from_the_start_and_in_motion():
     softer = (25e3, 30e3, 30e3)
-    model = attach_grip(CONFIG, CYLINDER, tubes=TubeModel(pressure=softer), quick=True)
+    model = attach_grip(CONFIG, CYLINDER, pressure=softer, quick=True)
     assert held_by(softer).belief.grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)
     control = held_by(None)
     assert control.belief.grasp.squeeze > 1.01 * model.squeeze
     held_by(softer, control)
-    assert control.belief.grasp.tubes.pressure == softer
+    assert control.belief.grasp.pressures == softer
     # Softer, it presses less; its contacts stay.
     assert control.belief.grasp.squeeze == pytest.approx(model.squeeze, rel=2e-3)

@@ -191,7 +191,7 @@ def test_pressures_from_before_a_clock_jump_are_not_used():
 
         w.until_code(ManipulationStatus.OK, still)
         w.spin(0.2, lambda: (still(), w.probe.send_pressures([30e3] * len(tubes))))
-        assert set(w.nodes[2]._servo.squeeze.belief.grasp.tubes.pressure) == {30e3}
+        assert set(w.nodes[2]._servo.squeeze.belief.grasp.pressures) == {30e3}
         w.nodes[2]._clear_inputs()
         w.until_code(ManipulationStatus.HALT_INVALID_TUBE_PRESSURES, still)
         assert 'none since the clock jumped' in w.probe.last('status').message
@@ -221,7 +221,7 @@ def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():
         w.until_code(ManipulationStatus.OK, still)
         w.until_code(ManipulationStatus.OK, lambda: send(30e3))
         w.spin(0.2, lambda: send(30e3))
-        assert set(w.nodes[2]._servo.squeeze.belief.grasp.tubes.pressure) == {30e3}
+        assert set(w.nodes[2]._servo.squeeze.belief.grasp.pressures) == {30e3}
         w.until_code(ManipulationStatus.HALT_STALE_TUBE_PRESSURES, still)
         w.until_code(ManipulationStatus.OK, lambda: send(30e3))
         w.until_code(ManipulationStatus.HALT_INVALID_TUBE_PRESSURES, lambda: send(-1.0))
