@@ -46,8 +46,12 @@ def judge_markers(
         rows = np.flatnonzero(np.repeat(some, 2))
         return _size(difference[rows], covariance[np.ix_(rows, rows)]) if len(rows) else 0.0
 
-    slip = _find_slip(difference, covariance, by_rollers, reach)
-    unexplained = _size(difference - by_rollers @ slip, covariance)
+    # The slip of one roller that best explains the markers.
+    weighted = np.linalg.solve(covariance, by_rollers)
+    squares = np.einsum('ij,ij->j', by_rollers, weighted)
+    slips = np.diag(np.clip(weighted.T @ difference / np.maximum(squares, 1e-12), -reach, reach))
+    sizes = [_size(difference - by_rollers @ slip, covariance) for slip in slips]
+    slip, unexplained = slips[int(np.argmin(sizes))], min(sizes)
     explained = unexplained <= _gate(2 * count)
     while kept.any() and size(kept) > _gate(2 * int(kept.sum())):
         kept = min(kept & ~np.eye(count, dtype=bool)[kept], key=size)
@@ -67,15 +71,6 @@ def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int,
         if passes_gate((swapped - expected).ravel(), covariance):
             return pair
     return None
-
-
-def _find_slip(difference: Array, covariance: Array, by_rollers: Array, reach: Array) -> Array:
-    """Return the slip (r,) of one roller, the one that best explains the markers [m]."""
-    weighted = np.linalg.solve(covariance, by_rollers)
-    size = np.einsum('ij,ij->j', by_rollers, weighted)
-    slipped = np.clip((weighted.T @ difference) / np.maximum(size, 1e-12), -reach, reach)
-    slips = np.diag(slipped)
-    return min(slips, key=lambda slip: _size(difference - by_rollers @ slip, covariance))
 
 
 def _size(off: Array, covariance: Array) -> float:

@@ -39,13 +39,21 @@ def place_home(
     # Relative to the joint along the rod: B and C on both sides of its end.
     b_arm = module.rod_length + 0.5j * module.pinch_separation * left
     angles, points = np.angle(inward), np.append(joints, np.zeros(2 * topology.n_modules))
+    m, numbers = topology.n_modules, np.arange(topology.n_modules)
+    modules = np.concatenate([topology.following, numbers, numbers, topology.previous])
+    nodes = np.concatenate([topology.end, topology.b, topology.c, topology.b[topology.previous]])
     for _ in range(MAX_NEWTON_ITERATIONS):
         rod = np.exp(1j * angles)
         points[topology.b] = joints[topology.joint] + rod * b_arm
         points[topology.c] = joints[topology.joint] + rod * b_arm.conj()
-        bisection, slope = _bisection(topology, constraints, points)
+        bisection = constraints.bisection(constraints.spans(points))
         if np.abs(bisection).max() < COINCIDENCE:
             break
+        # Gradients by the next C, own B and C, the joint (fixed), and the previous B.
+        ahead, b, c, _, back = constraints.gradients(points).reshape(13, m)[8:]
+        turning = 1j * (points[nodes] - points[topology.joint[modules]])
+        slopes = (np.concatenate([ahead, b, c, back]).conj() * turning).real
+        slope = csc_matrix((slopes, (np.tile(numbers, 4), modules)), shape=(m, m))
         try:
             step = factorize(slope).solve(bisection)
         except np.linalg.LinAlgError:
@@ -76,21 +84,6 @@ def _corners(
         )
     inward = ahead / np.abs(ahead) + back / np.abs(back)
     return inward, np.sign((inward.conj() * ahead).imag)
-
-
-def _bisection(
-    topology: Topology, constraints: Constraints, points: Points
-) -> tuple[Array, csc_matrix]:
-    """Return the bisection residual (m,), and its Jacobian (m, m) by the modules' angles."""
-    m, numbers = topology.n_modules, np.arange(topology.n_modules)
-    # Entries by the next C, own B and C, the joint (fixed), and the previous B.
-    ahead, b, c, _, back = constraints.gradients(points).reshape(13, m)[8:]
-    modules = np.concatenate([topology.following, numbers, numbers, topology.previous])
-    nodes = np.concatenate([topology.end, topology.b, topology.c, topology.b[topology.previous]])
-    turning = 1j * (points[nodes] - points[topology.joint[modules]])
-    slopes = (np.concatenate([ahead, b, c, back]).conj() * turning).real
-    bisection = constraints.bisection(constraints.spans(points))
-    return bisection, csc_matrix((slopes, (np.tile(numbers, 4), modules)), shape=(m, m))
 
 
 def _refuse_misfits(

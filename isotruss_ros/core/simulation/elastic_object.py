@@ -107,7 +107,18 @@ class ElasticObject:
         """Hold the object in the first configuration with force closure."""
         if not self._pressed(config):
             return
-        first = config if before is None else self._first_touch(before, config)
+        first = config
+        if before is not None:
+            # Approximately the first configuration with two members in contact, by bisection.
+            start, end = before.roller_positions, config.roller_positions
+            low, high = 0.0, 1.0
+            for _ in range(6):
+                middle = 0.5 * (low + high)
+                halfway = before.moved_to(start + middle * (end - start))
+                if self._pressed(halfway):
+                    high, first = middle, halfway
+                else:
+                    low = middle
         for attached in (first, config):
             try:
                 grasp = attach_grip(
@@ -118,19 +129,6 @@ class ElasticObject:
             if grasp.hold(self._friction) is HoldStatus.HELD:
                 self.grasp, self.dropped = grasp, None
                 return
-
-    def _first_touch(self, before: Configuration, config: Configuration) -> Configuration:
-        """Return approximately the first configuration with two members in contact."""
-        start, end, touch = before.roller_positions, config.roller_positions, config
-        low, high = 0.0, 1.0
-        for _ in range(6):  # bisection
-            middle = 0.5 * (low + high)
-            halfway = before.moved_to(start + middle * (end - start))
-            if self._pressed(halfway):
-                high, touch = middle, halfway
-            else:
-                low = middle
-        return touch
 
     def _pressed(self, config: Configuration) -> bool:
         """Return whether two members overlap the object; one member alone only pushes it."""
