@@ -4,14 +4,15 @@
 """
 Kinematic approach of the grasping members to an object; each step is a quadratic program (QP).
 
-minimize 1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u|^2 subject to
+minimize 1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u - n|^2 subject to
 limits, bounds on gaps of other parts, rigidity and clearance, |u| <= longest step
 
-u is the roller travel of the step, g are the gaps of the grasping members, turn is their rotation
-in the step, facing is their rotation to the directions `Closing.facing`, a is `TURNING_ARM`, and w
-is `MOTION_WEIGHT`. The configuration at the end of each step is evaluated; a step that violates a
-requirement is halved. So the steps form an admissible path. Lengths are relative to the mean
-member length at home or to the tube diameter, so that they suit robots of any size.
+u is the roller travel of the step, n is the travel to the nominal posture, g are the gaps of the
+grasping members, turn is their rotation in the step, facing is their rotation to the directions
+`Closing.facing`, a is `TURNING_ARM`, and w is `MOTION_WEIGHT`. The configuration at the end of
+each step is evaluated; a step that violates a requirement is halved. So the steps form an
+admissible path. Lengths are relative to the mean member length at home or to the tube diameter, so
+that they suit robots of any size.
 """
 
 from __future__ import annotations
@@ -146,10 +147,13 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
         matrix = np.concatenate([matrix, TURNING_ARM * turning])
         aim = np.append(aim, TURNING_ARM * turned)
     longest = np.full(len(config.roller_positions), MAX_STEP * size)
+    nominal = np.zeros(len(longest))
+    if closing.nominal_posture is not None:
+        nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
     unit = np.eye(len(longest))
     program = QuadraticProgram(
         matrix.T @ matrix + MOTION_WEIGHT * unit,
-        -matrix.T @ aim,
+        -matrix.T @ aim - MOTION_WEIGHT * nominal,
         np.concatenate([-rows, unit, -unit]),
         np.concatenate([-least, longest, longest]),
     )

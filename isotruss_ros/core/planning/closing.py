@@ -33,6 +33,9 @@ class Closing:
     limit: Limit  #: limit on a step, which is regarded as a motion of 1 s
     min_rigidity: float  #: smallest rigidity index, 1 at home [-]
     friction_angle: float = 0.0  #: half angle of the friction cones that may be used [rad]
+    #: (r,) roller positions toward which rollers move if the closing leaves them free [m]; None:
+    #: no such positions
+    nominal_posture: Array | None = None
     #: (s,) desired unit vectors from the object to the members, x + iy; None: no desired rotation,
     #: after the approach
     facing: Points | None = None

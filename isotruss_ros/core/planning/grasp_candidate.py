@@ -52,7 +52,8 @@ def close_grip(
 
     The squeeze is increased until the score decreases or a requirement is violated.
     """
-    closing = replace(closing, facing=None)
+    # A nominal posture would shift the gaps from their targets.
+    closing = replace(closing, nominal_posture=None, facing=None)
     best, best_score = None, -math.inf
     with closing.tally.recording():
         path = [press(opened, closing, np.zeros(len(closing.members)))]

@@ -5,9 +5,10 @@
 Search for grasps: kinematic approach of the members, then closing by statics.
 
 The search runs in rounds. Each round has several candidates. A candidate starts from a seed, which
-consists of grasping members and their directions toward the object. By kinematics, each candidate
-reaches an open grip or is rejected; then the grip is closed by statics. The first round has the
-most promising seeds; the following rounds have random directions.
+consists of grasping members, their directions toward the object, and a nominal posture for the
+remaining degrees of freedom. By kinematics, each candidate reaches an open grip or is rejected;
+then the grip is closed by statics. The first round has the most promising seeds; the following
+rounds have random postures.
 """
 
 from __future__ import annotations
@@ -58,8 +59,8 @@ def plan_grasps(
 
     Candidates are all pairs and triples of members around the object, unless the requirements name
     a module or members. Grasps are ranked by slip margin, unless the requirements name another
-    criterion. The first round has the most promising candidates; further rounds have random
-    directions of the members. The plan depends on `seed`, but not on the number of cores.
+    criterion. The first round has the most promising candidates; further rounds start from random
+    postures. The plan depends on `seed`, but not on the number of cores.
 
     :param config: configuration of the robot.
     :param body: the object. If it has a coefficient of friction, this replaces the one in the

@@ -30,6 +30,8 @@ import numpy as np
 
 #: Largest number of seeds of a round [-].
 MAX_SEEDS = 8
+#: Standard deviation of random nominal postures, in mean member lengths [-].
+RANDOM_POSTURE = 0.3
 
 
 def find_seeds(
@@ -49,11 +51,13 @@ def find_seeds(
     rng, radius = np.random.default_rng((seed, number)), 0.5 * file.tube_diameter
     seeds: list[tuple[float, Closing]] = []
     for group in groups:
-        turning, cone = TURN_WEIGHT, math.atan(needs.friction)
+        turning, cone, posture = TURN_WEIGHT, math.atan(needs.friction), None
         if number > 0:
             turning *= rng.uniform(0.0, 1.0)
+            away = length * rng.standard_normal(len(config.roller_positions))
+            posture = config.roller_positions + RANDOM_POSTURE * away
             cone *= rng.uniform(0.5, 1.0)
-        closing = Closing(body, group, limit, needs.min_rigidity, cone)
+        closing = Closing(body, group, limit, needs.min_rigidity, cone, posture)
         normals = closing.normals(config)
         if len(group) == 2:
             facing = find_facing(body, normals, CONE_SHARE * cone, radius, turning)

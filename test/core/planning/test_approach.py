@@ -123,3 +123,17 @@ def test_reported_violations_are_true():
         names.add(name)
     assert {'reach', 'object_clearance'} <= names
     assert names <= {'reach', 'facing', 'rigidity', 'self_clearance', 'object_clearance'}
+
+
+def test_a_posture_draws_what_the_task_leaves_free():
+    config, _, ways = reached(0)
+    closing = next(way for way in ways if way.unmet is None).closing
+    rng, start = np.random.default_rng(0), config.roller_positions
+    for _ in range(3):
+        away = 0.2 * rng.standard_normal(len(start))
+        pulled = [
+            approach(config, replace(closing, nominal_posture=start + s * away))
+            for s in (1.0, -1.0)
+        ]
+        one, other = (way.path[-1].roller_positions for way in pulled)
+        assert (one - other) @ away > 0.0

@@ -15,6 +15,7 @@ from isotruss_ros.core import (
     plan_grasps,
     Polygon,
     Pose,
+    Robot,
     settle_grasp,
 )
 from isotruss_ros.core.errors import GraspError
@@ -168,6 +169,16 @@ def test_bounds_on_forces_are_kept():
     plan = plan_grasps(ROBOT.home, OBJECTS['north'], soft, thorough=False)
     assert plan[0].max_contact_force <= 10.0
     assert plan[0].total_force <= 18.0
+
+
+def test_random_postures_find_a_grasp_that_the_current_posture_does_not():
+    """With round tubes, two sides that press with 22 N wrinkle in most postures."""
+    robot = Robot(replace(ROBOT.description, local_stiffness=1e4))
+    disc = ConvexObject.disc((0.6, 0.3), 0.2)
+    needs = GraspRequirements(friction=0.5, module='north/Z', squeeze=22.0, count=1)
+    first = plan_grasps(robot.home, disc, needs, thorough=False, max_rounds=1)
+    later = plan_grasps(robot.home, disc, needs, thorough=False)
+    assert (len(first.grasps), len(later.grasps)) == (0, 1)
 
 
 def test_external_wrench_is_held():
