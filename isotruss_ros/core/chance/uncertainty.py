@@ -10,12 +10,7 @@ from dataclasses import dataclass, fields, replace
 import math
 from typing import Any
 
-from isotruss_ros.core.chance.probability import (
-    Chance,
-    changed_grip,
-    find_chance,
-    sample_friction,
-)
+from isotruss_ros.core.chance.probability import Chance, changed_grip, find_chance, sample_friction
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grasp_gradient import GraspGradient
 from isotruss_ros.core.holding.held_gradient import GraspParameters

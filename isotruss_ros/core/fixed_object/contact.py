@@ -17,11 +17,7 @@ from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints, Surface
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.qp import solve_complementarity
-from isotruss_ros.core.numerics.tolerances import (
-    MAX_NEWTON_ITERATIONS,
-    NEGLIGIBLE_SHARE,
-    ROUNDING,
-)
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
 from scipy.linalg import lapack
 

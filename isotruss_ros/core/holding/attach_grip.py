@@ -26,22 +26,14 @@ from isotruss_ros.core.holding.contact_statics import (
     ContactStatics,
     FRICTION_COMPLIANCE,
 )
-from isotruss_ros.core.holding.held_grip import (
-    HeldGrip,
-    HoldStatus,
-    NotHeldError,
-    scaled_wrench,
-)
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, scaled_wrench
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, find_pressed, POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import (
-    MAX_NEWTON_ITERATIONS,
-    MAX_SEARCH_STEPS,
-)
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np

@@ -71,11 +71,7 @@ class LoadedTubes:
     """
 
     def __init__(
-        self,
-        grip: HeldGrip,
-        chosen: Array,
-        parameters: GraspParameters,
-        reach: float = ROUNDING,
+        self, grip: HeldGrip, chosen: Array, parameters: GraspParameters, reach: float = ROUNDING
     ) -> None:
         if grip.response is None:
             raise GraspError(

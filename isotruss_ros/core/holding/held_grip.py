@@ -86,11 +86,7 @@ class HeldGrip:
 
     @classmethod
     def of(
-        cls,
-        config: Configuration,
-        statics: ContactStatics,
-        state: ContactForces,
-        wrench: Array,
+        cls, config: Configuration, statics: ContactStatics, state: ContactForces, wrench: Array
     ) -> HeldGrip:
         """Return a grip with a solution of the equations, whose contacts have not rolled yet."""
         unknowns = state.unknowns

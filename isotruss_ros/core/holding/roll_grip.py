@@ -20,11 +20,7 @@ from isotruss_ros.core.holding.contact_statics import (
     FRICTION_COMPLIANCE,
     unwrapped,
 )
-from isotruss_ros.core.holding.held_grip import (
-    HeldGrip,
-    scaled_wrench,
-    travel_rates,
-)
+from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_rates
 from isotruss_ros.core.holding.pressed_contacts import POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points

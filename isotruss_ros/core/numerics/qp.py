@@ -27,12 +27,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
-from isotruss_ros.core.numerics.tolerances import (
-    COINCIDENCE,
-    EPSILON,
-    ROUNDING,
-    SMALLEST_NORMAL,
-)
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, EPSILON, ROUNDING, SMALLEST_NORMAL
 import numpy as np
 import scipy
 from scipy.linalg import cholesky, lapack, lstsq, solve_triangular

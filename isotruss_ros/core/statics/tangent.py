@@ -156,10 +156,7 @@ class Tangent:
 
 
 def linearize(
-    frame: Frame,
-    unknowns: Array,
-    pull: Array | None = None,
-    kept: tuple[UnloadedBlocks, ...] = (),
+    frame: Frame, unknowns: Array, pull: Array | None = None, kept: tuple[UnloadedBlocks, ...] = ()
 ) -> Tangent:
     """
     Linearise a frame about given unknowns (u,), with the blocks `Layout.kept`.
