@@ -146,14 +146,18 @@ class ContactStatics:
         return pushes, jacobian
 
     def equations(
-        self, unknowns: Array, wrench: Array, conditions: ContactConditions
+        self,
+        unknowns: Array,
+        wrench: Array,
+        conditions: ContactConditions,
+        pushes: _Pushes | None = None,
     ) -> tuple[Array, ContactForces]:
         """Return the residual (3 + 4k,) of the equations, see `Places`, and the state."""
         indices, count, arm = self.places, len(self.sides), self.body.arm
         (start, axis, *_), moment = self.bent.lines, indices.balance.start + 2
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet = unknowns[indices.feet]
-        local, skin, softs, tilts, force, loads, rates = self._push(unknowns)
+        local, skin, softs, tilts, force, loads, rates = pushes or self._push(unknowns)
         normals, back = axis * local, axis.conj()
         in_object = normals * turn.conjugate()
         points, radii = self.body.shape.surface_at(self.contacts.corners, in_object)
@@ -255,21 +259,22 @@ class ContactStatics:
         Tubes are linearised again if a node has moved by more than `reach` [m].
         """
         statics, unknowns, indices, close, least = self, start, self.places, False, np.inf
+        pushes = self._push(start)
         tolerance = np.full(indices.size, LENGTH_TOLERANCE)
         for _ in range(steps):
-            residual, state = statics.equations(unknowns, wrench, conditions)
+            residual, state = statics.equations(unknowns, wrench, conditions, pushes)
             squeeze = np.abs(unknowns[indices.normal]).sum()
             tolerance[indices.balance] = FORCE_TOLERANCE * squeeze
             # For NaN the comparisons are false, so NaN is not a solution.
-            error, loads = float((np.abs(residual) / tolerance).max()), state.loads
+            error = float((np.abs(residual) / tolerance).max())
             solved = error <= 1.0
             if not solved:
                 if (advanced := statics._advance(state, residual)) is None:
                     return None
-                unknowns, loads = advanced, statics.loads(advanced)
-                if not np.abs(loads).max() <= MAX_LOAD:
+                unknowns, pushes = advanced, statics._push(advanced)
+                if not np.abs(pushes.loads).max() <= MAX_LOAD:
                     return None  # the iteration diverges
-            feet = unknowns[indices.feet]
+            loads, feet = pushes.loads, unknowns[indices.feet]
             moved = statics.bent.distance(loads, feet)
             near = moved <= reach or close
             # Tubes are not modelled beyond the ends of their members, so these contacts converge
