@@ -274,7 +274,7 @@ class CommandHistory:
 
     def travel(self, begin: float, end: float, before: Array) -> Array:
         """
-        Return the roller travel (r,) due to the commands between two times [s] [m].
+        Return the motion of the rollers, (r,) [m], due to the commands between two times [s].
 
         `before` are the speeds (r,) before the first command of the history [m/s].
         """

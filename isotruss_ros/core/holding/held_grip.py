@@ -113,7 +113,7 @@ class HeldGrip:
 
     @property
     def pressures(self) -> tuple[float, ...]:
-        """Return the gauge pressures (t,) of the tubes [Pa]."""
+        """Return the gauge pressure of each tube, (t,) [Pa]."""
         return self.statics.bent.structure.pressures
 
     @property
