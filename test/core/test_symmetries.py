@@ -13,6 +13,7 @@ from isotruss_ros.core import (
     ConvexObject,
     deform,
     Ellipse,
+    HoldStatus,
     Polygon,
     Robot,
     settle_grasp,
@@ -286,6 +287,8 @@ CHANGES = (shifted, turned, mirrored, reframed, reordered, stiffened, enlarged)
 
 
 FRICTION, SPACING = 0.8, 0.005
+#: Without an equilibrium, rounding decides whether Newton's last iterations have lost a contact.
+UNBALANCED = HoldStatus.NO_CONTACT, HoldStatus.NO_BALANCE
 #: Sizes of which errors are shares where values are smaller [N, m]: the rest is rounding.
 FLOORS = dict.fromkeys(('forces', 'friction', 'margin', 'wrench'), 1.0)
 FLOORS |= dict.fromkeys(('displacement', 'deflection', 'lengths'), 1e-3)
@@ -321,6 +324,8 @@ def settled(case):
     config, body, wrench = case.build()
     grasp = settle_grasp(config, body, FRICTION, wrench, members=case.members)
     found = {'verdict': grasp.reason.split(':')[0]}
+    if grasp.hold in UNBALANCED:
+        found['verdict'] = 'no equilibrium'
     if grasp.equilibrium is not None:
         there = body.moved_to(grasp.pose)
         moved = there.middle - body.middle
