@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 
 from isotruss_ros.core.inputs import (
@@ -14,7 +15,6 @@ from isotruss_ros.core.inputs import (
     RejectedInput,
     RollerState,
     StampedInput,
-    Timeline,
 )
 import numpy as np
 
@@ -45,8 +45,8 @@ class RollerParts:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
-        #: Position [m] + 1j speed [m/s] of each roller.
-        self._readings = [Timeline() for _ in names]
+        #: (time [s], position [m] + 1j speed [m/s]) of each roller, in order of time.
+        self._readings = [deque[tuple[float, complex]]() for _ in names]
 
     def clear(self) -> None:
         """Discard the readings of all rollers."""
@@ -61,25 +61,30 @@ class RollerParts:
         """
         for number, reading in part.items():
             readings = self._readings[number]
-            if readings and readings.last[0] > now:
+            if readings and readings[-1][0] > now:
                 readings.clear()
-            if not readings or time >= readings.last[0]:
-                readings.add(time, complex(*reading))
+            if readings and readings[-1][0] > time:
+                continue
+            if readings and readings[-1][0] == time:
+                readings.pop()
+            readings.append((time, complex(*reading)))
 
     def merged(self) -> StampedInput | RejectedInput:
         """Return the merged state of all rollers; a rejection if a roller was in no message."""
         readings = self._readings
-        missing = [self._names[i] for i, timeline in enumerate(readings) if not timeline]
+        missing = [self._names[i] for i, stored in enumerate(readings) if not stored]
         if missing:
             return RejectedInput(
                 f'joint states: rollers {", ".join(missing)} are missing; must name '
                 f'{", ".join(self._names)}, in one message or in parts'
             )
-        times = [timeline.last[0] for timeline in readings]
+        times = [stored[-1][0] for stored in readings]
         time, newest = min(times), max(times)
-        for timeline in readings:
-            timeline.discard_before(time)
-        values, behind = np.array([timeline.at(time) for timeline in readings]), None
+        for stored in readings:
+            while len(stored) > 1 and stored[1][0] <= time:
+                stored.popleft()
+        parts = [zip(*stored, strict=True) for stored in readings]
+        values, behind = np.array([np.interp(time, *columns) for columns in parts]), None
         if time < newest:
             oldest = self._names[times.index(time)]
             words = (
