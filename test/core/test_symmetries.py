@@ -405,12 +405,14 @@ def result(find, case):
 
 
 #: What is found, how exact that is [-], and what it may depend on: the twist is that of the origin
-#: of the object's frame, and so is the measure of the nearest reachable one.
+#: of the object's frame, and so is the measure of the nearest reachable one. The weight 1e8 of
+#: progress in the program of a limited twist amplifies rounding: to 1e-6 in one of 218 random
+#: grasps, to 1e-13 in the others.
 PROPERTIES = {
     settled: (1e-8, ()),
     held_fast: (1e-6, ()),
     deflected: (1e-8, ()),
-    driven: (1e-6, (reframed,)),
+    driven: (1e-5, (reframed,)),
     margins: (1e-6, ()),
 }
 
