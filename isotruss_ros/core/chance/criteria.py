@@ -28,7 +28,7 @@ import numpy as np
 
 
 class Criteria(NamedTuple):
-    """Values of c conditions, which are positive while the object is held."""
+    """Values (c,) and their derivatives of conditions, positive while the object is held."""
 
     names: tuple[str, ...]  #: names of the violations
     values: Array  #: (c,) values [- or N or m]
@@ -69,7 +69,7 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
 
 
 def _equation_rates(grip: HeldGrip, tubes: LoadedTubes, sticks: bool = False) -> Array:
-    """Return the derivatives of the equations; the size changes no dents."""
+    """Return the equations' derivatives (3 + 4k, p) by p parameters; the size changes no dents."""
     state, body, touch = grip.state, grip.body, grip.state.places.balance.start
     rates = tubes.equation_rates(sticks)
     points, _ = body.shape.surface_at(grip.contacts.corners, state.normals / body.turn)
@@ -83,7 +83,7 @@ def _equation_rates(grip: HeldGrip, tubes: LoadedTubes, sticks: bool = False) ->
 
 
 def _near(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Criteria:
-    """Return the conditions that the equilibrium is near the given pose."""
+    """Return four conditions that bound the object's displacement from the given pose."""
     body, given, normals = grip.body, grip.statics.body, grip.state.normals
     turned = 1j * normals[:, None] * (tubes.spins + change[grip.state.places.inclinations])
     chord, swung = normals[0] - normals[-1], turned[0] - turned[-1]

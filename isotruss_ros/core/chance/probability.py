@@ -72,7 +72,7 @@ def find_chance(grips: Sequence[HeldGrip], friction: float, covariance: Array) -
 
 
 def failure_probability(sigmas: Array, correlation: Array) -> float:
-    """Return the bound for conditions at distances (c,) in standard deviations, nearest first."""
+    """Return an upper bound of the probability that one of c conditions is violated."""
     # Probabilities (c, c) that two conditions are violated, by Owen's function.
     root = np.sqrt(np.maximum(1.0 - correlation**2, EPSILON))
     limits = np.where(np.abs(sigmas) < EPSILON, -EPSILON, -sigmas.clip(-MAX_SIGMAS, MAX_SIGMAS))
