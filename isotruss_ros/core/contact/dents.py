@@ -58,7 +58,7 @@ class Spline:
         self._pieces: list[list[float]] = spline.c.T.tolist()
 
     def __call__(self, place: float, near: float) -> tuple[float, float]:
-        """Return value and slope at a place, by the polynomial that is valid at a near place."""
+        """Return value and slope at abscissa `place` by the polynomial valid at `near`."""
         piece, last = bisect_right(self._places, near) - 1, self._places[-1]
         piece = min(piece, len(self._pieces) - 1)
         inside, beyond = (place, 0.0) if near < last else (last, place - last)
@@ -82,7 +82,7 @@ class DentSample:
 
     @functools.cached_property
     def inflated(self) -> tuple[Spline, Spline, float]:
-        """Return `depth` at a higher and at a lower pressure, and their difference [Pa]."""
+        """Return `depth` at a higher and a lower pressure, and the pressures' difference [Pa]."""
         # This step minimises the error of central differences, about step^2 + EPSILON / step.
         rates, step = [0.0], EPSILON ** (1.0 / 3.0) * self._kernel.pressure.real
         for _, spacing, _, forces in self._skins:
@@ -154,7 +154,7 @@ class DentTable:
         return skin._replace(forces=skin.forces * (force / total if total > 0.0 else 0.0))
 
     def smooth_near(self, force: float, angle: float) -> DentTable:
-        """Return the table with the polynomials at a given force [N] for all forces and angles."""
+        """Return a table that uses the polynomials valid at a force [N] and angle everywhere."""
         smooth = copy.copy(self)
         smooth._near = abs(force) ** DEPTH_EXPONENT, angle
         return smooth
@@ -212,7 +212,7 @@ class DentTable:
         return numbers, weights
 
     def _press(self, angle: float) -> Callable[[float], PressedSkin]:
-        """Return the skin as a function of the depth."""
+        """Return a function that gives the skin at a depth [m] for a normal with this angle."""
         kernel, shape, normal = self._kernel, self._shape, cmath.rect(1.0, angle)
         if shape.is_round:
             return functools.partial(press_disc, kernel, shape.reach)
@@ -245,7 +245,7 @@ class Dents(NamedTuple):
         return [skin._replace(forces=self.scale * skin.forces) for skin in pressed]
 
     def smooth_near(self, forces: Array, angles: Array) -> Dents:
-        """Return the dents with the polynomials at given forces [N] and angles."""
+        """Return the dents with smooth tables, see `DentTable.smooth_near`; forces (k,) [N]."""
         tables = [table.smooth_near(*at) for table, *at in self._at(forces, angles)]
         return self._replace(tables=tables)
 
@@ -254,5 +254,5 @@ class Dents(NamedTuple):
         return np.array([table.pressure_rate(*at) for table, *at in self._at(forces, angles)])
 
     def _at(self, forces: Array, angles: Array) -> Iterator[tuple[DentTable, float, float]]:
-        """Return the tables with forces at their stiffness, and angles."""
+        """Yield table, force divided by the stiffness factor [N], and angle of each contact."""
         return zip(self.tables, (forces / self.scale).tolist(), angles.tolist(), strict=True)
