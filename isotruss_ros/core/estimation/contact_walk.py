@@ -50,7 +50,7 @@ class ContactWalk:
         self._walked = self._walked + more
 
     def attach(self, change: Array) -> None:
-        """Add a change (3, c) of the derivatives in `add` by a search, which moves no object."""
+        """Add a jump (3, c) of `by_offsets` after a new search; the pose does not change."""
         self._attached = self._attached + change
 
     def add(

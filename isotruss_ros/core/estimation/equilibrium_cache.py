@@ -117,7 +117,7 @@ class EquilibriumCache:
         return roll_grip(replace(inflated, anchors=self._anchors), config)
 
     def placed(self, shifts: Array) -> HeldGrip | None:
-        """Return the equilibrium with shifted contacts of the members (m,) [m]; None if none."""
+        """Return the equilibrium after shifts (m,) [m] of the members' contacts, or None."""
         anchors = self.grasp.anchors + shifts[self.grasp.contacts.owners]
         return roll_grip(replace(self.grasp, anchors=anchors), self.grasp.config)
 

@@ -319,7 +319,7 @@ class GripBelief:
             self.take(placed)
 
     def _leave(self, pose: Array) -> None:
-        """Initialise the state; the rest of a pose (3,) without load is unexplained."""
+        """Initialise the state with a pose (3,) minus the equilibrium's as unexplained part."""
         self.state.bias = self._even * pose_difference(pose, self.grasp.pose)
         self.state.initialise(self.cache, self._friction)
 

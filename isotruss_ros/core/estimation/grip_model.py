@@ -98,14 +98,14 @@ class OffsetRates(NamedTuple):
         return cls(grasp, gradient, by_offsets[:3], by_offsets[3])
 
     def joint_rates(self, shifts: Array) -> Array:
-        """Return those (2j, r) of the joint positions, for those (m, r) of contacts' shifts."""
+        """Return derivatives (2j, r) of joint positions, from those (m, r) of contact shifts."""
         joints, count = self.gradient.joints, len(self.grasp.config.roller_positions)
         along = anchors_by_offsets(self.grasp) + shifts[self.grasp.contacts.owners]
         return joints[:, :count] + joints[:, count:] @ along
 
 
 def anchor_rates(grasp: HeldGrip) -> Array:
-    """Return the derivatives (3 + 4k, k) of `ContactForces` by the rolling invariants."""
+    """Return the derivatives (3 + 4k, k) of `ContactForces.unknowns` by rolling invariants."""
     places = grasp.state.places
     changes = np.zeros((places.size, len(grasp.anchors)))
     changes[places.conditions] = -np.eye(len(grasp.anchors))
@@ -113,5 +113,5 @@ def anchor_rates(grasp: HeldGrip) -> Array:
 
 
 def anchors_by_offsets(grasp: HeldGrip) -> Array:
-    """Return the derivatives (k, r) of the anchors by roller offsets, for contacts at rest."""
+    """Return the derivatives (k, r) of rolling invariants by roller offsets, contacts at rest."""
     return grasp.statics.sides[:, None] * travel_rates(grasp.config, grasp.contacts.members)
