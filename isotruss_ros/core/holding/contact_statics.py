@@ -212,7 +212,7 @@ class ContactStatics:
         return derivative
 
     def sticking(self, unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        """Return `ContactConditions` that are fulfilled, with the derivatives of rolling."""
+        """Return residuals (k,) of zero, and the derivatives (k, 3 + 4k) of rolling."""
         return np.zeros(len(normals)), self.rolling_rows(unknowns, normals)
 
     def start(self) -> Array:
@@ -254,7 +254,7 @@ class ContactStatics:
         reach: float = SETTLED_MOTION,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
-        Solve for the equilibrium by Newton's method; return it with its equations, or None.
+        Return equations and state of the equilibrium by Newton's method; None if not found.
 
         Tubes are linearised again if a node has moved by more than `reach` [m].
         """

@@ -169,7 +169,7 @@ class HeldGrip:
         return self.contacts.members[self.contacts.first]
 
     def bent_lines(self, members: Indices, positions: Array) -> tuple[Points, Points]:
-        """Return points (c,) of bent centre lines [m], and their directions by the straight."""
+        """Return points (c,) of bent centre lines [m], and their rotations exp(i theta)."""
         bent, state = self.statics.bent, self.state
         starts, ends = member_lines(self.config)[members].T
         moved = bent.displacements(state.loads, state.feet)
@@ -217,7 +217,7 @@ class HeldGrip:
         return idle, np.append(3 * idle + 1, self.state.places.conditions.start + idle)
 
     def respond(self, changes: Array) -> Array | None:
-        """Return the unknowns' changes by the equations' (3 + 4k, ...); None if neutral."""
+        """Return unknowns' changes due to residuals' changes (3 + 4k, ...); None if neutral."""
         state, indices, tangent = self.state, self.state.places, self.state.jacobian.copy()
         tangent[indices.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
         idle, rows = self._idle

@@ -29,7 +29,7 @@ POINTS_PER_MEMBER, POINTS_PER_REGION = 13, 9
 
 
 def deformed_lines(grip: HeldGrip) -> Points:
-    """Return points (m, s) on the members' centre lines, between their pinch points [m]."""
+    """Return s points (m, s) on each bent centre line, from pinch to pinch point, x + iy [m]."""
     config = grip.config
     length, ring = config.member_lengths, config.robot.description.module.guide_ring_distance
     between = ring + (length - 2.0 * ring)[:, None] * np.linspace(0.0, 1.0, POINTS_PER_MEMBER)
