@@ -56,7 +56,7 @@ class WorkingRollers:
         return WorkingRollers(self.count, self.indices, working_cost, _whitening(working_cost))
 
     def spread(self, speeds: Array) -> Array:
-        """Return the speeds of all rollers from those of working rollers; others rest."""
+        """Return all rollers' speeds (r,) from those (w,) of working rollers, others zero."""
         velocities = np.zeros(self.count)
         velocities[self.indices] = speeds
         return velocities

@@ -36,7 +36,7 @@ def maximize_progress(
     penalty: float = EXACT_PENALTY,
 ) -> tuple[Array, float]:
     """
-    Return the speeds u with the largest progress s in a direction, at least cost, and s.
+    Return the speeds u and the largest s with J u = s * direction, at least cost.
 
     |u| is of order 1, J has full row rank, and `least` is the least cost |C f|^2 for s = 1.
     """
