@@ -53,7 +53,7 @@ class QuadraticProgram(NamedTuple):
 
 
 def solve_qp(problem: QuadraticProgram) -> Array | None:
-    """Return the solution; None if none is found, or if P is not positive definite."""
+    """Return the minimiser x (n,); None if none is found, or if P is not positive definite."""
     bounded = problem.bounds < np.inf
     rows, bounds = problem.rows[bounded], problem.bounds[bounded]
     free, start = _free_space(problem)
