@@ -48,7 +48,7 @@ class PathClock:
         return (2.0 * peak - self.rate) * self.ramp_time + max(cruise, 0.0)
 
     def time_then(self, elapsed: float, age: float) -> float:
-        """Return the path time at a past moment, `elapsed` - `age` after the last call [s]."""
+        """Return the path time `elapsed` - `age` after the last call of `advance` [s]."""
         return self._known.at(self._now + elapsed - age)
 
     def step(self, elapsed: float) -> float:
