@@ -39,7 +39,7 @@ class UsageLimits:
         self._rates = self._rates + np.outer(missed, step)
 
     def margin_share(self, command: RollerCommand, period: float, free: float) -> float:
-        """Return the largest factor on a command, 0 to 1, for a free part of the margin [N]."""
+        """Return the factor (0 to 1) on a command that bounds the loss rate of a margin [N]."""
         return self._share(1, command, period * MARGIN_RATE * free, period)
 
     def limit_utilisation(
@@ -55,7 +55,7 @@ class UsageLimits:
     def _share(
         self, quantity: int, command: RollerCommand, allowance: float, period: float
     ) -> float:
-        """Return the largest factor on a command, 0 to 1, for an allowance of a quantity."""
+        """Return the largest factor, 0 to 1, at which a quantity grows by at most `allowance`."""
         more = float(self._rates[quantity] @ (period * command.roller_velocities))
         return 1.0 if more <= max(allowance, 0.0) else max(allowance, 0.0) / more
 
