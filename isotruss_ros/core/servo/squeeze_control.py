@@ -212,7 +212,7 @@ class SqueezeControl:
         return force
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
-        """Move the desired pose by the executed part of a twist; limits took `missing` away."""
+        """Move the desired pose by the executed twist less `missing`, which limits removed."""
         if command.status in CHANGED:
             # Where the twist is unreachable, its correction is as well: the desired pose follows.
             self._velocity = command.achieved_twist - self._corrected - missing
