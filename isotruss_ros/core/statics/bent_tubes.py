@@ -190,12 +190,12 @@ class BentTubes:
 
     @cached_property
     def given(self) -> Array:
-        """Return the responses (k, 3), extrapolated to zero loads and zero places."""
+        """Return the responses (k, 3), extrapolated to zero loads and zero positions."""
         none = np.zeros((len(self.members), 3))
         return self.respond(none, none[:, 0])
 
     def respond(self, loads: Array, positions: Array) -> Array:
-        """Return the responses (k, 3), which are affine functions of loads and places."""
+        """Return the responses (k, 3), which are affine functions of loads and positions."""
         changes = self._changes
         return changes.state + changes.responses @ self._ways(loads, positions)
 

@@ -65,7 +65,7 @@ def unloaded(frame: Frame) -> Tangent:
 
 
 def _is_regular(rest: Tangent) -> bool:
-    """Return whether the matrix of (4) is regular."""
+    """Return whether the stiffness matrix (4) is regular; if not, the frame is a mechanism."""
     try:
         return rest.condensed[1] < MAX_CONDITION
     except StructureError:
