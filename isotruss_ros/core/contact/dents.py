@@ -33,7 +33,7 @@ from isotruss_ros.core.contact.pressed_skin import (
 )
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.tolerances import EPSILON
+from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
 import numpy as np
 import scipy
 
@@ -183,8 +183,10 @@ class DentTable:
             away = math.remainder(angle - ANGLE_STEP * near, 2.0 * math.pi)
             return near + away / ANGLE_STEP, 1.0 / ANGLE_STEP
         # Near the normal of a face the depth is almost linear in the root of the angle from it, so
-        # the samples are at equal steps of the arc sine. Beyond the face it is constant.
+        # the samples are at equal steps of the arc sine. Beyond the face it is constant, and also
+        # within rounding of its normal, where the derivative would have any size.
         sine = math.remainder(angle - self._middle, 2.0 * math.pi) / self._half
+        sine *= 1.0 + ROUNDING
         sine, quarter = min(max(sine, -1.0), 1.0), 0.5 * math.pi / self._count
         cosine = math.sqrt(1.0 - sine * sine)
         return math.asin(sine) / quarter, cosine and 1.0 / (self._half * cosine * quarter)

@@ -84,6 +84,14 @@ def test_derivative_by_the_angle_agrees_with_finite_differences(shape, angle, fo
     assert turned == pytest.approx(slope, rel=1e-4, abs=1e-6 * abs(depth))
 
 
+@pytest.mark.parametrize('away', [-1e-15, 1e-15, 1e-10])
+def test_within_rounding_of_a_face_the_dent_is_that_of_the_face(away):
+    table = dent_table(KERNEL, Polygon([(0, 0), (0.3, 0), (0, 0.3)]))
+    for face in (-0.5 * np.pi, -np.pi):
+        assert table(5.0, face + away) == table(5.0, face)
+        assert table(5.0, face + away)[2] == 0.0
+
+
 @pytest.mark.parametrize('shape', [Ellipse((0.2, 0.1)), Polygon([(0, 0), (0.3, 0), (0, 0.3)])])
 def test_second_derivatives_by_the_angle_are_continuous_at_the_samples(shape):
     table, step = dent_table(KERNEL, shape), 1e-7
