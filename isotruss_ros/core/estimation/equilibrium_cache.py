@@ -81,7 +81,7 @@ class EquilibriumCache:
         return bool(self._moved_zeros.any())
 
     def take(self, grasp: HeldGrip) -> None:
-        """Set the equilibrium, and the derivatives there."""
+        """Set the equilibrium, and the derivatives at this equilibrium."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
         self.contact_rates = grip_jacobian(grasp.config, self.grip)
         self.ahead, self._pending, self._anchors = np.zeros(4), np.zeros(4), grasp.anchors
@@ -130,7 +130,7 @@ class EquilibriumCache:
         self._pending_forces = self._pending_forces + moved[-2 * len(shifts) :]  # noqa: E203
 
     def correct_zeros(self, moved: Array, sensitivity: Array, first: int) -> None:
-        """Correct the offsets by `moved` (r,) [m]; `sensitivity[first:]` is that of the shifts."""
+        """Correct the offsets by `moved` (r,) [m]; `sensitivity[first:]` (m, r) is for shifts."""
         grasp = self.grasp
         shifts = (sensitivity[first:] @ moved)[grasp.contacts.owners]
         self._anchors = self._anchors + anchors_by_offsets(grasp) @ moved + shifts
@@ -144,7 +144,7 @@ class EquilibriumCache:
         return float(((planes.reserve + planes.rows @ self._pending_forces) / planes.size).min())
 
     def pose_change(self, grasp: HeldGrip) -> Array:
-        """Return the pose (3,) of a rolled equilibrium minus the pose expected here."""
+        """Return the pose (3,) of a rolled equilibrium minus the pose predicted by this cache."""
         return pose_difference(grasp.pose, np.array(self.grasp.pose) + self._pending[:3])
 
     def learn(self, grasp: HeldGrip, travel: Array, change: Array, elapsed: float) -> None:

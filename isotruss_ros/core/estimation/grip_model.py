@@ -68,7 +68,7 @@ class StateRates(NamedTuple):
 
     @classmethod
     def of(cls, grasp: HeldGrip, anchored: Array) -> StateRates:
-        """Return the derivatives at an equilibrium that is not neutral, see `anchor_rates`."""
+        """Return the derivatives at an equilibrium; `anchored` is from `anchor_rates`."""
         even, members = np.array([[1.0], [1.0], [grasp.arm]]), len(grasp.members)
         by_shift = anchored @ np.eye(members)[grasp.contacts.owners]
         pose, squeeze = np.zeros((3, SHIFTS + members)), np.zeros(SHIFTS + members)

@@ -41,7 +41,7 @@ class InputLag:
 
     @property
     def last(self) -> Array:
-        """Return the pose (3,) by roller travel alone, now [m, rad]."""
+        """Return the current pose (3,) by roller travel alone [m, rad]."""
         return self.way.last[1]
 
     def stay(self) -> None:
@@ -49,7 +49,7 @@ class InputLag:
         self.way.add(self.time, self.travelled)
 
     def record(self, pose: Array, since: Array, age: float) -> None:
-        """Store the pose (3,) now, and that at the last measured rollers: `since` less."""
+        """Store the pose (3,) now, and the pose `age` [s] ago, smaller by `since` (3,)."""
         # The last call's prediction is replaced, because rollers may follow their commands late.
         self.way.add(*self._measured)
         self._measured = self.time - age, pose - since

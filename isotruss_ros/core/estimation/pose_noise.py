@@ -31,7 +31,7 @@ class PoseNoise:
         self._weight = 0.2  # of the next pose; the prior weighs as much as four poses
 
     def add(self, off: Array) -> None:
-        """Update the variances with a pose (3,), minus that by roller travel alone [m]."""
+        """Update the variances with a pose (3,) minus the pose by roller travel alone [m]."""
         last, self._last = self._last, off
         if last is None:
             return

@@ -41,14 +41,14 @@ class SchmidtFilter:
         self.sensitivity = np.zeros((len(covariance), len(self.prior)))
 
     def resize(self, size: int, first: int, variance: float) -> None:
-        """Replace the last components of the state by components with a prior variance."""
+        """Set the size of the state; components from `first` on get a prior variance."""
         before, sensitivity = self.covariance, self.sensitivity
         self.reset(variance * np.eye(size))
         self.covariance[:first, :first] = before[:first, :first]
         self.sensitivity[:first] = sensitivity[:first]
 
     def spread(self, rates: Array, by_parameters: Array) -> Array:
-        """Return the covariance (m, m) of linear functions of state (m, n) and parameters."""
+        """Return the covariance (m, m) of functions linear in state (m, n), parameters (m, c)."""
         whole = by_parameters + rates @ self.sensitivity
         return rates @ self.covariance @ rates.T + whole @ self.prior @ whole.T
 

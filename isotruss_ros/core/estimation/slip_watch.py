@@ -28,7 +28,7 @@ class SlipWatch:
         self._kept: deque[tuple[float, Array, Array, Array]] = deque()
 
     def add(self, time: float, travel: Array, offsets: Array, variances: Array) -> None:
-        """Add offsets (r,) at encoder readings `travel`; compare with those of `SLIP_SPAN` ago."""
+        """Update `slipping` with offsets (r,), compared with the offsets `SLIP_SPAN` earlier."""
         self._kept.append((time, travel, offsets, variances))
         while time - self._kept[0][0] > SLIP_SPAN:
             self._kept.popleft()
