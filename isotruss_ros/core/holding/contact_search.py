@@ -247,7 +247,7 @@ def with_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSe
 
 
 def _with_third(grip: HeldGrip) -> list[ContactSet] | None:
-    """Return the set with a third member that the object penetrates; None if there is none."""
+    """Return the sets with a contact at a third member that the object penetrates, or None."""
     if len(grip.members) >= GRIP_SIZES[-1]:
         return None
     members, depths = depths_in_others(grip)

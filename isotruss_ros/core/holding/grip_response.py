@@ -104,7 +104,7 @@ class SlipPlanes(NamedTuple):
 
     @property
     def direction(self) -> Array:
-        """Return this wrench divided by its norm about the centroid, (3,)."""
+        """Return the wrench of `margin` divided by its norm about the centroid, (3,)."""
         nearest, turn = int((self.reserve / self.size).argmin()), self.about_middle
         return -turn @ turn.T @ self.slope[nearest] / self.size[nearest]
 

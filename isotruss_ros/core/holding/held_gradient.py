@@ -148,7 +148,7 @@ class LoadedTubes:
         return np.concatenate([touch, balance, closure])
 
     def respond(self, change: Array) -> TubeRates:
-        """Return the derivatives for those (3 + 4k, p) of the equilibrium's unknowns."""
+        """Return the tubes' derivatives, given those (3 + 4k, p) of the equilibrium's unknowns."""
         bent, state = self._bent, self._grip.state
         nodes_at, tangent, axis = bent.frame.layout.nodes, bent.tangent, bent.lines.axis[:, None]
         feet, inclined, normal, rubs = change[POSE:].reshape(4, len(axis), -1)
