@@ -42,7 +42,7 @@ class EvaluatedState(NamedTuple):
     spare: float  #: lower bound of the distances, minus `BarrierLaw.active_below` [m]
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
-        """Return whether no distance is smaller by `spare` or more in another configuration."""
+        """Return whether all distances have fallen by less than `spare` since the evaluation."""
         then = self.grip
         moved = float(np.abs(config.points - self.config.points).max())
         if grip is None or then is None:

@@ -60,7 +60,7 @@ class UsageLimits:
         return 1.0 if more <= max(allowance, 0.0) else max(allowance, 0.0) / more
 
     def _take(self, grasp: HeldGrip) -> None:
-        """Store the member with the largest utilisation, and this utilisation."""
+        """Store the name of the member with the largest utilisation, and this utilisation."""
         used = grasp.sections.used
         self._member = f'member {grasp.config.robot.member_names[int(used.argmax())]}'
         # At twice the wrinkling moment a tube folds.
