@@ -211,7 +211,7 @@ class BentTubes:
         return float(max(moved, slid.max()))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
-        """Return the changes (u,) of the unknowns by `ways`, at the nodes, and of the tubes."""
+        """Return the unknowns' changes (u,) relative to the moving load points, and absolute."""
         changes = self._changes.unknowns @ ways
         moved = changes.copy()
         # The displacement is relative to the place, which moves along its member.
@@ -313,7 +313,7 @@ class BentTubes:
         return self.frame.displacements(self._complete(self.tangent.unknowns + moved))
 
     def end_forces(self, loads: Array, positions: Array) -> tuple[Array, Array]:
-        """Return the linear prediction of the parts' end forces."""
+        """Return linear predictions of end forces (p, 6), and of unscaled axial forces (p,)."""
         tangent, ways = self.tangent, self._ways(loads, positions)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
         forces = tangent.forces.values + changes

@@ -93,7 +93,7 @@ class InflatableBeam:
         return Fabric(self.membrane_modulus, self.membrane_shear_modulus)
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """Return EA for each length, EI and GA; see `TubeStiffness.section_stiffness`."""
+        """Return EA, EI and GA for each length; see `TubeStiffness.section_stiffness`."""
         length, pressure = broadcast_members(length, pressure)
         constants = (self.membrane_modulus, self.membrane_shear_modulus, self.end_softening)
         return inflated_section(self.radius, *constants, length, pressure)

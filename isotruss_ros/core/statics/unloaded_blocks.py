@@ -69,7 +69,7 @@ class UnloadedBlocks(NamedTuple):
         return (turned @ strain[:, :, None])[..., 0], turned @ turns.swapaxes(1, 2)
 
     def complete(self, unknowns: Array) -> None:
-        """Set the unknowns (u,) of the blocks from those of their hinges."""
+        """Set the inner unknowns of the blocks, among all (u,), from the hinges' unknowns."""
         turn, strain = self.place(unknowns)
         values, count = (self.spread @ strain[:, :, None])[..., 0], self.inner.shape[1]
         rows = count - 3 * self.nodes.shape[1]
