@@ -11,6 +11,7 @@ from isotruss_ros.core import load_robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import TubeStiffness
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
+import numpy as np
 from numpy.typing import ArrayLike
 
 
@@ -29,3 +30,13 @@ def end_stiffnesses(pressure: ArrayLike, length: ArrayLike) -> dict[str, Array]:
     """
     tube = default_tube()
     return {mode: end_stiffness(tube, mode, length, pressure) for mode in MODES}
+
+
+def wrinkling_moment(pressure: float, radius: float) -> float:
+    """
+    Return the wrinkling moment p pi R^3 / 2 of a tube without axial force [N m].
+
+    :param pressure: gauge pressure [Pa].
+    :param radius: radius of the tube [m].
+    """
+    return 0.5 * np.pi * pressure * radius**3

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press, Pressed
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.wrinkling import wrinkling_moment
 import numpy as np
-from paper.default_tube import default_tube
+from paper.default_tube import default_tube, wrinkling_moment
 from paper.item import Advance, Report
 from paper.membrane import ATMOSPHERE, CONTACT, DISPLACED, STIFFNESS, VOLUME
 from paper.parameters import CYLINDERS, DEPTH, PRESSURE, PRESSURES, TUBE_DIAMETER, TUBE_LENGTH

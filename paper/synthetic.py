@@ -12,8 +12,8 @@ from pathlib import Path
 from isotruss_ros.calibration.beam_fit import end_stiffness
 from isotruss_ros.calibration.measurements import COLUMNS, MODES, TRIAL
 from isotruss_ros.core.statics.section import TubeStiffness
-from isotruss_ros.core.statics.wrinkling import wrinkling_moment
 import numpy as np
+from paper.default_tube import wrinkling_moment
 from paper.parameters import LENGTHS, PRESSURES, TRIALS, TUBE_DIAMETER
 
 #: Number of points of each trial [-].

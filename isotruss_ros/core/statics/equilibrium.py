@@ -154,13 +154,17 @@ class LoadPath(NamedTuple):
     limit: float  #: factor of the limit load; infinite if the path ends before it
 
 
-def follow_loads(rest: Tangent, loads: Array, most: float) -> LoadPath:
-    """Compute stable equilibria of a frame while its loads (n, 3) increase up to a factor."""
+def follow_loads(rest: Tangent, loads: Array, most: float, farthest: float = np.inf) -> LoadPath:
+    """
+    Compute the stable equilibria of a frame while its loads (n, 3) increase from zero.
+
+    The path ends at the factor `most`, or if a node is displaced by more than `farthest` [m].
+    """
     path = LoadPath([0.0], [rest], np.inf)
     step = most
     for _ in range(400):
         factor, tangent = path.factors[-1], path.tangents[-1]
-        if factor >= most:
+        if factor >= most or np.abs(tangent.displacements[:, :2]).max() > farthest:
             return path
         moved = rest.frame.displacements(tangent.respond(loads.reshape(-1, 1)))
         reach = np.abs(moved[:, :2]).max()
