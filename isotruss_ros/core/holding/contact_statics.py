@@ -63,7 +63,7 @@ FRICTION_COMPLIANCE = 1e-4
 ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
 
 
-class _Pushes(NamedTuple):
+class Pushes(NamedTuple):
     """Loads of k contacts on the tubes."""
 
     local: Points  #: (k,) normals in member axes, along + i across
@@ -117,7 +117,7 @@ class ContactStatics:
         """Return the directions (k,) of normals in the frame of the turned object [rad]."""
         return np.angle(normals * cmath.rect(1.0, -angle))
 
-    def _push(self, unknowns: Array) -> _Pushes:
+    def _push(self, unknowns: Array) -> Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
@@ -131,7 +131,7 @@ class ContactStatics:
         moments = np.array([tilts * friction, softs * friction, -skin, -tilts * friction])
         loads = np.array([force.real, force.imag, -skin * friction]).T
         rates = np.array([changes.real, changes.imag, moments]).swapaxes(0, 1)
-        return _Pushes(local, skin, softs, tilts, force, loads, rates)
+        return Pushes(local, skin, softs, tilts, force, loads, rates)
 
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
@@ -150,7 +150,7 @@ class ContactStatics:
         unknowns: Array,
         wrench: Array,
         conditions: ContactConditions,
-        pushes: _Pushes | None = None,
+        pushes: Pushes | None = None,
     ) -> tuple[Array, ContactForces]:
         """Return the residual (3 + 4k,) of the equations, see `Places`, and the state."""
         indices, count, arm = self.places, len(self.sides), self.body.arm

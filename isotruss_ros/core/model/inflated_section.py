@@ -92,7 +92,7 @@ def _overstretched(key: str, pressure: float, radius: float, modulus: float) -> 
 def _bounds(
     radius: float, pressure: float, length: float, softening: float
 ) -> tuple[SectionStiffness, SectionStiffness]:
-    """Return the smallest plausible EA, EI and GA of a member, and those of a wall of foil."""
+    """Return the smallest plausible EA, EI and GA of a member, and the largest, of metal foil."""
     soft, hard = plausible_range('tube.stiffness.membrane_modulus')
     _, stiff = plausible_range('tube.stiffness.membrane_shear_modulus')
     less, _ = plausible_range('tube.stiffness_scale')

@@ -113,7 +113,7 @@ class SqueezeControl:
     def take_offsets(
         self, offsets: Array | float, covariance: Array | None, time: float | None = None
     ) -> None:
-        """Set the offsets (r,) of all roller positions; the stamp is that of their covariance."""
+        """Set the offsets (r,) of the rollers [m] and their covariance, stamped at `time` [s]."""
         before, self._offsets, belief = self._offsets, offsets, self.belief
         self._zeros = covariance
         if belief is None:

@@ -200,7 +200,7 @@ class BentTubes:
         return changes.state + changes.responses @ self._ways(loads, positions)
 
     def distance(self, loads: Array, positions: Array) -> float:
-        """Return the largest displacement of a node from the linearised state due to loads [m]."""
+        """Return how far loads move a node at most from its place in the linearisation [m]."""
         if (self.apart != self.places).any():
             # The nodes stay beside a node or another load point.
             *_, positions = _place_cuts(self.structure, self.members, positions)
@@ -344,7 +344,7 @@ class BentTubes:
 def _place_cuts(
     structure: Structure, members: Indices, positions: Array
 ) -> tuple[Indices, Array, Array, Array]:
-    """Return pieces, distances (k,) from their starts, and `BentTubes.ahead` and `apart`."""
+    """Return pieces with load points, distances (k,) from their starts, and `ahead`, `apart`."""
     pieces, within, ahead = structure.locate(members, positions)
     inside = keep_apart(pieces, within, structure.frame.length[pieces])
     return pieces, inside, ahead, positions + ahead * (inside - within)

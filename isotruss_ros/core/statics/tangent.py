@@ -76,7 +76,7 @@ class Tangent:
         return condensed, float(np.abs(moved[:, 0] / self.frame.scale).max())
 
     def solve(self, right: Array) -> tuple[Condensed, Array]:
-        """Return the condensed matrix of (4), and the solutions (u, p) for given `right`."""
+        """Return the condensed matrix of (4), and solutions (u, p) for p columns of `right`."""
         frame, scale = self.frame, self.frame.scale[:, None]
         kept = [
             stiff * frame.scale[blocks.outer, None] * frame.scale[blocks.outer][:, None]
