@@ -200,7 +200,7 @@ class BentTubes:
         return changes.state + changes.responses @ self._ways(loads, positions)
 
     def distance(self, loads: Array, positions: Array) -> float:
-        """Return how far loads move a node at most from its place in the linearisation [m]."""
+        """Return the largest motion of a node by loads, from where it is linearised [m]."""
         if (self.apart != self.places).any():
             # The nodes stay beside a node or another load point.
             *_, positions = _place_cuts(self.structure, self.members, positions)
