@@ -13,7 +13,6 @@ from isotruss_ros.core import (
     ConvexObject,
     deform,
     Ellipse,
-    HoldStatus,
     Polygon,
     Robot,
     settle_grasp,
@@ -287,8 +286,6 @@ CHANGES = (shifted, turned, mirrored, reframed, reordered, stiffened, enlarged)
 
 
 FRICTION, SPACING = 0.8, 0.005
-#: Without an equilibrium, rounding decides whether Newton's last iterations have lost a contact.
-UNBALANCED = HoldStatus.NO_CONTACT, HoldStatus.NO_BALANCE
 #: Sizes of which errors are shares where values are smaller [N, m]: the rest is rounding.
 FLOORS = dict.fromkeys(('forces', 'friction', 'margin', 'wrench'), 1.0)
 FLOORS |= dict.fromkeys(('displacement', 'deflection', 'lengths'), 1e-3)
@@ -324,8 +321,6 @@ def settled(case):
     config, body, wrench = case.build()
     grasp = settle_grasp(config, body, FRICTION, wrench, members=case.members)
     found = {'verdict': grasp.reason.split(':')[0]}
-    if grasp.hold in UNBALANCED:
-        found['verdict'] = 'no equilibrium'
     if grasp.equilibrium is not None:
         there = body.moved_to(grasp.pose)
         moved = there.middle - body.middle
@@ -405,14 +400,12 @@ def result(find, case):
 
 
 #: What is found, how exact that is [-], and what it may depend on: the twist is that of the origin
-#: of the object's frame, and so is the measure of the nearest reachable one. The weight 1e8 of
-#: progress in the program of a limited twist amplifies rounding: to 1e-6 in one of 218 random
-#: grasps, to 1e-13 in the others.
+#: of the object's frame, and so is the measure of the nearest reachable one.
 PROPERTIES = {
     settled: (1e-8, ()),
     held_fast: (1e-6, ()),
     deflected: (1e-8, ()),
-    driven: (1e-5, (reframed,)),
+    driven: (1e-6, (reframed,)),
     margins: (1e-6, ()),
 }
 
@@ -428,6 +421,7 @@ PROPERTIES = {
 )
 @examples(40)
 @example(seed=97)  # an ellipse
+@example(seed=306)  # a face lies on a straight tube
 @given(seed=strategies.integers(0, 2**32 - 1))
 def test_results_depend_on_no_frame_order_or_unit(find, change, seed):
     case = random_case(seed)
