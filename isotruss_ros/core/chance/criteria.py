@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+import functools
 from typing import Any, NamedTuple
 
 from isotruss_ros.core.errors import GraspError
@@ -23,6 +24,7 @@ from isotruss_ros.core.holding.pressed_contacts import ANGLE
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 import numpy as np
 
@@ -49,23 +51,31 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
     critical = list(dict.fromkeys(weakest + most_used + others[-1:]))
     if any(grip.response is None for grip in (first, *critical)):
         raise GraspError('the equilibrium is neutral: it must resist every motion')
-    parameters = GraspParameters.of(first.config)
-    chosen = np.eye(parameters.size, parameters.size + 1)
-    tubes = LoadedTubes(first, chosen, parameters)
-    change = -np.linalg.solve(first.state.jacobian, _equation_rates(first, tubes))
+    change, tubes = find_unknown_rates(first)
     parts = [_criteria(first, friction, tubes, change), _near(first, tubes, change)]
     rolling = first.statics.rolling_rows(first.state.unknowns, first.state.normals)
     anchors = rolling @ change + _rolled(first, tubes)
     for grip in critical:
         old, new = first.contacts, grip.contacts
         same = (new.members[:, None] == old.members) & (new.corners[:, None] == old.corners)
-        tubes = LoadedTubes(grip, chosen, parameters, FOLLOWED_MOTION)
+        tubes = _loaded_tubes(grip, FOLLOWED_MOTION)
         rates = _equation_rates(grip, tubes, sticks=True)
         # New contacts have no history.
         rates[grip.state.places.conditions] = _rolled(grip, tubes) - same @ anchors
         parts.append(_criteria(grip, friction, tubes, grip.respond(rates)))
     names, *arrays = zip(*parts, strict=True)
     return Criteria(sum(names, ()), *map(np.concatenate, arrays))
+
+
+def find_unknown_rates(grip: HeldGrip) -> tuple[Array, LoadedTubes]:
+    """Return the derivatives (3 + 4k, p) of the unknowns, and the tubes with derivatives."""
+    tubes = _loaded_tubes(grip)
+    return -np.linalg.solve(grip.state.jacobian, _equation_rates(grip, tubes)), tubes
+
+
+def _loaded_tubes(grip: HeldGrip, reach: float = ROUNDING) -> LoadedTubes:
+    parameters = GraspParameters.of(grip.config)
+    return LoadedTubes(grip, np.eye(parameters.size, parameters.size + 1), parameters, reach)
 
 
 def _equation_rates(grip: HeldGrip, tubes: LoadedTubes, sticks: bool = False) -> Array:
@@ -111,6 +121,7 @@ def _rolled(grip: HeldGrip, tubes: LoadedTubes) -> Array:
     return rates
 
 
+@functools.lru_cache(maxsize=8)
 def scaled(body: ConvexObject, factor: float) -> ConvexObject:
     """Return an object of another size; its centroid does not move, its fields are lengths."""
     shape: Any = body.shape

@@ -15,9 +15,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
 
-from isotruss_ros.core.chance.criteria import find_criteria, scaled
+from isotruss_ros.core.chance.criteria import find_criteria, find_unknown_rates, scaled
 from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
-from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.attach_grip import attach_grip, Start
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
@@ -84,7 +84,7 @@ def failure_probability(sigmas: Array, correlation: Array) -> float:
     return min(1.0, float(scipy.special.ndtr(-sigmas).sum() - both.max(axis=1).sum()))
 
 
-def changed_grip(grip: HeldGrip, change: Array) -> HeldGrip:
+def changed_grip(grip: HeldGrip, change: Array, near: Sequence[Start] = ()) -> HeldGrip:
     """Return the equilibrium with unknown contact history for changes (p,) of parameters."""
     columns, body = GraspParameters.of(grip.config), scaled(grip.statics.body, 1.0 + change[-1])
     body = body.moved_to(np.array(body.pose) + change[columns.place])
@@ -93,7 +93,8 @@ def changed_grip(grip: HeldGrip, change: Array) -> HeldGrip:
     stiffness = max(grip.statics.bent.stiffness + change[columns.stiffness], 0.05)
     config = grip.config.moved_to(grip.config.roller_positions + change[columns.rollers])
     wrench = grip.wrench * (1.0, 1.0, grip.arm) + change[columns.wrench]
-    return attach_grip(config, body, grip.members, wrench, pressures, stiffness, near=grip)
+    near = near or [(grip, grip.state.unknowns)]
+    return attach_grip(config, body, grip.members, wrench, pressures, stiffness, near=near)
 
 
 def sample_friction(
@@ -112,11 +113,17 @@ def sample_friction(
     changes[:, tabulated] = rng.choice([-1.0, 0.0, 1.0], shape, p=shares)
     changes[:, tabulated] *= math.sqrt(3.0) * spread[tabulated]
     needed: list[float] = []
+    # The first equilibrium with each set of contacts, its change, and its derivatives.
+    models = {grip.contacts.corners.tobytes(): (grip, 0.0 * spread, find_unknown_rates(grip)[0])}
     for i, change in enumerate(changes):
         try:
-            drawn = changed_grip(grip, change)
+            near = [(g, g.state.unknowns + by @ (change - at)) for g, at, by in models.values()]
+            drawn = changed_grip(grip, change, near)
             held = assess_equilibrium(drawn.statics.body.pose, drawn, math.inf).held
             needed.append(drawn.required_friction if held else math.inf)
+            contacts = drawn.contacts.corners.tobytes()
+            if held and contacts not in models:
+                models[contacts] = drawn, change, find_unknown_rates(drawn)[0]
         except ConfigurationError:
             pass  # The sample is left out, because the robot has a configuration.
         except IsotrussError:  # no equilibrium

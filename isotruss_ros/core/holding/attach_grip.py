@@ -11,6 +11,7 @@ equilibrium determines the pose; in the others, the measured pose is taken.
 from __future__ import annotations
 
 import cmath
+from collections.abc import Sequence
 from dataclasses import replace
 
 from isotruss_ros.core.holding.contact_search import (
@@ -42,6 +43,8 @@ import numpy as np
 #: random polygons that the whole search finds; with 2 sets it finds 291, and with 8 it finds all
 #: and takes up to 1.5 times as long.
 QUICK_SETS = 4
+#: Equilibrium, and unknowns near it (3 + 4k,) at which an iteration starts.
+Start = tuple[HeldGrip, Array]
 
 
 def attach_grip(
@@ -52,7 +55,7 @@ def attach_grip(
     pressure: Pressure | None = None,
     stiffness: float = 1.0,
     quick: bool = False,
-    near: HeldGrip | None = None,
+    near: Sequence[Start] = (),
 ) -> HeldGrip:
     """
     Find the equilibrium of an object near its measured pose, with unknown contact history.
@@ -60,8 +63,8 @@ def attach_grip(
     The grasping members are given by their indices (m,), or are those that the object overlaps; if
     it overlaps fewer than two, the two nearest. The wrench (fx, fy, m) is about the origin of the
     object's frame [N, N m], the stiffness relative to the modelled one [-]. A `quick` search fits
-    in a control cycle. With the contacts of an equilibrium `near`, the iteration starts there, and
-    is as accurate as that of `roll_grip`.
+    in a control cycle. The iteration starts at the first of `near` that has the same contacts, if
+    any, and is then as accurate as that of `roll_grip`.
     """
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
@@ -109,7 +112,7 @@ def _rest_solver(
     wrench: Array,
     tubes: tuple[Pressure | None, float],
     steps: int,
-    near: HeldGrip | None = None,
+    near: Sequence[Start] = (),
 ) -> ContactSolver:
     """Return the solver of equilibria near the measured pose, with unknown contact history."""
 
@@ -117,13 +120,13 @@ def _rest_solver(
         contacts = chosen.contacts
         statics = build_statics(config, body, contacts, *tubes)
         conditions, solution = rest(statics, chosen.grazing), None
-        if near is not None and np.array_equal(near.contacts.corners, contacts.corners):
-            state, bent = near.state, near.statics.bent
-            bent = bent.update(state.loads, state.feet, statics.bent.structure)
-            bent = replace(bent, stiffness=tubes[1])
-            solution = replace(statics, bent=bent).settle(
-                state.unknowns, wrench, conditions, steps, FOLLOWED_MOTION
-            )
+        for grip, start in near:
+            if np.array_equal(grip.contacts.corners, contacts.corners):
+                bent, feet = grip.statics.bent, start[statics.places.feet]
+                bent = bent.update(grip.statics.loads(start), feet, statics.bent.structure)
+                close = replace(statics, bent=replace(bent, stiffness=tubes[1]))
+                solution = close.settle(start, wrench, conditions, steps, FOLLOWED_MOTION)
+                break
         if solution is None:
             solution = statics.settle(statics.start(), wrench, conditions, steps)
         return None if solution is None else HeldGrip.of(config, *solution, wrench)

@@ -145,7 +145,7 @@ def test_friction_alone_decides_by_its_normal_distribution():
 def test_samples_without_a_configuration_are_left_out(monkeypatch):
     settled, numbers = settle(), itertools.count()
 
-    def every_second(grip, change):
+    def every_second(grip, change, near):
         if next(numbers) % 2:
             raise ConfigurationError('too far')
         return grip
@@ -157,7 +157,7 @@ def test_samples_without_a_configuration_are_left_out(monkeypatch):
 
 
 def test_offsets_without_any_configuration_are_refused(monkeypatch):
-    def fail(grip, change):
+    def fail(grip, change, near):
         raise ConfigurationError('too far')
 
     monkeypatch.setattr(probability, 'changed_grip', fail)
