@@ -100,43 +100,41 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     shifted = poses - poses[0] + np.array(held.pose)
     goals = np.column_stack([np.interp(at, lengths, values) for values in shifted.T])
     grips, least, force = [held], held.slip_margin(friction), held.squeeze
-    for number, goal in enumerate(goals[1:], 1):
+    for number, goal in enumerate(goals[1:]):
         try:
-            moved, why = _take_step(held, friction, force, pose_difference(goal, held.pose))
+            moved = _take_step(held, friction, force, goal)
         except (ConfigurationError, GraspError, SolverError) as error:
-            if number == 1:
+            if number == 0:
                 raise
-            moved, why = None, str(error)
-        if moved is not None:
-            margin = moved.slip_margin(friction)
-            if margin < MIN_RELATIVE_MARGIN * force:
-                bound = MIN_RELATIVE_MARGIN * force
-                why = f'the slip margin is {margin:.3g} N, and must be {bound:.3g} N'
-            off = math.hypot(goal[0] - moved.pose.x, goal[1] - moved.pose.y)
-            if off > 4.0 * STEP:
-                why = f'the robot cannot move the object along the path, {1e3 * off:.0f} mm off it'
-        if moved is None or why:
-            return Foresight(held.pose, (number - 1) / count, least, why, grips)
-        held, least = moved, min(least, margin)
+            moved = str(error)
+        if isinstance(moved, str):
+            return Foresight(held.pose, number / count, least, moved, grips)
+        held, least = moved, min(least, moved.slip_margin(friction))
         grips.append(held)
     return Foresight(held.pose, 1.0, least, '', grips)
 
 
-def _take_step(
-    held: HeldGrip, friction: float, force: float, displacement: Array
-) -> tuple[HeldGrip | None, str]:
-    """Return the grip after a displacement (3,) [m, rad]; or None with the reason of a failure."""
-    grip = held.touching(friction)
+def _take_step(held: HeldGrip, friction: float, force: float, goal: Array) -> HeldGrip | str:
+    """Return the grip at a pose (3,) [m, rad] with a squeeze [N], or the reason of a failure."""
     opening = (force - held.squeeze) / held.squeeze_stiffness()
+    grip, displacement = held.touching(friction), pose_difference(goal, held.pose)
     command = solve_twist(held.config, grip, displacement, opening_rate=opening)
     if command.scale < MIN_STEP_SCALE:
-        return None, f'limits of {", ".join(command.limiting)}'
+        return f'limits of {", ".join(command.limiting)}'
     moved = command.achieved_twist * (1.0, 1.0, held.arm)
     ratio = np.abs(command.roller_velocities).max() / max(np.linalg.norm(moved), SMALLEST_NORMAL)
     if ratio > MAX_TRAVEL_RATIO:
         why = f'a roller must move by {ratio:.0f} times the motion of the object'
-        return None, f'{why}; must be at most {MAX_TRAVEL_RATIO:g}'
+        return f'{why}; must be at most {MAX_TRAVEL_RATIO:g}'
     config = held.config.moved_to(held.config.roller_positions + command.roller_velocities)
-    moved_grip = roll_grip(held, config)
-    hold = HoldStatus.NO_BALANCE if moved_grip is None else moved_grip.hold(friction)
-    return (moved_grip, '') if hold is HoldStatus.HELD else (None, hold.value)
+    rolled = roll_grip(held, config)
+    hold = HoldStatus.NO_BALANCE if rolled is None else rolled.hold(friction)
+    if hold is not HoldStatus.HELD:
+        return hold.value
+    off = math.hypot(goal[0] - rolled.pose.x, goal[1] - rolled.pose.y)
+    if off > 4.0 * STEP:
+        return f'the robot cannot move the object along the path, {1e3 * off:.0f} mm off it'
+    margin, bound = rolled.slip_margin(friction), MIN_RELATIVE_MARGIN * force
+    if margin < bound:
+        return f'the slip margin is {margin:.3g} N, and must be {bound:.3g} N'
+    return rolled

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-import math
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
@@ -71,30 +70,28 @@ def reach_pose(config: Configuration, grip: Grip, pose: ArrayLike) -> ReachedPos
         raise GraspError(f'{what}: {goal.tolist()}: {fault}')
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
     guard = ShapeGuard(config.robot)
-    remaining = pose_difference(goal, rolling.pose)
-    whole = size = math.hypot(*remaining[:2], grip.body.arm * remaining[2])
+    remaining, weights = pose_difference(goal, rolling.pose), (1.0, 1.0, grip.body.arm)
+    whole = size = float(np.linalg.norm(weights * remaining))
     status, why = Status.OK, ''
     while size > ROUNDING:
         try:
-            moved, status, why = _take_step(rolling, min(1.0, STEP / size) * remaining, guard)
+            rolling, status, why = _take_step(rolling, min(1.0, STEP / size) * remaining, guard)
         except (ConfigurationError, GraspError, SolverError) as error:
-            moved, status, why = None, Status.HALT_KINEMATICS, str(error)
-        if moved is None:
+            status, why = Status.HALT_KINEMATICS, str(error)
+        if why:
             break
-        rolling = moved
         path.append(rolling.config.roller_positions)
         remaining = pose_difference(goal, rolling.pose)
-        size = math.hypot(*remaining[:2], grip.body.arm * remaining[2])
-    else:
-        status = Status.OK
+        size = float(np.linalg.norm(weights * remaining))
     share = 1.0 - size / whole if whole > ROUNDING else 1.0
+    status = status if why else Status.OK
     return ReachedPose(rolling.config, rolling.pose, share, status, why, np.array(path))
 
 
 def _take_step(
     rolling: RollingGrip, step: Array, guard: ShapeGuard
-) -> tuple[RollingGrip | None, Status, str]:
-    """Return the grip after a displacement (3,); None with status and reason at a limit."""
+) -> tuple[RollingGrip, Status, str]:
+    """Return the grip after a displacement (3,), or before it with the reason of a failure."""
     config, grip = rolling.config, rolling.grip
     duration = 1.0 / APPROACH_RATE  # in one step a length reaches its bound
     watch = guard.watch(config, grip)
@@ -104,10 +101,10 @@ def _take_step(
     )
     if command.status is Status.UNREACHABLE:
         words = f'the rollers produce {command.reachable_dof} of 3 motions there'
-        return None, command.status, words
+        return rolling, command.status, words
     command = watch.keep(command, np.zeros(len(config.roller_positions)), duration)
     if command.scale < MIN_STEP_SCALE:
         named = ', '.join(command.limiting)
-        return None, command.status, f'limits of {named}' if named else str(command.status)
+        return rolling, command.status, f'limits of {named}' if named else str(command.status)
     travel = config.roller_positions + duration * command.roller_velocities
     return rolling.moved_to(config.moved_to(travel)), command.status, ''
