@@ -24,7 +24,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration, require_co
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
-from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.approach import Closing
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -91,7 +91,9 @@ def plan_grasps(
     # A copy without cached results, as another process has it.
     config = Configuration(config.robot, config.roller_positions, config.points)
     structure_of(config)  # contradictory stiffness laws are reported here, once
-    search = _Search(config, needs, executor, on_progress, should_stop)
+    search = _Search(
+        config, needs, executor, on_progress or (lambda _: None), should_stop or (lambda: False)
+    )
     gap = float(object_distances(config, body).min())
     length = config.robot.home.member_lengths.mean()
     if gap < -NEGLIGIBLE_SHARE * length:  # there is no path to a grasp
@@ -114,8 +116,8 @@ class _Search:
     config: Configuration
     needs: GraspRequirements
     executor: Executor | None
-    on_progress: Callable[[Progress], None] | None
-    should_stop: Callable[[], bool] | None
+    on_progress: Callable[[Progress], None]
+    should_stop: Callable[[], bool]
     began: float = field(default_factory=time.perf_counter)
     grasps: list[PlannedGrasp] = field(default_factory=list)
     judged: int = 0  #: number of judged candidates
@@ -132,8 +134,8 @@ class _Search:
             self.tally.add(tally)
             if grasp is not None:
                 # The result refers to the caller's robot, not to a copy from another process.
-                points, robot = grasp.config.points, self.config.robot
-                config = Configuration(robot, grasp.roller_positions, points)
+                points = grasp.config.points
+                config = Configuration(self.config.robot, grasp.roller_positions, points)
                 self.grasps.append(replace(grasp, config=config))
             self._report()
             if not thorough and len(self.best()) >= self.needs.count:
@@ -156,12 +158,12 @@ class _Search:
         """Return the plan with the grasps found so far."""
         best, tally = tuple(self.best()), self.tally
         return GraspPlan(
-            best,
-            not self.stopped,
-            None if best else tally.closest,
-            tally.evaluations + tally.analyses,
-            tally.analyses,
-            time.perf_counter() - self.began,
+            grasps=best,
+            complete=not self.stopped,
+            closest_violation=None if best else tally.closest,
+            evaluations=tally.evaluations + tally.analyses,
+            analyses=tally.analyses,
+            computing_time=time.perf_counter() - self.began,
         )
 
     def _judge_each(
@@ -170,7 +172,8 @@ class _Search:
         """Yield the results of the seeds in their order, until the search is stopped."""
         if self.executor is None:
             for closing in closings:
-                if self._check_stop():
+                self.stopped = self.should_stop()
+                if self.stopped:
                     return
                 yield judge_candidate(self.config, closing, self.needs)
             return
@@ -181,7 +184,8 @@ class _Search:
         try:
             for future in futures:
                 while not wait([future], POLL_INTERVAL).done:
-                    if self._check_stop():
+                    self.stopped = self.should_stop()
+                    if self.stopped:
                         return
                 yield future.result()
         finally:
@@ -190,10 +194,7 @@ class _Search:
 
     def _report(self) -> None:
         """Pass the progress of the search to its callback."""
-        if self.on_progress is None:
-            return
-        share = self.judged / self.begun if self.begun else 0.0
-        spent = time.perf_counter() - self.began
+        share, spent = self.judged / self.begun, time.perf_counter() - self.began
         self.on_progress(
             Progress(
                 self.tally.evaluations + self.tally.analyses,
@@ -203,8 +204,3 @@ class _Search:
                 spent * (1.0 / share - 1.0) if share else None,
             )
         )
-
-    def _check_stop(self) -> bool:
-        if self.should_stop is not None:
-            self.stopped = self.stopped or self.should_stop()
-        return self.stopped
