@@ -18,19 +18,23 @@ that they suit robots of any size.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
+from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.holding.pressed_contacts import facing_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.grip_rows import member_rows
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.manipulation.limits import Limit
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.qp import QuadraticProgram, require_solution, solve_qp
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_SEARCH_STEPS, ROUNDING
-from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, evaluate_state, SearchState
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE
-from isotruss_ros.core.planning.violations import RequirementError
+from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 import numpy as np
 
 #: Largest roller travel and gap change of a step, in mean member lengths [-].
@@ -54,6 +58,63 @@ GAP_TOLERANCE = 0.015
 #: Gap between the grasping members and the object at the end of the approach, in tube diameters
 #: [-].
 STANDOFF = 0.06
+#: Largest step of a quantity toward its bound, relative to the distance from the bound [-].
+BOUND_SHARE = 0.5
+#: Depth of the object in each grasping member at first contact, in tube diameters [-].
+FIRST_INDENTATION = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Closing:
+    """Object, grasping members, bounds and targets of a closing motion."""
+
+    body: ConvexObject  #: the object, which does not move
+    members: Indices  #: (s,) indices of the grasping members
+    limit: Limit  #: limit on a step, which is regarded as a motion of 1 s
+    min_rigidity: float  #: smallest rigidity index, 1 at home [-]
+    friction_angle: float = 0.0  #: half angle of the friction cones that may be used [rad]
+    #: (r,) roller positions toward which rollers move if the closing leaves them free [m]; None:
+    #: no such positions
+    nominal_posture: Array | None = None
+    #: (s,) desired unit vectors from the object to the members, x + iy; None: no desired rotation,
+    #: after the approach
+    facing: Points | None = None
+    uncertainty: Uncertainty | None = None  #: grasps are ranked by the chance; None: by measure
+    #: counts of the search, and the violation of the candidate closest to an admissible grasp
+    tally: SearchTally = field(default_factory=SearchTally)
+
+    def normals(self, config: Configuration) -> Points:
+        """Return unit vectors from the object to the grasping members, (s,) x + iy."""
+        return facing_lines(config, self.body, self.members)[1]
+
+
+class SearchState(NamedTuple):
+    """Configuration with all quantities that are bounded while the members close on the object."""
+
+    config: Configuration  #: the configuration
+    #: (3m,) gaps between the object and the members, modules and rods [m]; negative in an overlap
+    gaps: Array
+    gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps with respect to node coordinates [-]
+    modes: Modes  #: smallest singular values, see `Modes`; the first is the rigidity index
+    distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
+
+    def check_bounds(self, rigidity: float, clearance: float, gaps: Array) -> None:
+        """Raise RequirementError if rigidity, clearance [m] or a gap (3m,) [m] is too small."""
+        low = int((self.gaps - gaps).argmin())
+        for name, value, bound in (
+            ('rigidity', self.modes.values[0], rigidity),
+            ('self_clearance', self.distances.min(initial=np.inf), clearance),
+            ('object_clearance', self.gaps[low], gaps[low]),
+        ):
+            if value < bound:
+                raise RequirementError(name, float(value), float(bound))
+
+
+def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
+    """Return a configuration with all quantities that are bounded while the members close."""
+    model, modes = collision_model(config.robot), rigidity_index(config.robot).modes(config)
+    gaps, by_nodes, _ = model.body_distances(config, body)
+    return SearchState(config, gaps, by_nodes, modes, model.distances(config))
 
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
@@ -62,7 +123,7 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
 
     At the end of the path the directions of the members admit force closure.
     """
-    diameter, members = config.robot.description.tube_diameter, list(closing.members)
+    diameter, members = config.robot.description.tube_diameter, closing.members
     targets = np.full(len(members), STANDOFF * diameter)
     state = evaluate_state(config, closing.body)
     angle, radius = CONE_SHARE * closing.friction_angle, 0.5 * diameter
@@ -86,22 +147,24 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
             far = gap > GAP_TOLERANCE * diameter
             name, value = ('reach', gap) if far else ('facing', missing)
             raise RequirementError(name, value, 0.0)
-        state, share = take_closing_step(state, turned, targets, share)
+        state, share = _take_step(state, turned, targets, share)
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
     """Return the configuration in which the members are indented by given depths (s,) [m]."""
+    # A nominal posture would shift the gaps from their targets.
+    closing = replace(closing, nominal_posture=None, facing=None)
     state = evaluate_state(config, closing.body)
-    members, share, error = list(closing.members), 1.0, np.inf
+    share, error = 1.0, np.inf
     for _ in range(15):
-        error = float(np.abs(state.gaps[members] + depths).max())
+        error = float(np.abs(state.gaps[closing.members] + depths).max())
         if error <= ROUNDING:
             return state.config
-        state, share = take_closing_step(state, closing, -depths, share)
+        state, share = _take_step(state, closing, -depths, share)
     raise RequirementError('reach', error, 0.0)
 
 
-def take_closing_step(
+def _take_step(
     state: SearchState, closing: Closing, targets: Array, share: float
 ) -> tuple[SearchState, float]:
     """
@@ -109,12 +172,13 @@ def take_closing_step(
 
     The share of the longest step is that of the previous step, and 1 at first.
     """
-    move = solve_step(state, closing, targets, share)
-    rigidity, room = min(closing.min_rigidity, state.rigidity), min(0.0, state.clearance)
+    move = _solve_step(state, closing, targets, share)
+    rigidity = min(closing.min_rigidity, state.modes.values[0])
+    room = state.distances.min(initial=0.0)
     config, diameter = state.config, state.config.robot.description.tube_diameter
     # The gaps may become smaller than the program allows, because it is exact only to first order.
     bounds = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
-    bounds[list(closing.members)] = targets - GAP_TOLERANCE * diameter
+    bounds[closing.members] = targets - GAP_TOLERANCE * diameter
     bounds = np.minimum(bounds, state.gaps - COINCIDENCE)
     for halving in range(5):
         closing.tally.evaluations += 1
@@ -132,9 +196,9 @@ def take_closing_step(
     raise blocked
 
 
-def solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
+def _solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
     """Return the roller travel (r,) of one step by solving the quadratic program [m]."""
-    config, members = state.config, list(closing.members)
+    config, members = state.config, closing.members
     size = share * config.robot.home.member_lengths.mean()
     rows, least = _bound_rows(state, closing, targets)
     matrix = rows[members]
@@ -166,7 +230,7 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
 
     The first bound the gaps of all parts to the object, by targets for grasping members.
     """
-    config, members, robot = state.config, list(closing.members), state.config.robot
+    config, members, robot = state.config, closing.members, state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()
     clearance = CLEARANCE * robot.description.tube_diameter
     gaps = BOUND_SHARE * (clearance - state.gaps)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 import math
 
 from isotruss_ros.core.chance.probability import find_chance
@@ -13,11 +12,10 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.planning.approach import approach, press
-from isotruss_ros.core.planning.closing import Closing
-from isotruss_ros.core.planning.closing_in_place import close_in_place
+from isotruss_ros.core.planning.approach import approach, Closing, press
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip, PlannedGrasp
+from isotruss_ros.core.planning.motion_in_place import close_in_place
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally, Violation
 from isotruss_ros.core.safety.margins import shape_margins
@@ -34,10 +32,12 @@ def judge_candidate(
         with tally.recording():
             opened = list(approach(config, closing))
             closed = close_grip(opened[-1], closing, needs)
-            if closed is not None and needs.carry:
-                tally.closest = None
-                closed = closed[0], _check_carry(closed[1], closing, needs)
-            grasp = None if closed is None else _planned(closing, needs, opened, *closed)
+            if closed is not None:
+                pressed, grip = closed
+                if needs.carry:
+                    tally.closest = None
+                    grip = _check_carry(grip, closing, needs)
+                grasp = _planned(needs, opened, pressed, grip)
     except IsotrussError as error:
         # A candidate without a solution is rejected; its tally is kept.
         tally.record(Violation(str(error), 0.0, 0.0))
@@ -52,8 +52,6 @@ def close_grip(
 
     The squeeze is increased until the score decreases or a requirement is violated.
     """
-    # A nominal posture would shift the gaps from their targets.
-    closing = replace(closing, nominal_posture=None, facing=None)
     best, best_score = None, -math.inf
     with closing.tally.recording():
         path = [press(opened, closing, np.zeros(len(closing.members)))]
@@ -74,9 +72,8 @@ def _check_carry(grip: ClosedGrip, closing: Closing, needs: GraspRequirements) -
     held, poses = grip.equilibrium, np.array(needs.carry)
     body = held.body.moved_to(held.pose)
     foresight = foresee_grip(held.config, body, needs.friction, poses)
-    share = 0.0 if foresight is None else foresight.share
     if foresight is None or foresight.why:
-        raise RequirementError('carry', share, 1.0)
+        raise RequirementError('carry', foresight.share if foresight else 0.0, 1.0)
     if closing.uncertainty is None:
         return grip
     covariance = closing.uncertainty.covariance(held)
@@ -84,7 +81,6 @@ def _check_carry(grip: ClosedGrip, closing: Closing, needs: GraspRequirements) -
 
 
 def _planned(
-    closing: Closing,
     needs: GraspRequirements,
     opened: list[Configuration],
     pressed: list[Configuration],

@@ -2,20 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Motion in place: the squeeze of a held object is changed without moving the object.
+Motion in place: the squeeze of a free object is changed without moving the object.
 
-The roller travel for the desired squeeze and pose is found by Newton's method, with rolling
-contacts, elastic tubes and exact derivatives of the equilibrium.
+Two members have force closure from the first contact on. Then the rollers move such that the
+squeeze increases while the object keeps its pose. The roller travel for the desired squeeze and
+pose is found by Newton's method, with rolling contacts, elastic tubes and exact derivatives of the
+equilibrium. A motion computed for a fixed object would displace a free object by several
+centimetres.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import math
 
+from isotruss_ros.core.chance.probability import Chance, find_chance
+from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import held_gradient
-from isotruss_ros.core.holding.held_grip import HeldGrip, NotHeldError
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -23,7 +29,10 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
-from isotruss_ros.core.planning.closing import Closing, evaluate_state
+from isotruss_ros.core.planning.approach import Closing, evaluate_state, FIRST_INDENTATION, press
+from isotruss_ros.core.planning.facing import CONE_SHARE
+from isotruss_ros.core.planning.grasp_plan import ClosedGrip
+from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
@@ -46,14 +55,17 @@ MOTION_WEIGHT = 2e4
 MAX_FALL = 0.8
 #: Largest ratio of the residuals of successive steps [-]; slower convergence ends the iteration.
 MAX_CONTRACTION = 0.7
+#: Decrease of the distance between the members from waypoint to waypoint, in tube diameters [-].
+CLOSING_STEP = 0.12
+#: Factor by which the increments are reduced after the first violation of a bound [-]; the second
+#: violation ends the closing.
+REFINEMENT = 0.34
 
 
 def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
     """Return the equilibrium of an object between given members, from which it can roll."""
     try:
-        members = np.array(closing.members)
-        held = attach_grip(config, closing.body, members)
-        grasp = roll_grip(held, config)
+        grasp = roll_grip(attach_grip(config, closing.body, closing.members), config)
     except NotHeldError:
         grasp = None
     if grasp is None or len(grasp.members) != len(closing.members):
@@ -103,7 +115,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         ):
             state = evaluate_state(grasp.config, grasp.body)
             least = np.zeros(len(state.gaps))
-            least[list(closing.members)] = -np.inf
+            least[closing.members] = -np.inf
             state.check_bounds(closing.min_rigidity, 0.0, least)
             bound = MAX_SHIFT * grasp.config.robot.description.tube_diameter
             distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
@@ -133,3 +145,82 @@ def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
     normals = grasp.state.normals[np.searchsorted(owners, np.arange(3))]
     shares = (np.roll(normals, -1).conj() * np.roll(normals, -2)).imag
     return np.append(missing, 3.0 * force * shares / shares.sum() - grasp.normal_forces)
+
+
+def close_in_place(
+    touch: Configuration, closing: Closing, needs: GraspRequirements
+) -> Iterator[ClosedGrip]:
+    """Yield grips with increasing squeeze until a requirement would be violated."""
+    diameter = touch.robot.description.tube_diameter
+    depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
+    # The part of the friction that a grip may use while it closes.
+    usable, share = math.tan(CONE_SHARE * math.atan(needs.friction)), 1.0
+    grasp = _require_hold(hold_between(press(touch, closing, depths), closing), usable)
+    # A grip of two members is assessed after the first step, which moves the object to its pose.
+    if len(closing.members) > 2:
+        with closing.tally.recording():
+            yield _judge(grasp, closing, needs)
+    while share >= REFINEMENT and not (needs.squeeze and _has_squeeze(grasp, needs)):
+        rise = -CLOSING_STEP * diameter * grasp.squeeze_stiffness()
+        force = min(grasp.squeeze + share * rise, needs.squeeze or math.inf)
+        with closing.tally.recording():
+            moved = _require_hold(squeeze_in_place(grasp, force, closing), usable)
+            yield _judge(moved, closing, needs)
+            grasp = moved
+            continue
+        share *= REFINEMENT
+
+
+def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
+    """
+    Return a grip; raise RequirementError if it violates a bound of its forces.
+
+    Slip margin and chance are those under the required wrench.
+    """
+    closing.tally.analyses += 1
+    needs.check_bounds(
+        max_contact_force=grasp.normal_forces.max(),
+        max_total_force=grasp.normal_forces.sum(),
+        max_utilisation=grasp.sections.used.max(),
+    )
+    margin = chance = None
+    if _has_squeeze(grasp, needs):
+        with closing.tally.recording():
+            loaded = grasp
+            if any(needs.external_wrench):
+                rolled = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
+                loaded = _require_hold(rolled, needs.friction)
+            slip = loaded.slip_margin(needs.friction)
+            needs.check_bounds(min_slip_margin=slip)
+            if closing.uncertainty is not None:
+                chance = _find_chance(grasp, loaded, closing.uncertainty, needs.friction)
+            margin = slip
+    return ClosedGrip(grasp, margin, chance)
+
+
+def _has_squeeze(grasp: HeldGrip, needs: GraspRequirements) -> bool:
+    """Return whether a grasp has the required squeeze, if any."""
+    return grasp.squeeze >= (1.0 - 2.0 * SQUEEZE_TOLERANCE) * (needs.squeeze or 0.0)
+
+
+def _require_hold(grasp: HeldGrip | None, friction: float) -> HeldGrip:
+    """Return the grasp; raise RequirementError if there is none, or if a contact slips."""
+    hold = HoldStatus.NO_BALANCE if grasp is None else grasp.hold(friction)
+    if hold is HoldStatus.SLIPS:
+        raise RequirementError('force_closure', grasp.required_friction, friction)
+    if hold is not HoldStatus.HELD:
+        raise RequirementError('held', 0.0, 1.0)
+    return grasp
+
+
+def _find_chance(
+    grasp: HeldGrip, loaded: HeldGrip, uncertainty: Uncertainty, friction: float
+) -> Chance:
+    """Return the chance that the object is held from rest on, without and with the wrench."""
+    try:
+        body = grasp.body.moved_to(grasp.pose)
+        rest = attach_grip(grasp.config, body, grasp.members)
+        grips = [rest] if loaded is grasp else [rest, loaded]
+        return find_chance(grips, friction, uncertainty.covariance(loaded))
+    except GraspError:
+        raise RequirementError('held', 0.0, 1.0) from None

@@ -27,8 +27,13 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import ROUNDING
-from isotruss_ros.core.planning.approach import GAP_TOLERANCE, press
-from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, FIRST_INDENTATION
+from isotruss_ros.core.planning.approach import (
+    BOUND_SHARE,
+    Closing,
+    FIRST_INDENTATION,
+    GAP_TOLERANCE,
+    press,
+)
 from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, Violation
@@ -78,7 +83,7 @@ def plan_release(
     held = None if record is None else record.restore(config, body)
     if held is not None:  # the pose in the model
         body = held.body
-    closing = Closing(body, tuple(numbers.tolist()), limit, GraspRequirements.min_rigidity)
+    closing = Closing(body, numbers, limit, GraspRequirements.min_rigidity)
     try:
         path, closing = _unload(config, closing, held)
         turned = math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi)

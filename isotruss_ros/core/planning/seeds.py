@@ -15,7 +15,7 @@ from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.tolerances import ROUNDING
-from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
+from isotruss_ros.core.planning.approach import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.facing import (
     balances,
     CONE_SHARE,
@@ -57,7 +57,7 @@ def find_seeds(
             away = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * away
             cone *= rng.uniform(0.5, 1.0)
-        closing = Closing(body, group, limit, needs.min_rigidity, cone, posture)
+        closing = Closing(body, np.array(group), limit, needs.min_rigidity, cone, posture)
         normals = closing.normals(config)
         if len(group) == 2:
             facing = find_facing(body, normals, CONE_SHARE * cone, radius, turning)
@@ -65,7 +65,7 @@ def find_seeds(
             facing = normals if balances(body, normals, CONE_SHARE * cone, radius) else None
         if facing is not None:
             turns = np.abs(np.angle(facing / normals)).sum()
-            cost = float(gaps[list(group)].sum() / length + 0.5 * turns)
+            cost = float(gaps[closing.members].sum() / length + 0.5 * turns)
             seeds.append((round(cost, ROUNDED_DIGITS), replace(closing, facing=facing)))
     if not seeds:
         seen = len(wanted.intersection(around))

@@ -10,7 +10,7 @@ from isotruss_ros.core.chance.probability import changed_grip, find_chance
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.planning import closing_in_place
+from isotruss_ros.core.planning import motion_in_place
 from isotruss_ros.core.planning.describe_plan import export_figures, plan_in_words
 from isotruss_ros.core.planning.foresee_path import foresee_path
 import numpy as np
@@ -121,8 +121,7 @@ def test_words_and_figures_have_the_chance(plans):
 
 def test_without_uncertainty_no_chance_is_computed(monkeypatch):
     calls = []
-    monkeypatch.setattr(closing_in_place, 'attach_grip', calls.append)
-    monkeypatch.setattr(closing_in_place, 'find_chance', calls.append)
+    monkeypatch.setattr(motion_in_place, '_find_chance', lambda *given: calls.append(given))
     plan = core.plan_grasps(HOME, DISC, thorough=False, max_rounds=1)
     assert plan.grasps
     assert plan[0].chance is None

@@ -9,7 +9,7 @@ from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
-from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.approach import Closing
 from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
 from isotruss_ros.core.planning.violations import RequirementError
 from nightly import some_now
@@ -109,7 +109,7 @@ def test_rolling_polygons_have_no_hidden_corner(seed):
 def test_polygons_that_are_squeezed_in_place_have_no_hidden_corner(seed):
     squeezed = 0
     for config, grip in random_grasps(seed, 12):
-        members = tuple(config.robot.member_names.index(name) for name in grip.members)
+        members = np.array([config.robot.member_names.index(name) for name in grip.members])
         closing = Closing(grip.body, members, MemberLengthLimit(0.3, 3.0), 0.0)
         try:
             grasp = hold_between(config, closing)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import closings
 from isotruss_ros.core import GraspRequirements
 from isotruss_ros.core.planning import approach as approaching
-from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.approach import Closing
 from isotruss_ros.core.planning.facing import balances
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally

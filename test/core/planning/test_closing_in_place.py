@@ -20,9 +20,9 @@ from isotruss_ros.core import (
     SimulatedRobot,
 )
 from isotruss_ros.core.planning.approach import approach, press
-from isotruss_ros.core.planning.closing_in_place import close_in_place
 from isotruss_ros.core.planning.facing import CONE_SHARE
 from isotruss_ros.core.planning.grasp_candidate import close_grip
+from isotruss_ros.core.planning.motion_in_place import close_in_place
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.violations import SearchTally
 from nightly import some_now
