@@ -18,7 +18,7 @@ from copy import deepcopy
 from benchmarks.measuring import part, Table, timed
 from comparison import walks
 from isotruss_ros.core import ConvexObject, load_robot, plan_grasps
-from isotruss_ros.core.manipulation import twist_qp
+from isotruss_ros.core.manipulation import limit_handling
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning import approach
@@ -27,7 +27,7 @@ import qpsolvers
 
 PROGRAMS, KEPT, WALKS = part(20_000), 3000, part(30)
 PEERS = {'daqp': {'primal_tol': 1e-9}, 'quadprog': {}}
-SOURCES = {'twist': twist_qp, 'closing': approach}
+SOURCES = {'twist': limit_handling, 'closing': approach}
 
 
 def harvest() -> dict[str, list[QuadraticProgram]]:

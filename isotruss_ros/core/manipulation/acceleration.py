@@ -123,18 +123,16 @@ def _nearest(speeds: Array, kept: Array, moving: Flags, rows: Rows, otherwise: A
     if (rows.slack(speeds) >= 0.0).all():
         return speeds
     _, values, right = np.linalg.svd(kept[:, moving])  # unlike SciPy's, also of empty matrices
-    rank = int((values > ROUNDING * values.max(initial=0.0)).sum())
-    directions = right[rank:].T
-    if not directions.size:
+    fixed = right[: (values > ROUNDING * values.max(initial=0.0)).sum()]
+    size, unit = float(np.abs(speeds).max()) or 1.0, np.eye(len(right))
+    matrix, room = rows.about(speeds).one_sided()
+    matrix, room, none = matrix[:, moving], room / size, np.zeros(len(fixed))
+    step = solve_qp(QuadraticProgram(unit, 0.0 * unit[0], matrix, room, fixed, none))
+    if step is None:
         return otherwise
-    basis, origin = np.zeros((len(speeds), directions.shape[1])), np.zeros(directions.shape[1])
-    basis[moving] = directions
-    size = float(np.abs(speeds).max()) or 1.0
-    rates, turned = rows.matrix.dot(speeds), rows.matrix.dot(basis)
-    normals = np.concatenate([turned, -turned])
-    room = np.concatenate([rows.upper - rates, rates - rows.lower]) / size
-    step = solve_qp(QuadraticProgram(np.eye(len(origin)), origin, normals, room))
-    return otherwise if step is None else speeds + size * basis.dot(step)
+    changed = speeds.copy()
+    changed[moving] += size * step
+    return changed
 
 
 def _surface_share(start: Array, wanted: Array, top: float) -> float:

@@ -12,6 +12,18 @@ If the set of admissible twists is nearly empty, full roller speed would produce
 the twist, with a sign that alternates from cycle to cycle. So a regularisation reduces the
 deviation from the least-cost speeds of the scaled twist, at the expense of progress along the
 twist. It is zero without limits, so the command does not jump where a limit begins to bind.
+
+The quadratic program (QP) for the largest progress along a twist at least cost (11) is
+
+    minimize   1/2 |C (u - s f)|^2 - rho (s - s^2 / (4 reach))
+    subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
+
+with the least-cost speeds f of `least_cost`. J (u - s f) = 0, so the first term is
+1/2 |C u|^2 - 1/2 s^2 |C f|^2. The second term is an exact penalty if rho is large: its slope is at
+least rho / 2. Then the progress s is the largest possible one, and the cost is minimal for this s.
+The direction must be scaled such that u and s have equal magnitudes. Without binding limits the
+solution is reach * f for every rho. At binding limits `least_deviation` deviates from the
+direction.
 """
 
 from __future__ import annotations
@@ -23,12 +35,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import Limit, Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Task
-from isotruss_ros.core.manipulation.twist_qp import (
-    EXACT_PENALTY,
-    least_deviation,
-    maximize_progress,
-)
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.qp import QuadraticProgram, require_solution, solve_qp
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
 
@@ -41,6 +49,8 @@ PROGRESS_WEIGHT = 20.0
 #: rollers go back and forth in 183 cycles with 0, in 61 with 0.02, in 3 with 0.07, and in 6 with
 #: 0.22. With 0.07, four other robots do so in at most 4 of 360 cycles at 20, 50 and 100 mm/s.
 LOOP_SOFT_RANK = 0.07
+#: Penalty rho relative to |C u|^2 with |u| of order 1 that is exact up to rounding [-].
+EXACT_PENALTY = 1e8
 
 
 @dataclass(frozen=True)
@@ -84,16 +94,16 @@ def apply_limits(
     fixed, slid = bounds, False
     if handling.slide_along_limits:
         counts = [len(limit.row_names(config)) for limit in limits]
-        fixed = bounds.take(~np.repeat([limit.can_slide for limit in limits], counts))
+        rigid = ~np.repeat([limit.can_slide for limit in limits], counts)
+        fixed = Rows(*(part[rigid] for part in bounds))
     solution, made = maximize_progress(
         working.cost, reach.rows, direction, farthest, fixed, least, penalty
     )
     slack = bounds.slack(solution)
     if handling.slide_along_limits and (slack < -NEGLIGIBLE_SHARE).any():
-        slid, rank, rates = True, len(reach.directions), bounds.matrix.dot(solution)
-        moved = Rows(bounds.matrix, bounds.lower - rates, bounds.upper - rates)
+        slid, rank, room = True, len(reach.directions), bounds.about(solution)
         opening = made * direction[rank:]
-        change = least_deviation(working.cost, reach.rows, rank, opening, moved, weight)
+        change = least_deviation(working.cost, reach.rows, rank, opening, room, weight)
         solution = solution + change
         made += gain * float(task.direction.dot(reach.rows.dot(change)))
         slack = bounds.slack(solution)
@@ -113,3 +123,50 @@ def apply_limits(
         slowed = bound[0][0] if bound else Status.SLOWED_ROLLER_SPEED
         status = Status.SLIDING if slid else slowed
     return velocities, scale, status, tuple(name for _, name in bound)
+
+
+def maximize_progress(
+    cost: Array,
+    equality: Array,
+    direction: Array,
+    reach: float,
+    limited: Rows,
+    least: float,
+    penalty: float = EXACT_PENALTY,
+) -> tuple[Array, float]:
+    """
+    Return the speeds u and the largest s with J u = s * direction, at least cost.
+
+    |u| is of order 1, J has full row rank, and `least` is the least cost |C f|^2 for s = 1.
+    """
+    r = len(cost)
+    hessian, slope = np.zeros((r + 1, r + 1)), np.zeros(r + 1)
+    hessian[:r, :r] = cost
+    hessian[r, r], slope[r] = penalty / (2.0 * max(reach, 1.0)) - least, -penalty
+    matrix, bounds = limited.one_sided()
+    rows = np.zeros((len(bounds) + 2, r + 1))
+    rows[:-2, :r], rows[-2:, r] = matrix, (1.0, -1.0)
+    equations = np.concatenate([equality, -direction[:, None]], axis=1)
+    bounds, target = np.append(bounds, [reach, 0.0]), np.zeros(len(direction))
+    problem = QuadraticProgram(hessian, slope, rows, bounds, equations, target)
+    solution = require_solution(solve_qp(problem))
+    return solution[:r], float(min(max(solution[r], 0.0), reach))
+
+
+def least_deviation(
+    cost: Array, equality: Array, rank: int, opening: Array, limited: Rows, regularization: float
+) -> Array:
+    """
+    Return the least change v of roller speeds that fulfils the limits on v.
+
+    It minimises 1/2 |J v|^2 + regularization/2 |C v|^2 with the first `rank` rows of J. The other
+    rows are equalities J v = 0; if the bounds do not admit them, they become J v = -opening.
+    """
+    reached, kept = equality[:rank], equality[rank:]
+    hessian, gradient = reached.T @ reached + regularization * cost, np.zeros(len(cost))
+    target = np.zeros(len(kept))
+    problem = QuadraticProgram(hessian, gradient, *limited.one_sided(), kept, target)
+    change = solve_qp(problem)
+    if change is None:
+        change = solve_qp(problem._replace(target=-opening))
+    return require_solution(change)

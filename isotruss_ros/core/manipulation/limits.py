@@ -18,7 +18,7 @@ from typing import ClassVar, NamedTuple, Protocol
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
 #: Largest decay rate of the distance of a member length from its bound [1/s]; control loops run at
@@ -38,9 +38,15 @@ class Rows(NamedTuple):
         rates = self.matrix.dot(speeds)
         return np.minimum(self.upper - rates, rates - self.lower)
 
-    def take(self, chosen: Indices | Flags) -> Rows:
-        """Return the inequality rows with given indices."""
-        return Rows(self.matrix[chosen], self.lower[chosen], self.upper[chosen])
+    def about(self, speeds: Array) -> Rows:
+        """Return the rows for changes of given roller speeds (r,)."""
+        rates = self.matrix.dot(speeds)
+        return Rows(self.matrix, self.lower - rates, self.upper - rates)
+
+    def one_sided(self) -> tuple[Array, Array]:
+        """Return the matrix (2k, r) and the upper bounds (2k,) [m/s] of the same limits."""
+        matrix = np.concatenate([self.matrix, -self.matrix])
+        return matrix, np.concatenate([self.upper, -self.lower])
 
 
 class Limit(Protocol):

@@ -241,10 +241,10 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     apart = state.distances[near] - clearance
     margins = np.append(few.values - closing.min_rigidity, apart)
     shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]
-    limits = closing.limit.rows(config)
+    limits, most = closing.limit.rows(config).one_sided()
     by_nodes = config.roller_rows(np.concatenate([state.gaps_by_nodes, *shape]))
     least = np.minimum(0.0, np.concatenate([gaps, -BOUND_SHARE * margins]))
     return (
-        np.concatenate([by_nodes, limits.matrix, -limits.matrix]),
-        np.concatenate([least, limits.lower, -limits.upper]),
+        np.concatenate([by_nodes, -limits]),
+        np.concatenate([least, -most]),
     )

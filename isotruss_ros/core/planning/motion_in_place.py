@@ -80,9 +80,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     scale = np.array([SQUEEZE_TOLERANCE * force, *place, *evened * [SQUEEZE_TOLERANCE * force]])
     weights = np.ones(len(scale) - 1)
     weights[2] = ROTATION_WEIGHT
-    limits = closing.limit.rows(grasp.config)
-    rows = np.concatenate([limits.matrix, -limits.matrix])
-    room = np.concatenate([limits.upper, -limits.lower])  # up to the end of the motion
+    rows, room = closing.limit.rows(grasp.config).one_sided()  # up to the end of the motion
     rollers = len(grasp.config.roller_positions)
     for _ in range(MAX_SEARCH_STEPS):
         # Errors in units of tolerances: squeeze, pose and, for three members, ratios of forces.

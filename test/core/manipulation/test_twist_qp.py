@@ -4,9 +4,9 @@
 """The quadratic programs of the twist: solutions known by hand, and their conditions."""
 
 from hypothesis import given, strategies
+from isotruss_ros.core.manipulation.limit_handling import least_deviation, maximize_progress
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.task import least_cost
-from isotruss_ros.core.manipulation.twist_qp import least_deviation, maximize_progress
 import numpy as np
 import pytest
 import robots
