@@ -14,7 +14,7 @@ from isotruss_ros.calibration.home_mistakes import find_mistake
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.core.manipulation.solve_twist import check_joint
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.records import Record

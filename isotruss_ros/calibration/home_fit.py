@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.core.manipulation.solve_twist import check_joint
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 import scipy

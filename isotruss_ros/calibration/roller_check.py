@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.core.manipulation.solve_twist import check_joint
 from isotruss_ros.core.numerics.arrays import finite_array, finite_rows, MAX_MAGNITUDE
 import numpy as np
 

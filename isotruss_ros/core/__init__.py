@@ -22,9 +22,9 @@ from isotruss_ros.core.kinematics.robot import load_robot, Robot
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_placing import place_between, tangent_center
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
-from isotruss_ros.core.manipulation.solve_joint_velocity import solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import (
     reachable_twists,
+    solve_joint_velocity,
     solve_twist,
     solve_twist_ahead,
 )

@@ -56,8 +56,6 @@ def limit_acceleration(
         object is moved.
     """
     motion, contacts = command.motion, command.contact_rows
-    if motion is None or contacts is None:
-        return command  # a halt
     velocities = wanted = command.roller_velocities
     weighted = motion * (0.0 if arm is None else np.array([[1.0], [1.0], [arm]]))
     top = float(np.linalg.norm(weighted.dot(previous))) + SURFACE_ACCELERATION * change

@@ -156,12 +156,8 @@ def _find_nodes(topology: Topology, names: tuple[str, ...]) -> MemberNodes:
     members = np.array([topology.member_names.index(name) for name in names], dtype=np.intp)
     driven = np.flatnonzero(np.isin(members, topology.driven))
     lines = np.stack([topology.b[members], topology.c[topology.following[members]]], axis=1)
-    nodes = MemberNodes(
-        members=members,
-        lines=lines,
-        driven=driven,
-        rollers=topology.driven.searchsorted(members[driven]),
-    )
+    rollers = topology.driven.searchsorted(members[driven])
+    nodes = MemberNodes(members, lines, driven, rollers)
     for array in nodes:
         array.flags.writeable = False
     return nodes
@@ -200,23 +196,18 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
         points = [body.center + body.turn * point for _, point in touched]
         gaps = [((start - point) * normal.conjugate()).real - 0.5 * tube for point in points]
         shares = [((point - start) / span).real for point in points]
-        _check_touch(grip, owner, min(gaps, key=abs), shares, tube)
+        gap, fault = min(gaps, key=abs), ''
+        if min(shares) > 1.0 or max(shares) < 0.0:  # a face may extend beyond a member's end
+            share = min(shares, key=abs)
+            fault = f'the contact would be at {share:.6g} of its length; must be from 0 to 1'
+        elif abs(gap) > tube:
+            fault = f'the gap is {gap:.3g} m; must be within {tube:.3g} m'
+        if fault:
+            raise GraspError(
+                f'member {grip.members[owner]} does not touch the object at '
+                f'({grip.center.real:.4g}, {grip.center.imag:.4g}) m: {fault}. Name the members '
+                'that hold the object, or give its pose in the robot frame'
+            )
         for (corner, _), point in zip(touched, points, strict=True):
             contacts.append(GripContact(owner, start, normal, point, corner, side))
     return contacts
-
-
-def _check_touch(grip: Grip, owner: int, gap: float, shares: list[float], tube: float) -> None:
-    """Raise GraspError if a member has no contact; a face may extend beyond a member's end."""
-    if min(shares) > 1.0 or max(shares) < 0.0:
-        share = min(shares, key=abs)
-        what = f'the contact would be at {share:.6g} of its length; must be from 0 to 1'
-    elif abs(gap) > tube:
-        what = f'the gap is {gap:.3g} m; must be within {tube:.3g} m'
-    else:
-        return
-    raise GraspError(
-        f'member {grip.members[owner]} does not touch the object at ({grip.center.real:.4g}, '
-        f'{grip.center.imag:.4g}) m: {what}. Name the members that hold the object, or give its '
-        'pose in the robot frame'
-    )

@@ -74,12 +74,10 @@ class RollingGrip:
         """
         require_configuration(config)
         contacts = find_contacts(config, grip)
-        by_member = {contact.owner: contact for contact in contacts}
-        sides = np.array([contact.side for contact in by_member.values()])
-        normals = np.array([contact.normal for contact in by_member.values()])
+        members = {contact.owner: (contact.side, contact.normal) for contact in contacts}
+        sides, normals = map(np.array, zip(*members.values(), strict=True))
         angles = np.angle(normals * grip.body.turn.conjugate())
-        owners = np.array([contact.owner for contact in contacts])
-        corners = np.array([contact.corner for contact in contacts])
+        owners, corners = np.array([(contact.owner, contact.corner) for contact in contacts]).T
         shape = grip.body.shape.smoothed(0.5 * config.robot.description.tube_diameter)
         none = np.zeros((2, len(owners)))
         rolling = cls(config, grip, angles, owners, corners, none, sides, shape)

@@ -1,15 +1,20 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Roller velocities for a twist of the grasped object: minimize (11) subject to (20)."""
+"""
+Roller velocities for a twist of the grasped object, or for velocities of joints.
+
+The velocities minimize (11) subject to (20).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import apply_limits, LimitHandling
@@ -17,7 +22,7 @@ from isotruss_ros.core.manipulation.limits import default_limits, Limit, stack_r
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.core.manipulation.task import find_task, Reach, working_rollers, WorkingRollers
+from isotruss_ros.core.manipulation.task import find_task, Reach, working_rollers
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -69,29 +74,28 @@ def solve_twist(
     :raises SolverError: a quadratic program was not solved.
     """
     require_configuration(config)
-    robot = config.robot
     desired = np.asarray(twist)
     usable = desired.dtype == float and desired.shape == (3,)
     if not (usable and all(map(math.isfinite, desired.tolist()))):
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
-    working = working_rollers(
-        robot.topology, frozenset([failed] if isinstance(failed, str) else failed)
-    )
-    reach = _find_reach(config, grip, working)
+    weights = np.array([1.0, 1.0, grip.body.arm])
+    reach = _find_reach(config, grip_jacobian(config, grip), weights, failed)
     if cost is not None:
-        reach = reach._replace(working=working.with_cost(cost))
+        reach = reach._replace(working=reach.working.with_cost(cost))
     if len(reach.directions) < 3 and desired.any():
         reach = roll_off_faces(config, grip, reach, desired)
-    return carry_out(config, reach, desired, limits, handling, opening_rate)
+    return _carry_out(config, reach, desired, limits, handling, opening_rate)
 
 
-def _find_reach(config: Configuration, grip: Grip, working: WorkingRollers) -> Reach:
-    """Return the twists of the object at which no contact slips or opens."""
-    weights = np.array([1.0, 1.0, grip.body.arm])
-    return Reach.of(grip_jacobian(config, grip), working, weights)
+def _find_reach(
+    config: Configuration, jacobian: Array, weights: Array, failed: Collection[str]
+) -> Reach:
+    """Return the motions that the rollers other than failed ones can produce, see `Reach.of`."""
+    names = frozenset([failed] if isinstance(failed, str) else failed)
+    return Reach.of(jacobian, working_rollers(config.robot.topology, names), weights)
 
 
-def carry_out(
+def _carry_out(
     config: Configuration,
     reach: Reach,
     desired: Array,
@@ -164,6 +168,62 @@ def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] 
     :raises ConfigurationError: the configuration is singular.
     """
     require_configuration(config)
-    working = working_rollers(config.robot.topology, frozenset(failed))
-    reach = _find_reach(config, grip, working)
-    return reach.directions / reach.weights
+    weights = np.array([1.0, 1.0, grip.body.arm])
+    return _find_reach(config, grip_jacobian(config, grip), weights, failed).directions / weights
+
+
+def check_joint(robot: Mechanism, name: str) -> None:
+    """Raise GraspError if a robot has no such joint."""
+    names = robot.topology.joint_names
+    if name not in names:
+        raise GraspError(
+            f'joint {name!r}: robot {robot.name} has no such joint; '
+            f'its joints are {", ".join(names)}'
+        )
+
+
+@single_threaded
+def solve_joint_velocity(
+    config: Configuration,
+    velocities: Mapping[str, ArrayLike],
+    failed: Collection[str] = (),
+    limits: Sequence[Limit] | None = None,
+    handling: LimitHandling = SCALING,
+) -> RollerCommand:
+    """
+    Return the least-cost (11) roller velocities for given velocities of joints.
+
+    Unreachable velocities are replaced by the closest reachable velocities. At binding limits,
+    velocities are scaled or projected, as in `solve_twist`.
+
+    :param config: configuration of the robot.
+    :param velocities: velocity (vx, vy) of each commanded joint in the robot frame, by the joint's
+        name [m/s]; the other joints may move in any way.
+    :param failed: names of failed rollers, which do not move.
+    :param limits: limits that replace those of the robot file; None: the limits of the file.
+    :param handling: behaviour at binding limits.
+    :return: command; `achieved_twist` has the velocities vx, vy of the joints in the order of
+        `velocities`, (2 k,) [m/s], and `reachable_dof` is the number of independent motions of
+        the joints.
+    :raises GraspError: the robot has no such joint or roller, no velocity is given, or a velocity
+        is not two finite numbers.
+    :raises ConfigurationError: the configuration is singular.
+    :raises SolverError: a quadratic program was not solved.
+    """
+    require_configuration(config)
+    names = config.robot.topology.joint_names
+    if not velocities:
+        raise GraspError(f'velocities: none; give one or more, of the joints {", ".join(names)}')
+    for joint in velocities:
+        check_joint(config.robot, joint)
+    desired = np.concatenate(
+        [
+            finite_array(velocity, 2, f'the velocity (vx, vy) [m/s] of joint {joint}', GraspError)
+            for joint, velocity in velocities.items()
+        ]
+    )
+    nodes = np.array([names.index(joint) for joint in velocities])
+    columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
+    jacobian = config.roller_rows(np.eye(2 * len(config.points))[columns])
+    reach = _find_reach(config, jacobian, np.ones(len(jacobian)), failed)
+    return _carry_out(config, reach, desired, limits, handling)

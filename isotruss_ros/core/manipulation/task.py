@@ -36,7 +36,11 @@ class WorkingRollers:
     count: int  #: number of all rollers
     indices: Indices  #: (w,) indices of the working rollers
     cost: Array  #: (w, w) cost C^T C (11) of their speeds [-]
-    whitening: Array  #: (w, w) matrix E such that the speeds E y have the cost |y|^2 [-]
+
+    @functools.cached_property
+    def whitening(self) -> Array:
+        """Return the matrix E (w, w) such that the speeds E y have the cost |y|^2 [-]."""
+        return np.linalg.inv(np.linalg.cholesky(self.cost)).T
 
     def take(self, rows: Array) -> Array:
         """Return a copy of the columns of the working rollers."""
@@ -53,13 +57,13 @@ class WorkingRollers:
         working_cost = matrix[np.ix_(self.indices, self.indices)]
         if len(working_cost):
             working_cost = working_cost * (np.trace(self.cost) / np.trace(working_cost))
-        return WorkingRollers(self.count, self.indices, working_cost, _whitening(working_cost))
+        return WorkingRollers(self.count, self.indices, working_cost)
 
-    def spread(self, speeds: Array) -> Array:
-        """Return all rollers' speeds (r,) from those (w,) of working rollers, others zero."""
-        velocities = np.zeros(self.count)
-        velocities[self.indices] = speeds
-        return velocities
+    def spread(self, columns: Array) -> Array:
+        """Return columns of all rollers (..., r) from those of working rollers, others zero."""
+        spread = np.zeros((*columns.shape[:-1], self.count))
+        spread[..., self.indices] = columns
+        return spread
 
 
 @functools.lru_cache(maxsize=16)
@@ -72,12 +76,7 @@ def working_rollers(topology: Topology, failed: frozenset[str]) -> WorkingRoller
     # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
     incidence = topology.incidence[:, indices]
     cost = incidence.T @ incidence
-    return WorkingRollers(len(topology.roller_names), indices, cost, _whitening(cost))
-
-
-def _whitening(cost: Array) -> Array:
-    """Return E (w, w) with |C E y| = |y|, where C^T C is the cost matrix."""
-    return np.linalg.inv(np.linalg.cholesky(cost)).T
+    return WorkingRollers(len(topology.roller_names), indices, cost)
 
 
 class Reach(NamedTuple):
@@ -103,12 +102,7 @@ class Reach(NamedTuple):
     @property
     def contact_rows(self) -> Array:
         """Return the contact constraints (g, r) on the speeds of all rollers [-]."""
-        rows, working = self.rows[len(self.directions) :], self.working  # noqa: E203
-        if len(working.indices) == working.count:
-            return rows
-        all_rollers = np.zeros((len(rows), working.count))
-        all_rollers[:, working.indices] = rows
-        return all_rollers
+        return self.working.spread(self.rows[len(self.directions) :])  # noqa: E203
 
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:

@@ -13,7 +13,7 @@ from isotruss_ros.core.inputs import CommandHistory, LatestInputs, Timeline
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.limits import default_limits
-from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.core.manipulation.solve_twist import check_joint
 from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard

@@ -31,8 +31,7 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling, LOOP_SOFT_RANK
 from isotruss_ros.core.manipulation.limits import Limit, stack_rows
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
-from isotruss_ros.core.manipulation.solve_joint_velocity import solve_joint_velocity
-from isotruss_ros.core.manipulation.solve_twist import solve_twist
+from isotruss_ros.core.manipulation.solve_twist import solve_joint_velocity, solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded

@@ -8,7 +8,7 @@ from __future__ import annotations
 from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core import Status, TwistServo
 from isotruss_ros.core.inputs import RejectedInput, StampedInput
-from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.core.manipulation.solve_twist import check_joint
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist

@@ -17,7 +17,7 @@ LOST = 1e-5
 
 def working(count):
     """Return rollers that all work, whose speeds cost alike."""
-    return WorkingRollers(count, np.arange(count), np.eye(count), np.eye(count))
+    return WorkingRollers(count, np.arange(count), np.eye(count))
 
 
 def reach_of(rows, radius):
