@@ -12,6 +12,7 @@ violated tolerance of the action goal.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
@@ -22,7 +23,6 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.tolerances import SMALLEST_NORMAL
 from isotruss_ros.core.paths.object_path import MAX_DURATION
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
-from isotruss_ros.core.paths.trajectory_tolerances import TrajectoryTolerances
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -65,17 +65,25 @@ class RollerTrajectory:
                 f'time {given[place]:.9g} s of point {place} of the trajectory: must be '
                 f'later than that of the point before, from 0 to {MAX_DURATION:g} s'
             )
-        with np.errstate(over='ignore'):  # infinite speeds are refused below
+        fastest, most = robot.description.max_speed, robot.description.max_acceleration
+        with np.errstate(over='ignore', invalid='ignore'):  # infinite values are refused
             slopes = np.diff(rows, axis=0) / steps[:, None]
-        quickest = float(np.abs(slopes).max(initial=0.0))
-        fastest = robot.description.max_speed
+            slopes = np.pad(slopes, ((1, 1), (0, 0)))  # at rest before and after
+            changes = np.abs(np.diff(slopes, axis=0)).max(axis=1)
+            asked = 0.5 * (changes[1:] + changes[:-1]) / steps
+        quickest = float(np.abs(slopes).max())
         if quickest > fastest * (1.0 + 1e-6):
             raise ConfigurationError(
                 f'the trajectory has a roller speed of {quickest:.9g} m/s; '
                 f'must be at most {fastest:g} m/s'
             )
-        slopes = np.pad(slopes, ((1, 1), (0, 0)))  # at rest before and after
-        halves = _halve_blends(robot, slopes, steps)
+        if asked.max(initial=0.0) > most * (1.0 + 1e-6):
+            place = int(asked.argmax())
+            raise ConfigurationError(
+                f'the trajectory has a roller acceleration of {asked[place]:.4g} m/s^2 from '
+                f'point {place} to {place + 1}; must be at most {most:g} m/s^2'
+            )
+        halves = 0.5 * changes / most  # half of each blend's duration [s]
         given = given + max(halves[0] - given[0], 0.0)
         # Velocities are linear between the times at which blends begin and end.
         self._times = np.stack([given - halves, given + halves], axis=1).ravel()
@@ -96,19 +104,39 @@ class RollerTrajectory:
         return RollerState(self._positions[last] + 0.5 * since * (velocities[last] + now), now)
 
 
-def _halve_blends(robot: Robot, slopes: Array, steps: Array) -> Array:
-    """Return half of the blend's duration at each of k waypoints [s]."""
-    changes = np.abs(np.diff(slopes, axis=0)).max(axis=1)
-    most = robot.description.max_acceleration
-    with np.errstate(over='ignore'):
-        asked = 0.5 * (changes[1:] + changes[:-1]) / steps
-    if asked.max(initial=0.0) > most * (1.0 + 1e-6):
-        place = int(asked.argmax())
-        raise ConfigurationError(
-            f'the trajectory has a roller acceleration of {asked[place]:.4g} m/s^2 from point '
-            f'{place} to {place + 1}; must be at most {most:g} m/s^2'
-        )
-    return 0.5 * changes / most
+class Tolerance(NamedTuple):
+    """Largest deviations of measured from desired roller states; infinite if not bounded."""
+
+    positions: Array  #: (r,) deviations of positions [m]
+    velocities: Array  #: (r,) deviations of velocities [m/s]
+
+    def find_violation(
+        self, names: Sequence[str], wanted: RollerState, measured: RollerState
+    ) -> str:
+        """Return a sentence about the roller farthest beyond its tolerance; empty if none."""
+        for what, unit, bounds, off in (
+            ('', 'm', self.positions, wanted.positions - measured.positions),
+            (' in speed', 'm/s', self.velocities, wanted.velocities - measured.velocities),
+        ):
+            beyond = np.abs(off) - bounds
+            worst = int(beyond.argmax())
+            if beyond[worst] > 0.0:
+                return (
+                    f'roller {names[worst]} is {abs(off[worst]):.4g} {unit} off{what}; the goal '
+                    f'allows {bounds[worst]:g} {unit}'
+                )
+        return ''
+
+
+class TrajectoryTolerances(NamedTuple):
+    """Tolerances of an action goal, as defined in control_msgs/FollowJointTrajectory."""
+
+    #: tolerance along the trajectory; None: no bound, and trajectory time stops while a roller
+    #: lags behind
+    path: Tolerance | None = None
+    goal: Tolerance | None = None  #: tolerance at the end; None: the default of the servo
+    #: largest delay of arrival [s], infinite if not bounded; None: the servo's default
+    goal_time: float | None = None
 
 
 class RollerStep(NamedTuple):

@@ -16,8 +16,11 @@ from isotruss_ros.core.errors import quote
 from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.paths.object_path import MAX_DURATION
-from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
-from isotruss_ros.core.paths.trajectory_tolerances import Tolerance, TrajectoryTolerances
+from isotruss_ros.core.paths.roller_trajectory import (
+    RollerTrajectory,
+    Tolerance,
+    TrajectoryTolerances,
+)
 from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError, read_stamp
 from isotruss_ros.nodes.conversions.path_messages import read_duration
 import numpy as np

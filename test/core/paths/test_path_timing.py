@@ -4,7 +4,7 @@
 """The clock of a path against the motion that it describes: ramps, brakes, progress."""
 
 from isotruss_ros.core.inputs import MAX_TIMEOUT
-from isotruss_ros.core.paths.path_timing import PathClock
+from isotruss_ros.core.paths.path_tracking import PathClock
 import numpy as np
 import pytest
 
