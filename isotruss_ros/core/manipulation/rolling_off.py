@@ -30,29 +30,22 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     """Return the reachable twists closest to a twist if ends of faces may lift."""
     contacts = find_contacts(config, grip)
     choices = list(rolled_corners(contacts, grip.friction))
-    least, working = _missed(reach, twist) if choices else 0.0, reach.working
+    least, working = find_task(reach, twist).missed if choices else 0.0, reach.working
     if least <= ROUNDING:
         return reach
     (hand, rigid), members = contact_rows(config, grip), member_rows(config, grip.members)
     inward = as_xy(-np.array([contact.normal for contact in contacts]))
     for kept in choices:
         fewer = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
-        missed, task = _missed(fewer, twist), find_task(fewer, twist)
-        if missed >= least * (1.0 - NEGLIGIBLE_SHARE) or task.speed == 0.0:
+        task = find_task(fewer, twist)
+        if task.missed >= least * (1.0 - NEGLIGIBLE_SHARE) or task.speed == 0.0:
             continue
         speeds = working.spread(task.free)
         moved = rigid @ (fewer.motion @ speeds) - hand @ speeds
         lifting = (moved.reshape(-1, 2) * inward).sum(axis=1)
         if lifting.min() >= -ROUNDING * np.abs(speeds).max():
-            reach, least = fewer, missed
+            reach, least = fewer, task.missed
     return reach
-
-
-def _missed(reach: Reach, twist: Array) -> float:
-    """Return the norm of a twist's unreachable part, relative to the norm of the twist."""
-    unit = reach.weights * (twist / np.abs(twist).max())
-    unreachable = unit - reach.directions.T @ (reach.directions @ unit)
-    return math.sqrt(unreachable @ unreachable) / math.sqrt(unit @ unit)
 
 
 def rolled_corners(

@@ -135,6 +135,7 @@ class Task(NamedTuple):
     #: (k + g,) unit vector of the closest reachable twist, in the basis of `Reach.rows`
     direction: Array
     speed: float  #: norm of the closest reachable twist [m/s]
+    missed: float  #: norm of the unreachable part, relative to the norm of the desired twist [-]
     status: Status  #: `OK` if the desired twist is reachable, `IDLE` if zero, else `UNREACHABLE`
     free: Array  #: (w,) least-cost speeds for 1 m/s along `direction`, without limits
     #: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s]
@@ -152,27 +153,25 @@ def find_task(
     unit = reach.weights * (twist / size)
     closest = reach.directions.dot(unit)
     direction[: len(closest)] = closest
-    missed = closest.dot(reach.directions) - unit
-    smallest = ROUNDING * math.sqrt(unit.dot(unit))
-    reached = math.sqrt(missed.dot(missed)) <= smallest
-    status = Status.OK if reached else Status.UNREACHABLE
+    missing, norm = closest.dot(reach.directions) - unit, math.sqrt(unit.dot(unit))
+    missed = math.sqrt(missing.dot(missing)) / (norm or 1.0)
+    status = Status.OK if missed <= ROUNDING else Status.UNREACHABLE
     if opening:
         first = len(direction) - len(opening)
         direction[first:] = np.divide(opening, size)
     if soft_rank > 0.0 and _damp(reach, direction, soft_rank):
         status = Status.UNREACHABLE
     length = math.sqrt(direction.dot(direction))
-    if length <= smallest:  # also if no roller speed produces the opening rate
-        standing = np.zeros(working.count)
+    if length <= ROUNDING * norm:  # also if no roller speed produces the opening rate
         if status is Status.OK and not opening:
             status = Status.IDLE
-        return Task(reach, direction, 0.0, status, working.take(standing), standing)
-    direction /= length
-    speed = size * length
-    free = least_cost(working.whitening, reach.rows, direction)
+        length, free = 0.0, np.zeros(len(working.indices))
+    else:
+        direction /= length
+        free = least_cost(working.whitening, reach.rows, direction)
     # Larger twists are mistakes; the bound keeps the roller speeds finite.
-    velocities = working.spread(free * min(speed, MAX_MAGNITUDE))
-    return Task(reach, direction, speed, status, free, velocities)
+    velocities = working.spread(free * min(size * length, MAX_MAGNITUDE))
+    return Task(reach, direction, size * length, missed, status, free, velocities)
 
 
 def least_cost(whitening: Array, equality: Array, direction: Array) -> Array:
