@@ -41,9 +41,8 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.model.shapes import Shape
-from isotruss_ros.core.planning.describe_plan import export_path
 from isotruss_ros.core.planning.foresee_path import foresee_path
-from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
+from isotruss_ros.core.planning.grasp_plan import export_path, PlannedGrasp
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np

@@ -28,8 +28,7 @@ from isotruss_ros.core import (
     read_object,
     Uncertainty,
 )
-from isotruss_ros.core.planning.describe_plan import plan_in_words
-from isotruss_ros.core.planning.grasp_plan import GraspPlan
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, plan_in_words
 from isotruss_ros.core.planning.workers import Stop, WorkerPool
 from rich.console import Console
 

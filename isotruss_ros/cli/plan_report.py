@@ -9,8 +9,7 @@ import math
 from typing import Any
 
 from isotruss_ros.core import GraspRequirements, Robot
-from isotruss_ros.core.planning.describe_plan import export_figures, export_path
-from isotruss_ros.core.planning.grasp_plan import GraspPlan
+from isotruss_ros.core.planning.grasp_plan import export_figures, export_path, GraspPlan
 from rich.table import Table
 
 #: Heading, unit factor and number format of each quantity of a grasp in the table.

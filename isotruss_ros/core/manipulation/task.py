@@ -199,11 +199,9 @@ def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
     # Schur complement: Gram matrix of the twist for rollers that fulfil the contact constraints.
     contacts = np.linalg.solve(gram[count:, count:], gram[count:, :count])
     squares, modes = np.linalg.eigh(gram[:count, :count] - gram[:count, count:].dot(contacts))
-    if not count or squares[0] >= soft_rank**2:
-        return False
     lost = 1.0 - np.clip(squares / soft_rank**2, 0.0, 1.0)
     # The opening rate alone produces a part of the twist.
     missing = direction[:count] - direction[count:].dot(contacts)
     removed = modes.dot(lost * missing.dot(modes))
     direction[:count] -= removed
-    return bool(np.abs(removed).max() > ROUNDING * np.abs(missing).max())
+    return bool(np.abs(removed).max(initial=0.0) > ROUNDING * np.abs(missing).max(initial=0.0))

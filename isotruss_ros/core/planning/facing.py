@@ -81,9 +81,6 @@ def friction_angles(
 
 def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: float) -> bool:
     """Return whether forces within friction cones of a half angle [rad] can balance an object."""
-    if len(normals) == 2:  # closed form instead of the least squares below
-        used = friction_angles(body, normals[:1], normals[1:], tube_radius)
-        return bool(used[0] <= angle)
     ends = contact_ends(body, normals, tube_radius)
     arms = np.concatenate([*ends, *ends]) - (body.middle - body.center)
     turned = np.concatenate([-normals * np.exp(1j * sign * angle) for sign in (1, 1, -1, -1)])

@@ -12,8 +12,7 @@ from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import ConvexObject, GraspRequirements, Robot, Uncertainty
 from isotruss_ros.core.paths.object_path import MAX_POSES
-from isotruss_ros.core.planning.describe_plan import export_figures, export_path
-from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
+from isotruss_ros.core.planning.grasp_plan import export_figures, export_path, PlannedGrasp
 from isotruss_ros.core.planning.violations import export_violation
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose

@@ -19,8 +19,7 @@ from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.planning.describe_plan import plan_in_words
-from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, plan_in_words, Progress
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.workers import Stop, WorkerPool

@@ -24,7 +24,7 @@ from isotruss_ros.core.estimation.grip_state import MAX_DEVIATIONS
 from isotruss_ros.core.inputs import find_fresh, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS, RETURN_SPEED, RETURN_TURN_RATE
-from isotruss_ros.core.planning.describe_plan import path_times
+from isotruss_ros.core.planning.grasp_plan import path_times
 from isotruss_ros.core.planning.release import plan_release, Release
 from isotruss_ros.core.planning.violations import export_violation, violation_in_words
 from isotruss_ros.nodes.conversions.messages import (

@@ -11,8 +11,8 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.planning import motion_in_place
-from isotruss_ros.core.planning.describe_plan import export_figures, plan_in_words
 from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.core.planning.grasp_plan import export_figures, plan_in_words
 import numpy as np
 import pytest
 

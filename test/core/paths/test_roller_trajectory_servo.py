@@ -28,7 +28,7 @@ from isotruss_ros.core.paths.roller_trajectory import (
     START_TOLERANCE,
     TOLERANCE,
 )
-from isotruss_ros.core.planning.describe_plan import path_times
+from isotruss_ros.core.planning.grasp_plan import path_times
 import numpy as np
 import pytest
 from robots import examples, generators

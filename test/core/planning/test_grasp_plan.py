@@ -8,13 +8,13 @@ from dataclasses import replace
 from hypothesis import given
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
-from isotruss_ros.core.planning.describe_plan import (
+from isotruss_ros.core.planning.grasp_plan import (
     export_figures,
     export_path,
+    GraspPlan,
     path_times,
     plan_in_words,
 )
-from isotruss_ros.core.planning.grasp_plan import GraspPlan
 from isotruss_ros.core.planning.violations import (
     BOUNDS,
     SearchTally,

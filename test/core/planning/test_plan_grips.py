@@ -16,8 +16,8 @@ from isotruss_ros.core import (
     settle_grasp,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.planning.describe_plan import export_figures, plan_in_words
 from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
+from isotruss_ros.core.planning.grasp_plan import export_figures, plan_in_words
 from isotruss_ros.core.planning.seeds import find_seeds
 import numpy as np
 import pytest

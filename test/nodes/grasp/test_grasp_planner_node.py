@@ -22,8 +22,7 @@ from isotruss_ros.core import (
     Uncertainty,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.planning.describe_plan import NEAR_SPEED_SHARE
-from isotruss_ros.core.planning.grasp_plan import Progress
+from isotruss_ros.core.planning.grasp_plan import NEAR_SPEED_SHARE, Progress
 from isotruss_ros.nodes import grasp_planner
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
