@@ -12,8 +12,7 @@ friction cones.
 
 from __future__ import annotations
 
-import cmath
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 import itertools
 import math
 
@@ -21,7 +20,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_contacts, Grip, GripContact
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, member_rows, rows_of_two
 from isotruss_ros.core.manipulation.task import find_task, Reach
-from isotruss_ros.core.numerics.arrays import Array, as_xy
+from isotruss_ros.core.numerics.arrays import Array, as_xy, Points
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
 
@@ -29,7 +28,7 @@ import numpy as np
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
     """Return the reachable twists closest to a twist if ends of faces may lift."""
     contacts = find_contacts(config, grip)
-    choices = list(rolled_corners(contacts, grip.friction))
+    choices = rolled_corners(contacts, grip.friction)
     least, working = find_task(reach, twist).missed if choices else 0.0, reach.working
     if least <= ROUNDING:
         return reach
@@ -48,18 +47,16 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     return reach
 
 
-def rolled_corners(
-    contacts: Sequence[GripContact], friction: float
-) -> Iterator[list[GripContact]]:
-    """Yield sets of fewer contacts of two members at which forces balance."""
+def rolled_corners(contacts: Sequence[GripContact], friction: float) -> list[list[GripContact]]:
+    """Return the sets of fewer contacts of two members at which forces balance."""
     if contacts[-1].owner != 1 or len(contacts) == 2:
-        return
+        return []
     first, second = ([c for c in contacts if c.owner == owner] for owner in (0, 1))
-    for one, other in itertools.product(_choices(first), _choices(second)):
-        fewer = len(one) + len(other) < len(contacts)
-        small, large = sorted((other, one), key=len)
-        if fewer and _balances(small, large, math.atan(friction)):
-            yield one + other
+    choices = list(itertools.product(_choices(first), _choices(second)))[1:]  # not all contacts
+    ends = np.array([[(side[0].point, side[-1].point) for side in kept] for kept in choices])
+    angles = balance_angles(first[0].normal, second[0].normal, *ends.transpose(1, 2, 0))
+    fits = angles <= math.atan(friction)
+    return [one + other for (one, other), fit in zip(choices, fits.tolist(), strict=True) if fit]
 
 
 def _choices(contacts: list[GripContact]) -> list[list[GripContact]]:
@@ -67,15 +64,17 @@ def _choices(contacts: list[GripContact]) -> list[list[GripContact]]:
     return [contacts] if len(contacts) == 1 else [contacts, contacts[:1], contacts[1:]]
 
 
-def _balances(other: list[GripContact], one: list[GripContact], angle: float) -> bool:
-    """Return whether a line from contact `other` to one of `one` is in both friction cones."""
-    point, normal = other[0].point, one[0].normal
-    # Directions of the force at `other`: in its own cone, and against one in the cone of `one`.
-    between = cmath.phase(-other[0].normal / normal)
-    low, high = max(-angle, between - angle), min(angle, between + angle)
-    if low > high:
-        return False
-    away = ((one[0].point - point) * normal.conjugate()).real
-    along = [((end.point - point) / (1j * normal)).real for end in one]
-    reached = (away * math.tan(low), away * math.tan(high))
-    return min(reached) <= max(along) and max(reached) >= min(along)
+def balance_angles(
+    normals: complex | Points, others: complex | Points, ends: Points, other_ends: Points
+) -> Array:
+    """
+    Return the smallest friction angles (s,) at which the forces of two members balance [rad].
+
+    The normals point to the members; each has the two ends (2, s) of its contact.
+    """
+    # Angles from the first member's inward normal to the line from its contact to the second one.
+    lines = np.angle((other_ends - ends[:, None]) / -normals).reshape(4, -1)
+    between = np.angle(-others / normals)
+    # The optimum is the bisector of both normals.
+    best = np.minimum(np.maximum(0.5 * between, lines.min(axis=0)), lines.max(axis=0))
+    return np.maximum(np.abs(best), np.abs(best - between))

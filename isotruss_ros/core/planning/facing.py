@@ -15,6 +15,7 @@ from __future__ import annotations
 import functools
 import math
 
+from isotruss_ros.core.manipulation.rolling_off import balance_angles
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -65,18 +66,8 @@ def friction_angles(
     body: ConvexObject, normals: Points, others: Points, tube_radius: float
 ) -> Array:
     """Return the smallest friction angles (s,) at which the forces of s pairs balance [rad]."""
-    clockwise, counter = contact_ends(body, normals, tube_radius)
-    clockwise_too, counter_too = contact_ends(body, others, tube_radius)
-    # Angles from the first member's inward normal to the line from its contact to the second one.
-    lines = [
-        np.angle((end - begin) / -normals)
-        for begin in (clockwise, counter)
-        for end in (clockwise_too, counter_too)
-    ]
-    between = np.angle(-others / normals)
-    # The optimum is the bisector of both normals.
-    best = np.clip(0.5 * between, np.min(lines, axis=0), np.max(lines, axis=0))
-    return np.maximum(np.abs(best), np.abs(best - between))
+    ends, other_ends = (contact_ends(body, n, tube_radius) for n in (normals, others))
+    return balance_angles(normals, others, np.array(ends), np.array(other_ends))
 
 
 def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: float) -> bool:
