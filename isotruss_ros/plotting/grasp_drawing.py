@@ -56,7 +56,7 @@ def plot_grasp(grip: HeldGrip, axes: Axes | None = None, scale: float = ARROW_SC
     :return: the axes.
     """
     axes = axes or new_axes()
-    robot, body = grip.config.robot, grip.body.moved_to(grip.pose)
+    robot, body = grip.config.robot, grip.body
     used = grip.sections.used.tolist()
     for tube, line, part in zip(robot.topology.tube, deformed_lines(grip), used, strict=True):
         band = _band(line, robot.description.tube_diameter)

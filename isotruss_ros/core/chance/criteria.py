@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_search import depths_in_others
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
-from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT, travel_rates
+from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
 from isotruss_ros.core.holding.pressed_contacts import ANGLE
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -115,8 +115,7 @@ def _rolled(grip: HeldGrip, tubes: LoadedTubes) -> Array:
     state, statics, contacts = grip.state, grip.statics, grip.contacts
     rolling = statics.rolling_rows(state.unknowns, state.normals)
     rates = rolling[:, state.places.inclinations] @ tubes.spins
-    travel = travel_rates(grip.config, contacts.members)
-    rates[:, : travel.shape[1]] += statics.sides[:, None] * travel
+    rates[:, : len(grip.config.roller_positions)] += statics.anchor_rates
     rates[:, -1] -= grip.body.shape.unroll(grip.angles, contacts.corners)
     return rates
 

@@ -19,7 +19,6 @@ from dataclasses import replace
 
 from isotruss_ros.core.estimation.grip_model import (
     anchor_rates,
-    anchors_by_offsets,
     OffsetRates,
     Pressures,
     StateRates,
@@ -133,7 +132,7 @@ class EquilibriumCache:
         """Correct the offsets by `moved` (r,) [m]; `sensitivity[first:]` (m, r) is for shifts."""
         grasp = self.grasp
         shifts = (sensitivity[first:] @ moved)[grasp.contacts.owners]
-        self._anchors = self._anchors + anchors_by_offsets(grasp) @ moved + shifts
+        self._anchors = self._anchors + grasp.statics.anchor_rates @ moved + shifts
         self._moved_zeros = self._moved_zeros + moved
         rates = self.by_offsets.squeeze + self.rates.squeeze @ sensitivity
         self.ahead = self.ahead + np.append(np.zeros(3), rates @ moved)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.holding.attach_grip import attach_grip, lay_faces
 from isotruss_ros.core.holding.held_gradient import held_gradient, HeldGradient
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.numerics.arrays import Array
@@ -91,7 +91,7 @@ class OffsetRates(NamedTuple):
     def of(cls, grasp: HeldGrip) -> OffsetRates:
         """Return the derivatives by roller offsets at an equilibrium."""
         gradient, count = held_gradient(grasp), len(grasp.config.roller_positions)
-        along = anchors_by_offsets(grasp)
+        along = grasp.statics.anchor_rates  # contacts at rest on the members
         even = np.array([[1.0], [1.0], [grasp.arm]])
         given = np.vstack([even * gradient.pose, gradient.normal_forces.mean(axis=0)])
         by_offsets = given[:, :count] + given[:, count:] @ along
@@ -100,7 +100,7 @@ class OffsetRates(NamedTuple):
     def joint_rates(self, shifts: Array) -> Array:
         """Return derivatives (2j, r) of joint positions, from those (m, r) of contact shifts."""
         joints, count = self.gradient.joints, len(self.grasp.config.roller_positions)
-        along = anchors_by_offsets(self.grasp) + shifts[self.grasp.contacts.owners]
+        along = self.grasp.statics.anchor_rates + shifts[self.grasp.contacts.owners]
         return joints[:, :count] + joints[:, count:] @ along
 
 
@@ -110,8 +110,3 @@ def anchor_rates(grasp: HeldGrip) -> Array:
     changes = np.zeros((places.size, len(grasp.anchors)))
     changes[places.conditions] = -np.eye(len(grasp.anchors))
     return grasp.respond(changes)
-
-
-def anchors_by_offsets(grasp: HeldGrip) -> Array:
-    """Return the derivatives (k, r) of rolling invariants by roller offsets, contacts at rest."""
-    return grasp.statics.sides[:, None] * travel_rates(grasp.config, grasp.contacts.members)

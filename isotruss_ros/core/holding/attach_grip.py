@@ -129,7 +129,7 @@ def _rest_solver(
                 break
         if solution is None:
             solution = statics.settle(statics.start(), wrench, conditions, steps)
-        return None if solution is None else HeldGrip.of(config, *solution, wrench)
+        return None if solution is None else HeldGrip.of(*solution, wrench)
 
     return solve
 

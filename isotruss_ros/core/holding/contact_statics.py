@@ -94,6 +94,17 @@ class ContactStatics:
         return Places.of(len(self.contacts.owners))
 
     @property
+    def config(self) -> Configuration:
+        """Return the configuration of the robot."""
+        return self.bent.structure.config
+
+    @functools.cached_property
+    def anchor_rates(self) -> Array:
+        """Return the derivatives (k, r) of the rolling invariants by roller travel."""
+        begins = self.contacts.members[:, None] == self.config.robot.topology.driven
+        return self.sides[:, None] * begins
+
+    @property
     def straight_normals(self) -> Points:
         """Return the normals of the straight tubes, away from the object, (k,) x + iy."""
         return 1j * self.sides * self.bent.lines.axis
@@ -113,16 +124,12 @@ class ContactStatics:
         causes = np.concatenate([change[begin:].reshape(3, count, -1), turned])
         return np.einsum('lnk,lkc->knc', self._push(unknowns).rates, causes)
 
-    def angles(self, normals: Points, angle: float) -> Array:
-        """Return the directions (k,) of normals in the frame of the turned object [rad]."""
-        return np.angle(normals * cmath.rect(1.0, -angle))
-
     def _push(self, unknowns: Array) -> Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = 1j * self.sides * np.exp(1j * turned)
-        angles = self.angles(self.bent.lines.axis * local, unknowns[ANGLE])
+        angles = object_angles(unknowns, self.bent.lines.axis * local)
         depths, softs, tilts = self.dents(normal, angles)
         # Friction acts at the skin of a tube, so it exerts a moment about the centre line.
         skin = self.tube_radius - depths
@@ -232,18 +239,19 @@ class ContactStatics:
         start[indices.normal] = depths / (bend + dent)
         return start
 
-    def anchors(self, unknowns: Array, normals: Points, travel: Array, angles: Array) -> Array:
+    def anchors(self, unknowns: Array, normals: Points, near: Array) -> Array:
         """
         Return the rolling invariants (k,), which are constant while the contacts roll [m].
 
         A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta), where s_i is the position along the
         member, phi_i the travel of the tube, arc the arc length along the object's surface, nu_i
         the normal and theta the object's angle; kappa_i is -1 if the object is on the right of the
-        member, otherwise 1.
+        member, otherwise 1. For `near` see `object_angles`.
         """
-        continuous = unwrapped(unknowns, normals, angles)
-        arcs = self.body.shape.unroll(continuous, self.contacts.corners)
-        return -self.sides * (unknowns[self.places.feet] - travel) - arcs
+        angles = object_angles(unknowns, normals, near)
+        arcs = self.body.shape.unroll(angles, self.contacts.corners)
+        rolled = self.anchor_rates @ self.config.roller_positions
+        return rolled - self.sides * unknowns[self.places.feet] - arcs
 
     def settle(
         self,
@@ -304,10 +312,9 @@ class ContactStatics:
         return unknowns + step / max(1.0, float((size / longest).max()))
 
 
-def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
-    """Return the angles (k,) of normals in the object's frame, continued beyond one turn [rad]."""
-    local = normals * np.exp(-1j * unknowns[ANGLE])
-    return angles + np.angle(local * np.exp(-1j * angles))
+def object_angles(unknowns: Array, normals: Points, near: Array | float = 0.0) -> Array:
+    """Return the angles (k,) of normals in the object's frame, within pi of `near` [rad]."""
+    return near + np.angle(normals * np.exp(-1j * (unknowns[ANGLE] + near)))
 
 
 def build_statics(

@@ -77,4 +77,4 @@ class GripRecord(NamedTuple):
         bent = BentTubes.of(bent.structure, members, self.places, bent.stiffness, self.bent)
         statics = replace(statics, bent=bent)
         _, state = statics.equations(self.unknowns, np.zeros(3), statics.sticking)
-        return HeldGrip.of(there, statics, state, np.zeros(3))
+        return HeldGrip.of(statics, state, np.zeros(3))

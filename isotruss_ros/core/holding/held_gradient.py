@@ -13,7 +13,8 @@ import copy
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
+from isotruss_ros.core.holding.contact_statics import object_angles
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -99,7 +100,7 @@ class LoadedTubes:
         self._by_sections = bent.section_changes(self.sections)
         normal, tube = state.normal_forces, grip.config.robot.topology.tube
         self._push = (normal + 1j * state.friction_forces) * state.normals
-        angles = statics.angles(state.normals, state.unknowns[ANGLE])
+        angles = object_angles(state.unknowns, state.normals)
         depths, self._soft, self._tilts = statics.dents(normal, angles)
         self._skin = statics.tube_radius - depths
         by_pressure = statics.dents.pressure_rates(normal, angles)[:, None]
@@ -226,8 +227,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     chosen[parameters.rollers, :rollers] = np.eye(rollers)
     tubes = LoadedTubes(grip, chosen, parameters, reach=FOLLOWED_MOTION)
     changes = tubes.equation_rates(sticks=True)
-    travel = travel_rates(config, grip.contacts.members)
-    changes[indices.conditions, :rollers] += statics.sides[:, None] * travel
+    changes[indices.conditions, :rollers] += statics.anchor_rates
     changes[indices.conditions, rollers:] -= np.eye(count)
     change = grip.respond(changes)
     forces = grip.contacts.sum_by_member(change[indices.normal])

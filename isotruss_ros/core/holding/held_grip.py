@@ -12,9 +12,9 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
-from isotruss_ros.core.holding.contact_statics import ContactStatics
+from isotruss_ros.core.holding.contact_statics import ContactStatics, object_angles
 from isotruss_ros.core.holding.grip_response import GripResponse, slip_planes
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, ContactForces, PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.manipulation.grip import Grip
@@ -75,7 +75,6 @@ class HeldGrip:
     configuration, to which the contacts have rolled.
     """
 
-    config: Configuration  #: the configuration
     anchors: Array  #: (k,) rolling invariants, see `ContactStatics.anchors` [m]
     angles: Array  #: (k,) angles of the normals in the object's frame, continued beyond pi [rad]
     statics: ContactStatics  #: equations of equilibrium in this configuration
@@ -85,15 +84,16 @@ class HeldGrip:
     motion: tuple[Array, Array] | None = None
 
     @classmethod
-    def of(
-        cls, config: Configuration, statics: ContactStatics, state: ContactForces, wrench: Array
-    ) -> HeldGrip:
+    def of(cls, statics: ContactStatics, state: ContactForces, wrench: Array) -> HeldGrip:
         """Return a grip with a solution of the equations, whose contacts have not rolled yet."""
-        unknowns = state.unknowns
-        angles = statics.angles(state.normals, unknowns[ANGLE])
-        travel = travel_rates(config, statics.contacts.members) @ config.roller_positions
-        anchors = statics.anchors(unknowns, state.normals, travel, angles)
-        return cls(config, anchors, angles, statics, state, wrench)
+        angles = object_angles(state.unknowns, state.normals)
+        anchors = statics.anchors(state.unknowns, state.normals, angles)
+        return cls(anchors, angles, statics, state, wrench)
+
+    @property
+    def config(self) -> Configuration:
+        """Return the configuration of the robot."""
+        return self.statics.bent.structure.config
 
     @property
     def contacts(self) -> PressedContacts:
@@ -103,13 +103,13 @@ class HeldGrip:
     @functools.cached_property
     def body(self) -> ConvexObject:
         """Return the object at its pose in equilibrium."""
-        return self.statics.body.moved_to(self.state.unknowns[:3])
+        x, y, angle = self.state.unknowns[:3].tolist()
+        return self.statics.body.moved_to((x, y, math.remainder(angle, 2.0 * math.pi)))
 
-    @functools.cached_property
+    @property
     def pose(self) -> Pose:
-        """Return the object's pose; the angle is in (-pi, pi]."""
-        x, y, angle = map(float, self.state.unknowns[:3])
-        return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
+        """Return the object's pose; the angle is in [-pi, pi]."""
+        return self.body.pose
 
     @property
     def pressures(self) -> tuple[float, ...]:
@@ -128,7 +128,7 @@ class HeldGrip:
 
     def touching(self, friction: float) -> Grip:
         """Return the contacts of this equilibrium as a `Grip`, whose members are straight."""
-        grip = Grip(self.member_names, self.body.moved_to(self.pose), friction)
+        grip = Grip(self.member_names, self.body, friction)
         return grip.touching(self.contacts.owners, self.contacts.corners)
 
     @functools.cached_property
@@ -289,8 +289,3 @@ def _opening(statics: ContactStatics, state: ContactForces) -> Points:
 def scaled_wrench(wrench: Array | None, arm: float) -> Array:
     """Return a wrench with its moment divided by the characteristic radius [N]."""
     return np.zeros(3) if wrench is None else np.asarray(wrench) / (1.0, 1.0, arm)
-
-
-def travel_rates(config: Configuration, members: Indices) -> Array:
-    """Return the derivatives (k, r) of the tube length past members' starts by roller travel."""
-    return (members[:, None] == config.robot.topology.driven).astype(float)

@@ -46,7 +46,7 @@ def region_lines(grip: HeldGrip) -> Points:
     centers = grip.bent_lines(members, positions.ravel())[0].reshape(positions.shape)
     outward = grip.contacts.sum_by_member(grip.state.normals)[:, None]
     skins = centers - grip.statics.tube_radius * outward / np.abs(outward)
-    nearest = grip.body.moved_to(grip.pose).nearest(skins.ravel())
+    nearest = grip.body.nearest(skins.ravel())
     return skins - (nearest.gaps * nearest.normals).reshape(positions.shape)
 
 
@@ -66,7 +66,7 @@ def contact_resultants(grip: HeldGrip) -> tuple[Points, Points]:
 
 def contact_points(grip: HeldGrip) -> Points:
     """Return the points (k,) of the object's surface at the contacts [m]."""
-    body = grip.body.moved_to(grip.pose)
+    body = grip.body
     local = grip.state.normals * body.turn.conjugate()
     return body.center + body.turn * body.shape.surface_at(grip.contacts.corners, local)[0]
 

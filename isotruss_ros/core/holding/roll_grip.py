@@ -18,9 +18,9 @@ from isotruss_ros.core.holding.contact_statics import (
     ContactStatics,
     find_dents,
     FRICTION_COMPLIANCE,
-    unwrapped,
+    object_angles,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_rates
+from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench
 from isotruss_ros.core.holding.pressed_contacts import POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -66,8 +66,7 @@ def roll_contacts(
         statics = build_statics(config, grip.body, contacts, grip.pressures, bent.stiffness)
         starts = [_continued(grip, statics, chosen.origins)]
         angles[new] = np.angle(statics.straight_normals / grip.body.turn)[new]
-    travel = travel_rates(config, contacts.members) @ config.roller_positions
-    conditions = stick(statics, anchors, travel, angles, new)
+    conditions = stick(statics, anchors, angles, new)
     tries = (
         statics.settle(start, wrench, conditions, MAX_SEARCH_STEPS, FOLLOWED_MOTION)
         for start in starts
@@ -77,17 +76,10 @@ def roll_contacts(
         return None
     statics, state = settled
     if len(new):
-        anchors[new] = statics.anchors(state.unknowns, state.normals, travel, angles)[new]
-    return replace(
-        grip,
-        config=config,
-        anchors=anchors,
-        angles=unwrapped(state.unknowns, state.normals, angles),
-        statics=statics,
-        state=state,
-        wrench=wrench,
-        motion=(moved, state.unknowns - before) if same else None,
-    )
+        anchors[new] = statics.anchors(state.unknowns, state.normals, angles)[new]
+    angles = object_angles(state.unknowns, state.normals, angles)
+    motion = (moved, state.unknowns - before) if same else None
+    return HeldGrip(anchors, angles, statics, state, wrench, motion)
 
 
 def _continued(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Array:
@@ -101,7 +93,7 @@ def _continued(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Arr
 
 
 def stick(
-    statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
+    statics: ContactStatics, anchors: Array, angles: Array, free: Indices
 ) -> ContactConditions:
     """
     Return the conditions of rolling without slip, which are the integral of (17) over time.
@@ -113,7 +105,7 @@ def stick(
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         derivative = statics.rolling_rows(unknowns, normals)
-        residual = statics.anchors(unknowns, normals, travel, angles) - anchors
+        residual = statics.anchors(unknowns, normals, angles) - anchors
         if len(free):
             residual[free] = FRICTION_COMPLIANCE * unknowns[indices.friction][free]
             derivative[free] = 0.0

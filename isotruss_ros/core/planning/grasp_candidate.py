@@ -70,8 +70,7 @@ def close_grip(
 def _check_carry(grip: ClosedGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
     """Return the grip with its chance on the path `carry`; raise RequirementError for slip."""
     held, poses = grip.equilibrium, np.array(needs.carry)
-    body = held.body.moved_to(held.pose)
-    foresight = foresee_grip(held.config, body, needs.friction, poses)
+    foresight = foresee_grip(held.config, held.body, needs.friction, poses)
     if foresight is None or foresight.why:
         raise RequirementError('carry', foresight.share if foresight else 0.0, 1.0)
     if closing.uncertainty is None:
@@ -92,7 +91,7 @@ def _planned(
     travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())
     names = held.member_names
     return PlannedGrasp(
-        grip=Grip(names, held.body.moved_to(held.pose), needs.friction),
+        grip=Grip(names, held.body, needs.friction),
         members=names,
         config=held.config,
         equilibrium=held,

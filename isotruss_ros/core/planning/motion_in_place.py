@@ -216,8 +216,7 @@ def _find_chance(
 ) -> Chance:
     """Return the chance that the object is held from rest on, without and with the wrench."""
     try:
-        body = grasp.body.moved_to(grasp.pose)
-        rest = attach_grip(grasp.config, body, grasp.members)
+        rest = attach_grip(grasp.config, grasp.body, grasp.members)
         grips = [rest] if loaded is grasp else [rest, loaded]
         return find_chance(grips, friction, uncertainty.covariance(loaded))
     except GraspError:

@@ -63,12 +63,11 @@ def test_jacobian_agrees_with_finite_differences(shape, angle, members, count):
     assert len(grip.anchors) == count
     statics, rng = grip.statics, np.random.default_rng(0)
     state = grip.state.unknowns + 1e-3 * rng.normal(size=len(grip.state.unknowns))
-    travel = rng.normal(size=count)
     x, y, turn = grip.pose
     for closure in (
         rest(replace(statics, body=grip.body.moved_to((x + 0.001, y, turn + 0.01)))),
-        stick(statics, grip.anchors, travel, grip.angles, NOTHING),
-        stick(statics, grip.anchors, travel, grip.angles, np.array([1])),
+        stick(statics, grip.anchors, grip.angles, NOTHING),
+        stick(statics, grip.anchors, grip.angles, np.array([1])),
     ):
         jacobian = statics.equations(state, grip.wrench, closure)[1].jacobian
         for i, step in enumerate(1e-6 * np.eye(len(state))):
@@ -206,7 +205,6 @@ def test_response_agrees_with_small_wrenches(shape, angle, members, count):
 
 def changed_forces(grip, moving):
     """Return how normal forces change as members move along directions (k,), contacts sticking."""
-    travel = np.zeros(len(grip.anchors))
     found = []
     for step in (1e-6, -1e-6):
         bent = grip.statics.bent.update(grip.state.loads, grip.state.feet)
@@ -214,7 +212,7 @@ def changed_forces(grip, moving):
         lines = bent.lines._replace(start=bent.lines.start + step * moving)
         bent = replace(bent, lines=lines)
         statics = replace(grip.statics, bent=bent)
-        closure = stick(statics, grip.anchors, travel, grip.angles, NOTHING)
+        closure = stick(statics, grip.anchors, grip.angles, NOTHING)
         _, state = statics.settle(grip.state.unknowns, grip.wrench, closure)
         found.append(state.normal_forces)
     return (found[0] - found[1]) / 2e-6
