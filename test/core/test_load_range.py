@@ -18,7 +18,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.numerics.arrays import MAX_LOAD
-from isotruss_ros.core.servo.check_input import check_input
+from isotruss_ros.core.servo.servo_state import check_input
 from isotruss_ros.core.simulation.elastic_object import ElasticObject
 import numpy as np
 import pytest

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detection of slip from sums of pose corrections of the object over the last seconds."""
+"""Slip from sums of pose corrections of the object, and noise from successive poses."""
 
 from __future__ import annotations
 
@@ -16,6 +16,14 @@ import numpy as np
 SUM_INTERVALS = (0.2, 0.6, 1.5, 3.0)
 #: Length of an inconsistent innovation above which the object counts as lost [m].
 JUMP_LENGTH = 0.02
+#: Prior standard deviations of the coordinates [m] and of the angle [rad].
+PRIOR_DEVIATIONS = np.array([1e-3, 1e-3, 0.009])
+#: Error of the model between two poses, rotations times the characteristic radius [m].
+MODEL_ERROR = 1e-4
+#: Smallest weight of a pose in the average [-].
+MIN_WEIGHT = 0.02
+#: Largest difference of poses that counts as noise, in standard deviations [-].
+MAX_STEP_SIGMAS = 3.0
 
 
 class _Sum(NamedTuple):
@@ -87,3 +95,32 @@ class ContactWalk:
         squares = np.einsum('ij,ijk->i', moved, np.linalg.solve(allowed, moved[:, :, None]))
         self.length = float(np.hypot.reduce(moved, axis=1).max())
         self.deviations = math.sqrt(squares.max())
+
+
+class PoseNoise:
+    """
+    Estimated variances (3,) of white noise in the poses of a slowly moving object [m^2].
+
+    They include the model error. Angles are multiplied by the characteristic radius.
+    """
+
+    def __init__(self, deviations: Array) -> None:
+        self.variances = deviations**2
+        self._last: Array | None = None
+        self._weight = 0.2  # of the next pose; the prior weighs as much as four poses
+
+    def add(self, off: Array) -> None:
+        """Update the variances with a pose (3,) minus the pose by roller travel alone [m]."""
+        last, self._last = self._last, off
+        if last is None:
+            return
+        largest = MAX_STEP_SIGMAS**2 * self.variances
+        squares = np.minimum(0.5 * (off - last) ** 2, largest)
+        mean = self.variances + self._weight * (squares - self.variances)
+        self.variances = np.maximum(mean, MODEL_ERROR**2)
+        self._weight = max(self._weight / (1.0 + self._weight), MIN_WEIGHT)
+
+    @property
+    def deviation(self) -> float:
+        """Return the largest standard deviation of x, y and the angle times a radius [m]."""
+        return float(np.sqrt(self.variances.max()))

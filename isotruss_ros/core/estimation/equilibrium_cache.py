@@ -17,13 +17,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from isotruss_ros.core.estimation.contact_walk import MODEL_ERROR
 from isotruss_ros.core.estimation.grip_model import (
     anchor_rates,
     OffsetRates,
     Pressures,
     StateRates,
 )
-from isotruss_ros.core.estimation.pose_noise import MODEL_ERROR
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_EXTRAPOLATION
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures

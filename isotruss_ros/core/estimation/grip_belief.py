@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 
+from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
 from isotruss_ros.core.estimation.grip_model import (
     attach_model,
@@ -29,7 +30,6 @@ from isotruss_ros.core.estimation.grip_model import (
 )
 from isotruss_ros.core.estimation.grip_state import DELAY_DEVIATION, GripState, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.input_lag import InputLag
-from isotruss_ros.core.estimation.pose_noise import PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.grip_record import GripEstimate
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.estimation.contact_walk import ContactWalk
+from isotruss_ros.core.estimation.contact_walk import ContactWalk, PoseNoise
 from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
 from isotruss_ros.core.estimation.grip_model import BIAS, DELAY, LOAD, shift_deviations, SHIFTS
-from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, SLIP_LENGTH
 from isotruss_ros.core.numerics.arrays import Array

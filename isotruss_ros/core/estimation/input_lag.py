@@ -6,7 +6,7 @@ Delays of the inputs of the belief of a grip.
 
 Poses arrive late, so they are compared with the pose by roller travel at their stamps. Corrections
 by poses reach the control behind two low-pass filters, because the loop is stable only then, see
-`core.servo.loop_gains`.
+`core.servo.swing_watch`.
 """
 
 from __future__ import annotations

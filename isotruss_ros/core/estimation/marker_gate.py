@@ -1,10 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rejection of wrong joint markers, and detection of a slipped roller from the markers."""
+"""Rejection of wrong joint markers, and detection of slipped rollers from the markers."""
 
 from __future__ import annotations
 
+from collections import deque
 import itertools
 
 from isotruss_ros.core.numerics.arrays import Array, Flags
@@ -14,6 +15,12 @@ import scipy
 #: Probability that valid measurements fail a gate or a comparison [-]. Some twenty independent
 #: comparisons per second then have one false alarm in an hour.
 FALSE_ALARM_PROBABILITY = 1.5e-5
+#: Smallest change of an offset under slip, in standard deviations [-].
+SLIP_SIGMAS = -float(scipy.special.ndtri(FALSE_ALARM_PROBABILITY))
+#: Smallest change of an offset under slip [m], and as a fraction of the travel [-].
+MIN_SLIP, MIN_SLIP_SHARE = 1e-3, 0.01
+#: Interval in which offsets are compared [s].
+SLIP_SPAN = 4.0
 
 
 def passes_gate(innovation: Array, covariance: Array) -> bool:
@@ -76,3 +83,23 @@ def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int,
 def _size(off: Array, covariance: Array) -> float:
     """Return the squared Mahalanobis distance of an innovation from zero."""
     return float(off @ np.linalg.solve(covariance, off))
+
+
+class SlipWatch:
+    """Detector of slipping rollers, which compares roller offsets with an earlier estimate."""
+
+    def __init__(self, count: int) -> None:
+        self.slipping = np.zeros(count, dtype=bool)  #: (r,) mask of the slipping rollers
+        self._kept: deque[tuple[float, Array, Array, Array]] = deque()
+
+    def add(self, time: float, travel: Array, offsets: Array, variances: Array) -> None:
+        """Update `slipping` with offsets (r,), compared with the offsets `SLIP_SPAN` earlier."""
+        self._kept.append((time, travel, offsets, variances))
+        while time - self._kept[0][0] > SLIP_SPAN:
+            self._kept.popleft()
+        _, turned, offsets_then, variances_then = self._kept[0]
+        change, rolled = offsets - offsets_then, travel - turned
+        significant = np.abs(change) > SLIP_SIGMAS * np.sqrt(variances + variances_then)
+        large = np.abs(change) > np.maximum(MIN_SLIP, MIN_SLIP_SHARE * np.abs(rolled))
+        # A slipping tube lags behind its roller.
+        self.slipping = significant & large & (change * rolled < 0.0)

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers
+from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers, SlipWatch
 from isotruss_ros.core.estimation.schmidt_filter import condition
-from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, SLIP_LENGTH
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, Indices

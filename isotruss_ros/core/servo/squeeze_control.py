@@ -7,7 +7,7 @@ Squeeze control: feedback from the estimated equilibrium of the held object.
 The opening of the grip determines the squeeze: it changes by some newtons per millimetre. The
 opening rate is the right-hand side of the fourth row of (19). An additional twist corrects the
 displacement of the object on the elastic tubes. The gains follow from the lowest natural frequency
-of the held object, see `loop_gains`.
+of the held object, see `swing_watch`.
 """
 
 from __future__ import annotations
@@ -28,9 +28,13 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.belief_start import BeliefStart
 from isotruss_ros.core.servo.decision import describe_squeeze
-from isotruss_ros.core.servo.loop_gains import DEFAULT_FREQUENCY, GAIN_SHARE, MAX_SQUEEZE_GAIN
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
-from isotruss_ros.core.servo.swing_watch import SwingWatch
+from isotruss_ros.core.servo.swing_watch import (
+    DEFAULT_FREQUENCY,
+    GAIN_SHARE,
+    MAX_SQUEEZE_GAIN,
+    SwingWatch,
+)
 import numpy as np
 
 #: Largest rate of change of the squeeze [N/s].

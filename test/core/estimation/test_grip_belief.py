@@ -10,7 +10,7 @@ from itertools import product
 from carries import make_robot, place
 from grips import gripped
 from isotruss_ros.core import Grip, HoldStatus, place_between, Polygon, Pose
-from isotruss_ros.core.estimation.contact_walk import ContactWalk
+from isotruss_ros.core.estimation.contact_walk import ContactWalk, PoseNoise
 from isotruss_ros.core.estimation.grip_belief import DELAY_DEVIATION, GripBelief, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_model import (
     anchor_rates,
@@ -18,7 +18,6 @@ from isotruss_ros.core.estimation.grip_model import (
     shift_deviations,
     SHIFTS,
 )
-from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip

@@ -9,9 +9,8 @@ from dataclasses import replace
 from carries import FRICTION, make_robot, place
 from isotruss_ros.core import place_between, Pose
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
-from isotruss_ros.core.estimation.marker_gate import FALSE_ALARM_PROBABILITY
+from isotruss_ros.core.estimation.marker_gate import FALSE_ALARM_PROBABILITY, SlipWatch
 from isotruss_ros.core.estimation.offset_filter import IMPROBABLE, MAX_OFFSET_DEVIATION
-from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip

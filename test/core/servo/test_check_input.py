@@ -10,8 +10,8 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.numerics.arrays import MAX_MAGNITUDE
-from isotruss_ros.core.servo.check_input import check_input
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.servo_state import check_input
 import numpy as np
 import pytest
 

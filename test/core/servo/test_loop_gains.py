@@ -3,7 +3,7 @@
 
 """The gains of the squeeze control against one mode behind its loop."""
 
-from isotruss_ros.core.servo.loop_gains import DEFAULT_FREQUENCY, GAIN_SHARE
+from isotruss_ros.core.servo.swing_watch import DEFAULT_FREQUENCY, GAIN_SHARE
 import numpy as np
 import pytest
 
