@@ -63,7 +63,11 @@ class BeliefStart:
         prior = replace(prior, load=settings.load or PRIOR.load)
         self._assuming = gripped and self._missed and not self._assuming
         try:
-            placed = self._place(config, grip) if self._assuming else grip
+            placed, body = grip, grip.body
+            if self._assuming:  # all members have the same indentation
+                shape, angle = body.shape, body.pose.angle
+                between = place_between(config, grip.members, shape, angle, self._depth)
+                placed = grip.moved_to(between.body.pose)
             equilibrium = attach_model(config, placed, pressures, prior.zero_deviation)
         except NotHeldError as error:
             self._missed = True
@@ -75,18 +79,12 @@ class BeliefStart:
             return HoldStatus.WRINKLES
         belief = GripBelief(equilibrium, grip, prior, zero_covariance, is_assumed=self._assuming)
         hold = belief.grasp.hold(belief.largest_friction)
-        if hold is HoldStatus.HELD and not belief.explains(grip.body.pose):
+        if hold is HoldStatus.HELD and not belief.explains(body.pose):
             hold = HoldStatus.FAR
         self._missed = hold in (HoldStatus.NO_CONTACT, HoldStatus.FAR)
         if hold is HoldStatus.HELD:
             self.belief = belief
         return hold
-
-    def _place(self, config: Configuration, grip: Grip) -> Grip:
-        """Return the grip with the object moved until all members have the same indentation."""
-        angle = grip.body.pose.angle
-        placed = place_between(config, grip.members, grip.body.shape, angle, self._depth)
-        return grip.moved_to(placed.body.pose)
 
     def _is_desired(self, equilibrium: HeldGrip, force: float) -> bool:
         """Return whether an assumed grip has the desired squeeze; if not, correct the depth."""

@@ -18,7 +18,7 @@ from dataclasses import replace
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MIN_RELATIVE_MARGIN
+from isotruss_ros.core.holding.held_grip import HoldStatus, MIN_RELATIVE_MARGIN
 from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.inputs import StampedInput, steady_pressures, UsedReadings
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -80,8 +80,6 @@ class SqueezeControl:
         self._offsets: Array | float | None = None
         self._zeros: Array | None = None
         self._readings = UsedReadings()
-        # Equilibrium for which the gain was chosen, and its natural frequency [rad/s].
-        self._tuned: tuple[HeldGrip | None, float | None] = (None, None)
         self.acknowledge()
 
     def acknowledge(self) -> None:
@@ -178,8 +176,13 @@ class SqueezeControl:
             still = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault)
         squeeze = belief.regulated_squeeze
-        missing = self._desired_squeeze(belief) - squeeze
-        rate = min(MAX_SQUEEZE_GAIN, self.gain) * missing - belief.cache.drift[3]
+        force = self.settings.force
+        # While the squeeze is unknown, apart from the error of the stiffness, the excess of the
+        # first estimate is added: opening the grip could release the object, and the measured pose
+        # would not show the loss until the object is moved.
+        if self._excess > 0.0 and not is_squeeze_known(force, belief.geometric_deviation):
+            force += self._excess
+        rate = min(MAX_SQUEEZE_GAIN, self.gain) * (force - squeeze) - belief.cache.drift[3]
         rate = max(-MAX_FORCE_RATE, min(rate, MAX_FORCE_RATE))
         opening = rate / belief.grasp.squeeze_stiffness()
         if self.fault is not None:
@@ -201,19 +204,6 @@ class SqueezeControl:
                 limiting=(*slowed.limiting, 'the slip margin'),
             )
         return belief.cache.usage.limit_utilisation(command, period, self.settings.max_utilisation)
-
-    def _desired_squeeze(self, belief: GripBelief) -> float:
-        """
-        Return the desired squeeze of the control law [N].
-
-        While the squeeze is unknown, apart from the error of the stiffness, the excess of the
-        first estimate over the setting is added, because opening the grip could release the
-        object, and the measured pose would not show the loss until the object is moved.
-        """
-        force = self.settings.force
-        if self._excess > 0.0 and not is_squeeze_known(force, belief.geometric_deviation):
-            return force + self._excess
-        return force
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """Move the desired pose by the executed twist less `missing`, which limits removed."""
@@ -251,10 +241,8 @@ class SqueezeControl:
 
     def _choose_gain(self, belief: GripBelief) -> None:
         """Choose the gain from the settings, or else from the natural frequency."""
-        settings, differentiated = self.settings, belief.cache.by_offsets.grasp
-        if differentiated is not self._tuned[0]:
-            self._tuned = differentiated, lowest_frequency(differentiated)
-        self.frequency = settings.frequency or self._tuned[1]
+        settings = self.settings
+        self.frequency = settings.frequency or lowest_frequency(belief.cache.by_offsets.grasp)
         assumed = GAIN_SHARE * (self.frequency or DEFAULT_FREQUENCY)
         self.gain = self.softening * (settings.pose_gain or assumed)
 

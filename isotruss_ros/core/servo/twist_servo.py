@@ -78,7 +78,7 @@ class TwistServo(ServoState):
         """
         settings, received, squeeze = self.settings, self.inputs, self.squeeze
         self._begin_cycle(now)
-        twist, failed, force = np.zeros(3), self.failed, None
+        twist, failed, is_solved = np.zeros(3), self.failed, False
         inputs: dict[str, Any] = {'twist': received.twist, 'joint_states': received.rollers}
         if settings.joint is None:
             inputs['object_pose'] = received.pose
@@ -88,12 +88,9 @@ class TwistServo(ServoState):
             fresh = require_fresh(now, settings.timeout, **inputs)
             given, rollers, pose = (*fresh, None)[:3]
             twist = np.asarray(given.value)
-            command = self._solve(twist, rollers, pose, now, failed)
+            command = self._solve(twist, rollers, pose, now)
             ok = command.status is Status.OK
-            message = '' if ok else describe(command, settings.joint is None)
-            if squeeze is not None and squeeze.belief is not None:
-                force = squeeze.belief.squeeze, squeeze.belief.squeeze_deviation
-                message = '; '.join(filter(None, (message, squeeze.note(force))))
+            message, is_solved = '' if ok else describe(command, settings.joint is None), True
         except IsotrussError as error:
             status, message = halt_for(error), str(error)
             # The twist is checked first.
@@ -107,17 +104,14 @@ class TwistServo(ServoState):
             command = RollerCommand(stopped, np.zeros(3), 0.0, status)
         self._history.record(now, command.roller_velocities)
         names = tuple(name for name in self.robot.roller_names if name in failed)
-        decision = Decision(command, twist, message, names)
         if squeeze is None or squeeze.belief is None:
-            return decision
-        belief = squeeze.belief
-        return replace(
-            decision,
-            frequency=squeeze.frequency or 0.0,
-            pose_gain=squeeze.gain,
-            squeeze=force or (belief.squeeze, belief.squeeze_deviation),
-            pose_delay=belief.state.delay,
-        )
+            return Decision(command, twist, message, names)
+        belief, frequency = squeeze.belief, squeeze.frequency or 0.0
+        force = belief.squeeze, belief.squeeze_deviation
+        if is_solved:
+            message = '; '.join(filter(None, (message, squeeze.note(force))))
+        numbers = frequency, squeeze.gain, force, belief.state.delay
+        return Decision(command, twist, message, names, *numbers)
 
     def command(self, velocities: Array, now: float) -> Array:
         """
@@ -156,16 +150,11 @@ class TwistServo(ServoState):
         self.detector.update(state.positions - state.offsets, rollers.time, commanded)
 
     def _solve(
-        self,
-        twist: Array,
-        rollers: StampedInput,
-        pose: StampedInput | None,
-        now: float,
-        failed: frozenset[str],
+        self, twist: Array, rollers: StampedInput, pose: StampedInput | None, now: float
     ) -> RollerCommand:
         """Return the command for the configuration predicted at the cycle's midpoint."""
-        config, grip, last = self._predict(rollers, pose, now, failed)
-        squeeze = None if grip is None else self.squeeze
+        config, grip, last = self._predict(rollers, pose, now)
+        failed, squeeze = self.failed, None if grip is None else self.squeeze
         if squeeze is not None:
             hold = self._follow(squeeze, config, grip, (rollers, pose), now, gripped=True)
             if squeeze.belief is None:
@@ -178,7 +167,7 @@ class TwistServo(ServoState):
         handling = LimitHandling(self.settings.slide_along_limits, True, LOOP_SOFT_RANK)
 
         if grip is None:
-            command = self._solve_joint(config, twist, failed, limits, handling)
+            command = self._solve_joint(config, twist, limits, handling)
         elif squeeze is None:
             command = solve_twist(config, grip, twist, failed, limits, handling)
         else:
@@ -211,12 +200,7 @@ class TwistServo(ServoState):
         return self.robot.description.max_acceleration * elapsed
 
     def _solve_joint(
-        self,
-        config: Configuration,
-        twist: Array,
-        failed: frozenset[str],
-        limits: Sequence[Limit],
-        handling: LimitHandling,
+        self, config: Configuration, twist: Array, limits: Sequence[Limit], handling: LimitHandling
     ) -> RollerCommand:
         """Return the roller command for a desired velocity of the joint."""
         if twist[2] != 0.0:
@@ -225,17 +209,14 @@ class TwistServo(ServoState):
                 f'twist with {twist[2]:.4g} rad/s: a joint has no orientation; must be 0',
             )
         velocities = {self.settings.joint: twist[:2]}
-        command = solve_joint_velocity(config, velocities, failed, limits, handling)
+        command = solve_joint_velocity(config, velocities, self.failed, limits, handling)
         return replace(command, achieved_twist=np.append(command.achieved_twist, 0.0))
 
     def _predict(
-        self,
-        rollers: StampedInput,
-        pose: StampedInput | None,
-        now: float,
-        failed: frozenset[str],
+        self, rollers: StampedInput, pose: StampedInput | None, now: float
     ) -> tuple[Configuration, Grip | None, Array]:
         """Return the predicted configuration and grip at mid-cycle, and the last command."""
+        failed = self.failed
         still = np.array([name in failed for name in self.robot.roller_names])
         before, travel, last = self._history.expected_travel(
             rollers, (pose or rollers).time, now, 0.5 * self.settings.period, still
@@ -264,7 +245,7 @@ class TwistServo(ServoState):
                 joint_states=self.inputs.rollers,
                 object_pose=self.inputs.pose,
             )
-            config, grip, _ = self._predict(rollers, pose, now, self.failed)
+            config, grip, _ = self._predict(rollers, pose, now)
             fault = squeeze.fault
             self._follow(squeeze, config, grip, (rollers, pose), now)
             if fault is None and squeeze.fault is not None:  # the object was removed at rest
