@@ -19,17 +19,18 @@ from dataclasses import replace
 
 from isotruss_ros.core.estimation.contact_walk import MODEL_ERROR
 from isotruss_ros.core.estimation.grip_model import (
-    anchor_rates,
     OffsetRates,
+    output_scale,
     Pressures,
-    StateRates,
+    shift_rates,
+    SHIFTS,
+    state_rates,
 )
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_EXTRAPOLATION
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
@@ -41,22 +42,18 @@ class EquilibriumCache:
 
     :ivar grasp: the equilibrium.
     :ivar grip: its contacts, from which (19) predicts the motion of the object.
-    :ivar anchored: derivatives of its unknowns by the rolling invariants, see `anchor_rates`.
-    :ivar rates: derivatives of pose and squeeze by the state.
+    :ivar travel_rates: (4, r) derivatives of the outputs by roller travel, by (19).
+    :ivar shifted: derivatives of its unknowns by the members' shifts, see `shift_rates`.
+    :ivar scale: (4,) factors on the outputs in the following derivatives, see `output_scale`.
+    :ivar rates: (4, n) derivatives of the outputs by the state.
     :ivar by_offsets: derivatives by roller offsets, at an equilibrium nearby.
-    :ivar ahead: (4,) predicted changes of pose [m, m, rad] and squeeze [N] by roller travel.
-    :ivar drift: error of (19) in the last motion, per time (4,) [m/s, rad/s, N/s].
+    :ivar ahead: (4,) predicted changes of the outputs by roller travel.
+    :ivar moved_zeros: (r,) corrections of the roller offsets since the equilibrium [m].
+    :ivar drift: error of (19) in the last motion, per time (4,) [m/s, m/s, rad/s, N/s].
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
 
     :param friction: coefficient of friction [-].
     """
-
-    # Corrections since the equilibrium, see `take`.
-    ahead: Array
-    _anchors: Array
-    _pending: Array  # (4,) changes of pose [m, m, rad] and squeeze [N]
-    _pending_forces: Array
-    _moved_zeros: Array
 
     def __init__(self, grasp: HeldGrip, friction: float) -> None:
         self._friction = friction
@@ -65,29 +62,20 @@ class EquilibriumCache:
         self.forget_motion(grasp)
 
     @property
-    def pose(self) -> Array:
-        """Return the predicted pose of the equilibrium without a load, (3,) [m, rad]."""
-        return np.array(self.grasp.pose) + self.ahead[:3] + self._pending[:3]
-
-    @property
-    def squeeze(self) -> float:
-        """Return the mean normal force of the members without load [N]."""
-        return self.grasp.squeeze + float(self.ahead[3] + self._pending[3])
-
-    @property
-    def has_new_offsets(self) -> bool:
-        """Return whether the roller offsets were corrected since the equilibrium."""
-        return bool(self._moved_zeros.any())
+    def outputs(self) -> Array:
+        """Return pose [m, m, rad] and squeeze [N] without load, corrected by poses, (4,)."""
+        return np.append(self.grasp.pose, self.grasp.squeeze) + self._pending
 
     def take(self, grasp: HeldGrip) -> None:
         """Set the equilibrium, and the derivatives at this equilibrium."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
-        self.contact_rates = grip_jacobian(grasp.config, self.grip)
+        self.travel_rates = grip_jacobian(grasp.config, self.grip)[:4].copy()
+        self.travel_rates[3] *= grasp.squeeze_stiffness()
         self.ahead, self._pending, self._anchors = np.zeros(4), np.zeros(4), grasp.anchors
-        self._moved_zeros = np.zeros(len(grasp.config.roller_positions))
+        self.moved_zeros = np.zeros(len(grasp.config.roller_positions))
         self._pending_forces = np.zeros(2 * len(grasp.anchors))
-        self.anchored = anchor_rates(grasp)
-        self.rates = StateRates.of(grasp, self.anchored)
+        self.scale, self.shifted = output_scale(grasp), shift_rates(grasp)
+        self.rates = state_rates(grasp, self.shifted)
         differentiated = self.by_offsets.grasp
         travel = grasp.config.roller_positions - differentiated.config.roller_positions
         far = differentiated.contacts is not grasp.contacts
@@ -101,40 +89,39 @@ class EquilibriumCache:
 
     def predict(self, config: Configuration) -> tuple[Array, bool]:
         """Update `ahead`; return the travel (r,) [m], and whether extrapolation is valid."""
-        travel = config.roller_positions - self.grasp.config.roller_positions - self._moved_zeros
-        moved, before = self.contact_rates @ travel, self._motion
+        travel = config.roller_positions - self.grasp.config.roller_positions - self.moved_zeros
+        before = self._motion
         share = float(travel @ before) / max(float(before @ before), MODEL_ERROR**2)
         near = abs(share) <= MAX_EXTRAPOLATION
         share = max(-MAX_EXTRAPOLATION, min(share, MAX_EXTRAPOLATION))
-        slope = self.grasp.squeeze_stiffness()
-        self.ahead = np.append(moved[:3], slope * moved[3]) + share * self._beyond
+        self.ahead = self.travel_rates @ travel + share * self._beyond
         return travel, near
 
-    def roll(self, config: Configuration, pressures: Pressures) -> HeldGrip | None:
-        """Return the equilibrium with all corrections in a configuration; None if none exists."""
-        inflated = with_pressures(self.grasp, pressures)
-        return roll_grip(replace(inflated, anchors=self._anchors), config)
+    def roll(
+        self, config: Configuration, pressures: Pressures, shifts: Array | float = 0.0
+    ) -> HeldGrip | None:
+        """
+        Return the equilibrium with all corrections in a configuration; None if none exists.
 
-    def placed(self, shifts: Array) -> HeldGrip | None:
-        """Return the equilibrium after shifts (m,) [m] of the members' contacts, or None."""
-        anchors = self.grasp.anchors + shifts[self.grasp.contacts.owners]
-        return roll_grip(replace(self.grasp, anchors=anchors), self.grasp.config)
+        The k contacts are shifted along their members by further `shifts` (k,) [m].
+        """
+        inflated = with_pressures(self.grasp, pressures)
+        return roll_grip(replace(inflated, anchors=self._anchors + shifts), config)
 
     def shift(self, shifts: Array) -> None:
-        """Shift the contacts (k,) along the members [m]."""
-        moved = self.anchored @ shifts
-        squeeze = moved[self.grasp.state.places.normal].sum() / len(self.grasp.members)
-        self._anchors = self._anchors + shifts
-        self._pending = self._pending + np.append(moved[:3], squeeze)
-        self._pending_forces = self._pending_forces + moved[-2 * len(shifts) :]  # noqa: E203
+        """Shift the contacts of the members (m,) along them [m]."""
+        forces = self.shifted[self.grasp.state.places.forces] @ shifts
+        self._anchors = self._anchors + shifts[self.grasp.contacts.owners]
+        self._pending = self._pending + self.rates[:, SHIFTS:] @ shifts / self.scale
+        self._pending_forces = self._pending_forces + forces
 
     def correct_zeros(self, moved: Array, sensitivity: Array, first: int) -> None:
         """Correct the offsets by `moved` (r,) [m]; `sensitivity[first:]` (m, r) is for shifts."""
         grasp = self.grasp
         shifts = (sensitivity[first:] @ moved)[grasp.contacts.owners]
         self._anchors = self._anchors + grasp.statics.anchor_rates @ moved + shifts
-        self._moved_zeros = self._moved_zeros + moved
-        rates = self.by_offsets.squeeze + self.rates.squeeze @ sensitivity
+        self.moved_zeros = self.moved_zeros + moved
+        rates = self.by_offsets.outputs[3] + self.rates[3] @ sensitivity
         self.ahead = self.ahead + np.append(np.zeros(3), rates @ moved)
 
     def margin(self) -> float:
@@ -142,19 +129,11 @@ class EquilibriumCache:
         planes = slip_planes(self.grasp.response, self._friction)
         return float(((planes.reserve + planes.rows @ self._pending_forces) / planes.size).min())
 
-    def pose_change(self, grasp: HeldGrip) -> Array:
-        """Return the pose (3,) of a rolled equilibrium minus the pose predicted by this cache."""
-        return pose_difference(grasp.pose, np.array(self.grasp.pose) + self._pending[:3])
-
     def learn(self, grasp: HeldGrip, travel: Array, change: Array, elapsed: float) -> None:
         """Derive drift, and derivatives of margin and utilisation, from a rolled equilibrium."""
-        before = self.grasp
-        if grasp.contacts is not before.contacts:  # a discontinuity
+        if grasp.contacts is not self.grasp.contacts:  # a discontinuity
             self.forget_motion(grasp)
             return
-        moved = self.contact_rates @ travel
-        pressed = grasp.squeeze - before.squeeze - self._pending[3]
-        pressed -= before.squeeze_stiffness() * moved[3]
-        self._motion, self._beyond = travel, np.append(change - moved[:3], pressed)
+        self._motion, self._beyond = travel, change - self.travel_rates @ travel
         self.drift = self._beyond / elapsed
         self.usage.learn(grasp, grasp.slip_margin(self._friction) - self.margin(), travel)

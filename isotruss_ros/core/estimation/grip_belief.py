@@ -24,6 +24,8 @@ from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
 from isotruss_ros.core.estimation.grip_model import (
     attach_model,
+    DELAY,
+    LOAD,
     MAX_UTILISATION,
     Pressures,
     SHIFTS,
@@ -85,10 +87,7 @@ class GripBelief:
         self._searched = self._rolled = 0.0  # times of the last search and equilibrium
         self._corrected = np.zeros(count)
         self._spare = 0.0  # slip margin lost by the contact history [N]
-        pose = np.array(grip.body.pose)
-        if not is_assumed:
-            self._shift_contacts(pose)
-        self._leave(pose)
+        self._start_at(np.array(grip.body.pose))
 
     @property
     def grasp(self) -> HeldGrip:
@@ -101,32 +100,32 @@ class GripBelief:
         return self.cache.grip
 
     @property
+    def outputs(self) -> Array:
+        """Return the estimates of pose [m, m, rad] and squeeze [N], (4,)."""
+        cache, mean = self.cache, np.append(self.state.load, self.state.bias)
+        return cache.outputs + cache.ahead + cache.rates[:, :DELAY] @ mean / cache.scale
+
+    @property
     def pose(self) -> Array:
         """Return the estimate (x, y, angle) of the object's pose [m, rad]."""
-        state, response = self.state, self.grasp.response
-        return self.cache.pose + response.pose @ state.load + state.bias / self._even
+        return self.outputs[:3]
 
     @property
     def squeeze(self) -> float:
         """Return the estimated mean normal force of the members [N]."""
-        return self.cache.squeeze + float(self.grasp.response.squeeze @ self.state.load)
+        return float(self.outputs[3])
 
     @property
     def geometric_deviation(self) -> float:
         """Return the deviation of the squeeze for the stiffness of the robot file [N]."""
-        return self._deviation(0.0)
+        variance = self.state.spread(self.cache.rates[3], self.cache.by_offsets.outputs[3])
+        relative = 1.0 if self.is_assumed else self.settings.squeeze_error
+        return math.hypot(math.sqrt(variance), relative * self.squeeze)
 
     @property
     def squeeze_deviation(self) -> float:
         """Return the standard deviation of the squeeze, with model and stiffness errors [N]."""
-        return self._deviation(self.settings.stiffness)
-
-    def _deviation(self, stiffness: float) -> float:
-        """Return the standard deviation of the squeeze for that of the stiffness [N]."""
-        cache, squeeze = self.cache, self.squeeze
-        variance = self.state.spread(cache.rates.squeeze, cache.by_offsets.squeeze)
-        relative = 1.0 if self.is_assumed else self.settings.squeeze_error
-        return math.hypot(math.sqrt(variance), relative * squeeze, stiffness * squeeze)
+        return math.hypot(self.geometric_deviation, self.settings.stiffness * self.squeeze)
 
     @property
     def largest_friction(self) -> float:
@@ -140,16 +139,12 @@ class GripBelief:
         return self._friction * (1.0 + relative / self.squeeze) if self.squeeze > 0.0 else math.inf
 
     @property
-    def pose_covariance(self) -> Array:
-        """Return the covariance of the object's pose, (3, 3) [m^2, m rad, rad^2]."""
-        spread = self.state.spread(self.cache.rates.pose, self.cache.by_offsets.pose)
-        return spread / np.outer(self._even, self._even)
-
-    @property
     def estimate(self) -> GripEstimate:
         """Return the estimates of pose, squeeze and delay."""
-        covariance, deviation = self.pose_covariance, self.squeeze_deviation
-        return GripEstimate(self.pose, covariance, self.squeeze, deviation, self.state.delay)
+        covariance = self.state.spread(self.cache.rates[:3], self.cache.by_offsets.outputs[:3])
+        covariance /= np.outer(self._even, self._even)
+        deviation, delay = self.squeeze_deviation, self.state.delay
+        return GripEstimate(self.pose, covariance, self.squeeze, deviation, delay)
 
     def explains(self, pose: Pose) -> bool:
         """Return whether load and errors of offsets and measurement explain a measured pose."""
@@ -162,14 +157,9 @@ class GripBelief:
         return self._even * pose_difference(self.pose, self.lag.last)
 
     @property
-    def regulated_pose(self) -> Array:
-        """Return the object's pose (3,) for control, with corrections smoothed by two filters."""
-        return self.pose - self.lag.waiting[:3]
-
-    @property
-    def regulated_squeeze(self) -> float:
-        """Return the squeeze for control, with corrections smoothed by two filters [N]."""
-        return self.squeeze - float(self.lag.waiting[3])
+    def regulated(self) -> Array:
+        """Return pose and squeeze (4,) for control, with corrections smoothed by two filters."""
+        return self.outputs - self.lag.waiting
 
     @property
     def slip_margin(self) -> float:
@@ -183,7 +173,9 @@ class GripBelief:
     @property
     def slip_deviations(self) -> float:
         """Return the norm of pose corrections, load and delay in standard deviations [-]."""
-        return self.state.slip_deviations(self.slip_margin)
+        state, least = self.state, max(self.settings.load, 0.5 * self.slip_margin)
+        delayed = state.delay / DELAY_DEVIATION
+        return math.hypot(state.walk.deviations, delayed, *(state.load / least))
 
     @property
     def slipped(self) -> bool:
@@ -210,29 +202,30 @@ class GripBelief:
         """
         cache, lag, state = self.cache, self.lag, self.state
         lag.time += elapsed
-        elapsed, corrected = lag.time - self._rolled, cache.has_new_offsets
+        elapsed, corrected = lag.time - self._rolled, cache.moved_zeros.any()
         travel, near = cache.predict(config)
-        ahead = cache.ahead[:3]
+        ahead, (positions, age) = cache.ahead[:3], rollers or (config.roller_positions, 0.0)
+        since = cache.travel_rates[:3] @ (config.roller_positions - positions)
         if elapsed < EQUILIBRIUM_PERIOD - ROUNDING and near and not corrected:
-            self._record(lag.travelled + ahead, config, rollers)
+            lag.record(lag.travelled + ahead, since, age)
             return HoldStatus.HELD
         rolled = cache.roll(config, pressures)
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
         if rolled is None or hold not in (HoldStatus.HELD, HoldStatus.SLIPS):
             lag.stay()
             return HoldStatus.HELD if self.attach(config, pressures) else hold
-        change = cache.pose_change(rolled)
+        change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)
+        moved = change[:3]
         if corrected:
             # Corrections of offsets do not move the object; the unexplained pose changes instead.
-            state.bias, change = state.bias - self._even * (change - ahead), ahead
+            state.bias, moved = state.bias - self._even * (moved - ahead), ahead
         else:
             cache.learn(rolled, travel, change, elapsed)
-        lag.travelled = lag.travelled + change
-        self._record(lag.travelled, config, rollers)
+        lag.travelled = lag.travelled + moved
+        lag.record(lag.travelled, since, age)
         self.take(rolled)
-        decayed = state.propagate(elapsed, self._even * change, np.abs(travel), cache)
-        response = self.grasp.response
-        lag.hold_back(np.append(response.pose @ decayed, response.squeeze @ decayed))
+        decayed = state.propagate(elapsed, self._even * moved, np.abs(travel), cache)
+        lag.hold_back(cache.rates[:, LOAD] @ decayed / cache.scale)
         # After large corrections the rates are invalid.
         due = np.abs(self._corrected).max() > MAX_FIRST_ORDER_TRAVEL
         # An earlier search would attribute transient loads to the contacts.
@@ -241,14 +234,6 @@ class GripBelief:
         if due or slips:
             self.attach(config, pressures)
         return HoldStatus.HELD  # slip is detected from the poses
-
-    def _record(
-        self, travelled: Array, config: Configuration, rollers: tuple[Array, float] | None
-    ) -> None:
-        """Store the pose (3,) by roller travel alone, now and at the last measured rollers."""
-        positions, age = rollers or (config.roller_positions, 0.0)
-        since = self.cache.contact_rates[:3] @ (config.roller_positions - positions)
-        self.lag.record(travelled, since, age)
 
     def observe(self, pose: Pose, age: float) -> None:
         """
@@ -265,10 +250,10 @@ class GripBelief:
         expected = self.pose - pose_difference(lag.last, rolled)
         innovation = even * pose_difference(pose, expected)
         self.state.noise.add(even * pose_difference(pose, rolled))
-        before = np.append(self.pose, self.squeeze)
+        before = self.outputs
         change = self.state.correct(innovation, even * speed, cache, lag.time)
-        cache.shift(change[SHIFTS:][self.grasp.contacts.owners])
-        lag.hold_back(np.append(self.pose, self.squeeze) - before)
+        cache.shift(change[SHIFTS:])
+        lag.hold_back(self.outputs - before)
 
     def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
@@ -287,27 +272,33 @@ class GripBelief:
             return False
         if held.hold(math.inf) is not HoldStatus.HELD or held.sections.used.max() > limit:
             return False
-        cache, before = EquilibriumCache(held, self._friction), self.cache.by_offsets.pose
+        cache, before = EquilibriumCache(held, self._friction), self.cache.by_offsets.outputs
         if not self.state.explains(self._even * pose_difference(pose, held.pose), cache):
             return False
         self.is_assumed, self.cache = False, cache
         self.take(held)
-        self.state.walk.attach(cache.by_offsets.pose - before)
+        self.state.walk.attach((cache.by_offsets.outputs - before)[:3])
         self._corrected = np.zeros_like(self._corrected)
-        self._shift_contacts(pose)
-        self._leave(pose)
+        self._start_at(pose)
         self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))
         return True
 
-    def _shift_contacts(self, pose: Array) -> None:
-        """Shift the contacts toward a pose (3,) without load, within friction [m, rad]."""
+    def _start_at(self, pose: Array) -> None:
+        """
+        Initialise the state with a pose (3,) without load [m, rad].
+
+        The contacts are shifted toward it within friction, unless the equilibrium is assumed; the
+        distance that remains is the unexplained pose.
+        """
         cache, grasp, friction, self._spare = self.cache, self.grasp, self._friction, 0.0
         shifts = np.zeros(len(grasp.members))
-        for _ in range(2):  # the second step has the derivatives at the first solution
+        # The second step has the derivatives at the first solution.
+        for _ in range(0 if self.is_assumed else 2):
             gain = self.state.initialise(cache, friction)
             off = self._even * pose_difference(pose, self.grasp.pose)
-            moved = (gain @ (off + cache.rates.pose[:, SHIFTS:] @ shifts))[SHIFTS:] - shifts
-            placed = cache.placed(moved)
+            moved = (gain @ (off + cache.rates[:3, SHIFTS:] @ shifts))[SHIFTS:] - shifts
+            by_contact = moved[cache.grasp.contacts.owners]
+            placed = cache.roll(grasp.config, grasp.pressures, by_contact)
             # Forces beyond friction and contacts of other members are attributed to wrong offsets,
             # so the shifts are not applied.
             if placed is None or len(placed.members) != len(shifts):
@@ -317,11 +308,8 @@ class GripBelief:
             shifts = shifts + moved
             self._spare = grasp.slip_margin(friction) - placed.slip_margin(friction)
             self.take(placed)
-
-    def _leave(self, pose: Array) -> None:
-        """Initialise the state with a pose (3,) minus the equilibrium's as unexplained part."""
         self.state.bias = self._even * pose_difference(pose, self.grasp.pose)
-        self.state.initialise(self.cache, self._friction)
+        self.state.initialise(cache, friction)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""
@@ -343,6 +331,6 @@ class GripBelief:
         """Set the equilibrium, for example one that another belief has found."""
         self.cache.take(grasp)
         self._rolled = self.lag.time
-        size = len(self.cache.rates.squeeze)
+        size = self.cache.rates.shape[1]
         if size != len(self.state.covariance):
             self.state.resize(size, SHIFTS, grasp.arm**2)

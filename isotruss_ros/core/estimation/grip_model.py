@@ -5,7 +5,8 @@
 Model of a held object: its equilibrium, and the linearisation of pose and squeeze.
 
 The state is (load, unexplained pose, delay, shifts of the contacts along the members); the
-parameters are the roller offsets, see `grip_belief`.
+parameters are the roller offsets, see `grip_belief`. The outputs are the object's pose and the
+squeeze.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.attach_grip import attach_grip, lay_faces
-from isotruss_ros.core.holding.held_gradient import held_gradient, HeldGradient
+from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -47,66 +48,59 @@ def attach_model(
     return grasp
 
 
-def shift_deviations(grasp: HeldGrip, anchored: Array, friction: float) -> Array:
+def shift_deviations(grasp: HeldGrip, shifted: Array, friction: float) -> Array:
     """
     Return the prior deviations (m,) of the contacts' shifts along the members [m].
 
     A deviation is twice the shift that causes slip, at most the object's characteristic radius.
+    For `shifted` see `shift_rates`.
     """
     members = np.eye(len(grasp.members))[grasp.contacts.owners]
     presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
     reserve = np.maximum(friction * presses - np.abs(rubs), 0.1 * friction * grasp.squeeze)
-    rates = np.diag(members.T @ anchored[grasp.state.places.friction] @ members)
+    rates = np.diag(members.T @ shifted[grasp.state.places.friction])
     return np.minimum(2.0 * reserve / np.maximum(np.abs(rates), reserve / grasp.arm), grasp.arm)
 
 
-class StateRates(NamedTuple):
-    """Derivatives of pose, rotations times the characteristic radius, and squeeze by the state."""
+def output_scale(grasp: HeldGrip) -> Array:
+    """Return the factors (4,) on the outputs, which multiply rotations by the object's radius."""
+    return np.array([1.0, 1.0, grasp.arm, 1.0])
 
-    pose: Array  #: (3, n) derivatives of the object's pose
-    squeeze: Array  #: (n,) derivatives of the squeeze
 
-    @classmethod
-    def of(cls, grasp: HeldGrip, anchored: Array) -> StateRates:
-        """Return the derivatives at an equilibrium; `anchored` is from `anchor_rates`."""
-        even, members = np.array([[1.0], [1.0], [grasp.arm]]), len(grasp.members)
-        by_shift = anchored @ np.eye(members)[grasp.contacts.owners]
-        pose, squeeze = np.zeros((3, SHIFTS + members)), np.zeros(SHIFTS + members)
-        pose[:, LOAD], squeeze[LOAD] = even * grasp.response.pose, grasp.response.squeeze
-        pose[:, BIAS] = np.eye(3)
-        pose[:, SHIFTS:] = even * by_shift[:3]
-        squeeze[SHIFTS:] = by_shift[grasp.state.places.normal].sum(axis=0) / members
-        return cls(pose, squeeze)
+def shift_rates(grasp: HeldGrip) -> Array:
+    """Return the derivatives (3 + 4k, m) of `ContactForces.unknowns` by the members' shifts."""
+    places, owners = grasp.state.places, grasp.contacts.owners
+    changes = np.zeros((places.size, len(grasp.members)))
+    changes[places.conditions] = -np.eye(len(grasp.members))[owners]
+    return grasp.respond(changes)
+
+
+def state_rates(grasp: HeldGrip, shifted: Array) -> Array:
+    """Return the derivatives (4, n) of the scaled outputs by the state; see `shift_rates`."""
+    members, response = len(grasp.members), grasp.response
+    rates = np.zeros((4, SHIFTS + members))
+    rates[:3, LOAD], rates[3, LOAD], rates[:3, BIAS] = response.pose, response.squeeze, np.eye(3)
+    rates[:3, SHIFTS:] = shifted[:3]
+    rates[3, SHIFTS:] = shifted[grasp.state.places.normal].sum(axis=0) / members
+    rates[2] *= grasp.arm
+    rates[2, BIAS] = 0.0, 0.0, 1.0
+    return rates
 
 
 class OffsetRates(NamedTuple):
-    """Derivatives of pose and squeeze by roller offsets, for contacts at rest on the members."""
+    """Derivatives of outputs and joints by r roller offsets, for contacts at rest on members."""
 
     grasp: HeldGrip  #: equilibrium of the object
-    gradient: HeldGradient  #: gradient of this equilibrium
-    pose: Array  #: (3, r) derivatives of the pose, see `StateRates`
-    squeeze: Array  #: (r,) derivatives of the squeeze
+    outputs: Array  #: (4, r) derivatives of the scaled outputs
+    joints: Array  #: (2j, r) derivatives of the joint positions (x0, y0, x1, y1, ...)
+    joints_by_shifts: Array  #: (2j, m) derivatives of the joint positions by the members' shifts
 
     @classmethod
     def of(cls, grasp: HeldGrip) -> OffsetRates:
         """Return the derivatives by roller offsets at an equilibrium."""
         gradient, count = held_gradient(grasp), len(grasp.config.roller_positions)
-        along = grasp.statics.anchor_rates  # contacts at rest on the members
-        even = np.array([[1.0], [1.0], [grasp.arm]])
-        given = np.vstack([even * gradient.pose, gradient.normal_forces.mean(axis=0)])
-        by_offsets = given[:, :count] + given[:, count:] @ along
-        return cls(grasp, gradient, by_offsets[:3], by_offsets[3])
-
-    def joint_rates(self, shifts: Array) -> Array:
-        """Return derivatives (2j, r) of joint positions, from those (m, r) of contact shifts."""
-        joints, count = self.gradient.joints, len(self.grasp.config.roller_positions)
-        along = self.grasp.statics.anchor_rates + shifts[self.grasp.contacts.owners]
-        return joints[:, :count] + joints[:, count:] @ along
-
-
-def anchor_rates(grasp: HeldGrip) -> Array:
-    """Return the derivatives (3 + 4k, k) of `ContactForces.unknowns` by rolling invariants."""
-    places = grasp.state.places
-    changes = np.zeros((places.size, len(grasp.anchors)))
-    changes[places.conditions] = -np.eye(len(grasp.anchors))
-    return grasp.respond(changes)
+        outputs = np.vstack([gradient.pose, gradient.normal_forces.mean(axis=0)])
+        rows = np.vstack([output_scale(grasp)[:, None] * outputs, gradient.joints])
+        at_rest = rows[:, :count] + rows[:, count:] @ grasp.statics.anchor_rates
+        members = np.eye(len(grasp.members))[grasp.contacts.owners]
+        return cls(grasp, at_rest[:4], at_rest[4:], gradient.joints[:, count:] @ members)

@@ -60,13 +60,13 @@ class GripState(SchmidtFilter):
     def initialise(self, cache: EquilibriumCache, friction: float) -> Array:
         """Set the prior covariance, and update it for a pose; return the gain (n, 3)."""
         settings = self._settings
-        shifts = shift_deviations(cache.grasp, cache.anchored, friction)
+        shifts = shift_deviations(cache.grasp, cache.shifted, friction)
         variances = np.diag(self.covariance).copy()
         variances[LOAD], variances[BIAS] = settings.load**2, settings.pose_error**2
         variances[SHIFTS:] = shifts**2
         self.reset(np.diag(variances))
         # The part of the pose that shifts within friction do not explain: roller offsets.
-        rates, by_offsets = cache.rates.pose, cache.by_offsets.pose
+        rates, by_offsets = cache.rates[:3], cache.by_offsets.outputs[:3]
         shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
         constant = settings.pose_error**2 * np.eye(3)
         unexplained = np.linalg.solve(shifted + constant, constant).T @ by_offsets
@@ -75,7 +75,7 @@ class GripState(SchmidtFilter):
 
     def explains(self, off: Array, cache: EquilibriumCache) -> bool:
         """Return whether load, offsets and noise explain a difference (3,) of poses [m]."""
-        rates, give = cache.by_offsets.pose, cache.rates.pose[:, LOAD] * self._settings.load
+        rates, give = cache.by_offsets.outputs[:3], cache.rates[:3, LOAD] * self._settings.load
         spread = rates @ self.prior @ rates.T + give @ give.T + np.diag(self.noise.variances)
         return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
 
@@ -85,7 +85,7 @@ class GripState(SchmidtFilter):
 
         The `speed` (3,) of the object is that at the pose's time, rotations times the arm [m/s].
         """
-        rates, noise = cache.rates.pose.copy(), np.diag(self.noise.variances)
+        rates, noise = cache.rates[:3].copy(), np.diag(self.noise.variances)
         rates[:, DELAY] = -speed
         prior, walking = self.covariance, np.zeros_like(rates)
         walking[:, BIAS], walking[:, SHIFTS:] = rates[:, BIAS], rates[:, SHIFTS:]
@@ -97,12 +97,12 @@ class GripState(SchmidtFilter):
             freed = np.zeros(len(prior))
             freed[BIAS] = freed[SHIFTS:] = self.jump**2
             self.covariance = prior + np.diag(freed)
-        by_offsets = cache.by_offsets.pose
+        by_offsets = cache.by_offsets.outputs[:3]
         change = self.condition(rates, by_offsets, noise) @ off
         delay = self.delay + float(change[DELAY])
         self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
-        give = cache.rates.pose[:, LOAD] * self._settings.load
+        give = cache.rates[:3, LOAD] * self._settings.load
         expected, moved = noise + give @ give.T, walking @ change
         self.walk.add(time, moved, walked, expected, by_offsets, self.prior)
         return change
@@ -113,19 +113,13 @@ class GripState(SchmidtFilter):
         """Propagate the belief by process noise; return the decay (3,) of the load [N]."""
         settings = self._settings
         remaining = math.exp(-elapsed / settings.load_time)
-        noise, decay = np.zeros_like(cache.rates.squeeze), np.ones_like(cache.rates.squeeze)
+        noise, decay = np.zeros(len(self.covariance)), np.ones(len(self.covariance))
         decay[LOAD] = remaining
         noise[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*moved)
         noise[SHIFTS:] = settings.slip**2 * SLIP_LENGTH * travel.max()
-        self.walk.spread(cache.rates.pose * noise @ cache.rates.pose.T)
+        self.walk.spread(cache.rates[:3] * noise @ cache.rates[:3].T)
         noise[LOAD] = settings.load**2 * (1.0 - remaining**2)
         self.predict(decay, noise, settings.slip**2 * SLIP_LENGTH * travel)
         decayed = (remaining - 1.0) * self.load
         self.load = self.load + decayed
         return decayed
-
-    def slip_deviations(self, margin: float) -> float:
-        """Return the norm of pose corrections, load and delay in standard deviations [-]."""
-        least = max(self._settings.load, 0.5 * margin)
-        delayed = self.delay / DELAY_DEVIATION
-        return math.hypot(self.walk.deviations, delayed, *(self.load / least))

@@ -240,8 +240,9 @@ class StateEstimator:
             return positions, rates
         # Displacement due to the contact forces, and its derivative with respect to the offsets.
         grasp = belief.grasp if self._record is None else self._held
-        by_offsets = belief.cache.by_offsets.joint_rates(belief.state.sensitivity[SHIFTS:])
-        beyond = by_offsets - belief.grasp.config.node_jacobian[:count]
+        by_offsets = belief.cache.by_offsets
+        by_shifts = by_offsets.joints_by_shifts @ belief.state.sensitivity[SHIFTS:]
+        beyond = by_offsets.joints + by_shifts - belief.grasp.config.node_jacobian[:count]
         displaced = held_joints(grasp).ravel() - grasp.config.nodes.ravel()[:count]
         return positions + displaced + beyond @ (offsets - self._used_offsets), rates + beyond
 

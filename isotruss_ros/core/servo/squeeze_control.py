@@ -175,7 +175,7 @@ class SqueezeControl:
         if self.fault is Status.HALT_OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault)
-        squeeze = belief.regulated_squeeze
+        squeeze = float(belief.regulated[3])
         force = self.settings.force
         # While the squeeze is unknown, apart from the error of the stiffness, the excess of the
         # first estimate is added: opening the grip could release the object, and the measured pose
@@ -215,7 +215,7 @@ class SqueezeControl:
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
         """Return the twist (3,) that corrects the pose error and the motion that (19) neglects."""
-        here = belief.regulated_pose
+        here = belief.regulated[:3]
         if self.reference is None:
             self.reference = here
         # A command that is valid for longer than the period must not overshoot.

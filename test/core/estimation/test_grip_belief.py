@@ -13,9 +13,9 @@ from isotruss_ros.core import Grip, HoldStatus, place_between, Polygon, Pose
 from isotruss_ros.core.estimation.contact_walk import ContactWalk, PoseNoise
 from isotruss_ros.core.estimation.grip_belief import DELAY_DEVIATION, GripBelief, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_model import (
-    anchor_rates,
     attach_model,
     shift_deviations,
+    shift_rates,
     SHIFTS,
 )
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
@@ -116,11 +116,11 @@ def test_the_load_of_an_unmeasured_object_has_its_prior_deviation_again():
 
 
 def test_the_deviation_of_a_shift_is_twice_that_which_causes_slip():
-    anchored = anchor_rates(MODEL)
+    shifted = shift_rates(MODEL)
     friction = MODEL.required_friction + 0.05
     reserve = friction * MODEL.normal_forces - np.abs(MODEL.friction_forces)
-    by_shift = anchored[MODEL.state.places.friction]
-    for member, deviation in enumerate(shift_deviations(MODEL, anchored, friction)):
+    by_shift = shifted[MODEL.state.places.friction]
+    for member, deviation in enumerate(shift_deviations(MODEL, shifted, friction)):
         assert 0.5 * deviation * abs(by_shift[member, member]) == pytest.approx(reserve[member])
         assert deviation < MODEL.arm
 
@@ -232,16 +232,16 @@ def test_a_constant_offset_of_the_pose_is_no_squeeze():
 def test_corrections_reach_the_loop_behind_two_low_passes():
     belief = believed()
     carry(belief, 2.0, 1e-5)
-    still = belief.regulated_pose
+    still = belief.regulated[:3]
     off = Pose(*np.add(MODEL.pose, (2e-3, 0.0, 0.0)))
     belief.observe(off, 0.0)
     assert belief.pose[0] - still[0] > 5e-4
-    assert belief.regulated_pose == pytest.approx(still, abs=1e-9)
+    assert belief.regulated[:3] == pytest.approx(still, abs=1e-9)
     for _ in range(60):
         belief.follow(CONFIG, PERIOD, None)
         belief.lag.advance(PERIOD, FILTER_TIME)
         belief.observe(off, 0.0)
-    assert belief.regulated_pose == pytest.approx(belief.pose, abs=3e-4)
+    assert belief.regulated[:3] == pytest.approx(belief.pose, abs=3e-4)
 
 
 def test_corrections_beyond_their_covariance_are_slip_and_others_are_not():

@@ -68,7 +68,7 @@ def test_pose_correction_of_a_late_loop_takes_at_most_half_of_the_error_in_the_l
     error = np.array([1e-3, -2e-3, 3e-2])
     asked_of(control, np.zeros(3), 0.01)
     assert control.follow(CONFIG, GRASP, late) is HoldStatus.HELD
-    here = control.belief.regulated_pose
+    here = control.belief.regulated[:3]
     control.reference = here + error
     assert asked_of(control, np.zeros(3), 0.01)[0] == pytest.approx(0.5 / late * error, rel=1e-4)
 
@@ -230,7 +230,7 @@ def test_slipped_object_is_not_moved_while_the_squeeze_is_regulated():
     ((twist, opening_rate),) = asked
     assert not twist.any()
     belief = control.belief
-    missing = MODEL.squeeze + 1.0 - belief.regulated_squeeze
+    missing = MODEL.squeeze + 1.0 - belief.regulated[3]
     rate = np.clip(5.0 * missing, -10.0, 10.0)
     assert opening_rate * belief.grasp.squeeze_stiffness() == pytest.approx(rate, rel=0.05)
     assert (command.status, command.scale) == (Status.HALT_SLIPPED, 0.0)
@@ -339,7 +339,7 @@ def moved(left, error=0.0, solve=solve_at_rest):
     assert control.follow(CONFIG, held, 0.0) is HoldStatus.HELD
     travel = 0.02 * solve_at_rest(np.array(twist), 0.0).roller_velocities
     control.belief.cache.usage.learn(control.belief.grasp, -10.0, travel)
-    control.reference = control.belief.regulated_pose + np.array([0.0, error, 0.0])
+    control.reference = control.belief.regulated[:3] + np.array([0.0, error, 0.0])
     return control.solve(np.array(twist), 0.02, solve)
 
 
