@@ -5,7 +5,7 @@
 Random plane frames for the tests of statics, and other programs and models that solve them.
 
 `reference` shares nothing with the package: members come from the flexibility of a cantilever,
-pinned ends have rotations of their own, constraints are met by a basis of what they allow.
+pinned starts have rotations of their own, constraints are met by a basis of what they allow.
 """
 
 from typing import NamedTuple
@@ -36,14 +36,12 @@ def members(ends, axial, flexural, shear=np.inf, pins=()):
     """
     Return members between pairs of nodes; rigidities are one for all or one for each.
 
-    :param pins: pairs (member, 0 for its start or 1 for its end) that transmit no moment.
+    :param pins: members whose starts transmit no moment.
     """
     ends = np.array(ends, dtype=np.intp).reshape(-1, 2)
-    pinned = np.zeros(ends.shape, dtype=bool)
-    for member, end in pins:
-        pinned[member, end] = True
+    pinned = np.isin(np.arange(len(ends)), pins)
     rigidities = [np.broadcast_to(x, len(ends)).astype(float) for x in (axial, flexural, shear)]
-    return Members(ends[:, 0], ends[:, 1], np.array(rigidities), pinned[:, 0], pinned[:, 1])
+    return Members(ends[:, 0], ends[:, 1], np.array(rigidities), pinned)
 
 
 def supports(n, held):
@@ -67,7 +65,7 @@ def random_frame(rng, shear=True, pins=0.3, spread=1.5):
     Return points, members and supports of a frame that stands.
 
     :param shear: whether members give in shear.
-    :param pins: the share of the member ends that are pinned.
+    :param pins: the share of the members that are pinned.
     :param spread: decades over which rigidities are spread.
     """
     while True:
@@ -86,7 +84,7 @@ def random_frame(rng, shear=True, pins=0.3, spread=1.5):
             10.0 ** (4.0 + rng.uniform(-spread, spread, k)),
             10.0 ** (1.5 + rng.uniform(-spread, spread, k)),
             10.0 ** (3.0 + rng.uniform(-spread, spread, k)) if shear else np.inf,
-            np.argwhere(rng.random((k, 2)) < pins),
+            np.flatnonzero(rng.random(k) < pins),
         )
         held = np.zeros((n, 3), dtype=bool)
         for node in rng.choice(n, int(rng.integers(1, 4)), replace=False):
@@ -105,10 +103,10 @@ def random_loads(rng, found, n):
 
 
 def turning(found, n):
-    """Return which of the nodes have a rotation: those where an end is not pinned."""
+    """Return which of the nodes have a rotation: those where a member is not pinned."""
     turns = np.zeros(n, dtype=bool)
-    turns[found.start[~found.pinned_start]] = True
-    turns[found.end[~found.pinned_end]] = True
+    turns[found.start[~found.pinned]] = True
+    turns[found.end] = True
     return turns
 
 
@@ -134,10 +132,9 @@ def _assembled(points, found):
     for i in range(k):
         start, end = int(found.start[i]), int(found.end[i])
         place = [3 * start, 3 * start + 1, 3 * start + 2, 3 * end, 3 * end + 1, 3 * end + 2]
-        for at, pinned in ((2, found.pinned_start[i]), (5, found.pinned_end[i])):
-            if pinned:
-                place[at] = free_rotation
-                free_rotation += 1
+        if found.pinned[i]:
+            place[2] = free_rotation
+            free_rotation += 1
         places.append(place)
     matrix = np.zeros((free_rotation, free_rotation))
     parts = []

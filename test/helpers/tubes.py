@@ -20,13 +20,12 @@ def bare(span, axial, flexural, shear):
     :param axial: EA, `flexural` and `shear` likewise.
     """
     # Besides it there is a stub, far away; one end of it is free, so that something is.
-    none, one = np.zeros(2, dtype=bool), np.ones(1, dtype=int)
+    one = np.ones(1, dtype=int)
     members = Members(
         np.array([0, 2]),
         np.array([1, 3]),
         np.array([[value, 1.0] for value in (axial, flexural, shear)]),
-        none,
-        none,
+        np.zeros(2, dtype=bool),
     )
     held = np.array([[True] * 3] * 3 + [[False] * 3])
     frame = frames.frame([0.0, span, 1e3, 1e3 + 1.0], members, held)

@@ -44,7 +44,7 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
     pieces, number = np.unique(piece, return_inverse=True)
     node = np.stack([frame.members.start[pieces], frame.members.end[pieces]], axis=1)
     ends = (3 * node[:, :, None] + np.arange(3)).ravel()
-    section, pinned = frame.members.section[:, piece], frame.members.pinned_start[piece]
+    section, pinned = frame.members.section[:, piece], frame.members.pinned[piece]
     local, along, across = clamped_pieces(frame.length[piece], section, within, pinned)
     x, y = xy = np.array([frame.axis[piece].real, frame.axis[piece].imag])
     turned = frame.axis[piece] * local

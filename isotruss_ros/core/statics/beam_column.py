@@ -14,7 +14,7 @@ value at which the energy U is stationary,
 
 the stability functions of a Timoshenko beam (Przemieniecki, Theory of Matrix Structural Analysis,
 chapter 15), expanded to N^2. For N = 0 this is (2). The terms in N describe that bending shortens
-the chord, and that tension stiffens the member as in a string. The rotation of a pinned end is
+the chord, and that tension stiffens the member as in a string. The rotation of a pinned start is
 eliminated by static condensation. In a short member Ks is much smaller than Ka, so their sum and
 difference, the stiffness with respect to t1 and t2, would lose Ks by rounding.
 """
@@ -48,11 +48,10 @@ class BeamColumns(NamedTuple):
     values: Array
 
     @classmethod
-    def of(cls, length: Array, section: Array, pins: tuple[Flags, Flags]) -> BeamColumns:
-        """Return members of given rest lengths and sections."""
-        (axial, flexural, shear), (pinned_start, pinned_end) = section, pins
-        bar = (flexural == 0.0) | (pinned_start & pinned_end)
-        slide, arm = 1.0 / shear, 0.25 * length * length / np.where(bar, 1.0, flexural)
+    def of(cls, length: Array, section: Array, pinned: Flags) -> BeamColumns:
+        """Return members (k,) of given rest lengths and sections; `pinned` at the start or not."""
+        axial, flexural, shear = section
+        slide, arm = 1.0 / shear, 0.25 * length * length / flexural
         stiff = arm / (arm + 3.0 * slide)  # 1 / (1 + phi)
         ratio = length * stiff * stiff
         values = np.zeros((11, len(length)), dtype=length.dtype)
@@ -62,13 +61,10 @@ class BeamColumns(NamedTuple):
         sway[0], sway[1] = 3.0 * bow[0] * stiff, 0.2 * ratio
         sway[2] = ratio * (arm * (0.04 / 3.0 * stiff - 2.0 / 105.0) - 0.2 * slide)
         bow[1], bow[2] = length / 3.0, length * (slide / -3.0 - arm / 45.0)
-        pinned = pinned_start | pinned_end
-        if pinned.any():  # the rotation of a pinned end is eliminated
+        if pinned.any():  # the rotation of a pinned start is eliminated
             one_pin = _reciprocal(_reciprocal(sway) + _reciprocal(bow))
-            across[:] = np.subtract(pinned_end, pinned_start, dtype=float) * one_pin
+            across[:] = np.where(pinned, -one_pin, 0.0)
             sway[:], bow[:] = np.where(pinned, one_pin, sway), np.where(pinned, one_pin, bow)
-        if bar.any():
-            values[2:, bar] = 0.0
         return cls(values)
 
     def evaluate(self, longer: Array, turns: Array, given: Array | None = None) -> EndForces:
@@ -140,7 +136,7 @@ def end_forces(forces: Array, length: Array) -> Array:
 def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) -> Array:
     """Return the stiffness matrices (2) of fixed members in their own axes (x to the end)."""
     length, fixed = np.asarray(length, dtype=float), np.zeros(np.shape(length), dtype=bool)
-    columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), (fixed, fixed))
+    columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), fixed)
     end_forces = columns.evaluate(np.zeros_like(length), np.zeros((2, len(length))))
     motions = chord_motions(np.ones_like(length, dtype=np.complex128), length)
     core = chord_stiffness(length, end_forces)

@@ -258,9 +258,9 @@ class BentTubes:
         changes = self._changes.unknowns @ self._ways(loads, positions)
         motion = np.abs(self.frame.displacements(changes)[:, :2]).max()
         most, loaded = KEPT_FORCE * (1.0 + 1e13 * motion**2), [layout.active]
-        for blocks, push, stiff, ids in zip(*tangent.kept, layout.kept_ids, strict=True):
+        for blocks, push, stiff in zip(*tangent.kept, strict=True):
             force = push + (stiff @ changes[blocks.outer][:, :, None])[..., 0]
-            loaded.append(ids[np.abs(force).max(axis=1) > most])
+            loaded.append(blocks.ids[np.abs(force).max(axis=1) > most])
         return np.sort(np.concatenate(loaded)) if sum(map(len, loaded[1:])) else layout.active
 
     def _convert(self, state: Displaced, frame: Frame, near: bool) -> Displaced:

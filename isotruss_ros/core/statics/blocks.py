@@ -5,10 +5,10 @@
 Numbering of the unknowns of a frame, and elimination of its blocks.
 
 The unknowns are the multipliers of the constraints, then the displacements of all nodes. A hinge
-is a node at which all members are pinned. Members and constraints join the other nodes to blocks;
-the tubes of a robot are blocks. A block is condensed to the hinges to which it is connected; the
-matrix of the hinges is dense, or sparse. A member or constraint between hinges is a block without
-unknowns of its own.
+is a node at which all members begin and are pinned. Members and constraints join the other nodes
+to blocks; the tubes of a robot are blocks. A block is condensed to the hinges to which it is
+connected; the matrix of the hinges is dense, or sparse. A member or constraint between hinges is a
+block without unknowns of its own.
 """
 
 from __future__ import annotations
@@ -32,8 +32,7 @@ class Members(NamedTuple):
     end: Indices  #: (k,) indices of the end nodes
     #: (3, k) EA [N], EI [N m^2] and GA [N], which is infinite without shear deformation
     section: Array
-    pinned_start: Flags  #: (k,) whether the start transmits no moment
-    pinned_end: Flags  #: (k,) whether the end transmits no moment
+    pinned: Flags  #: (k,) whether the start transmits no moment; the ends transmit moments
 
 
 class Block(NamedTuple):
@@ -53,7 +52,7 @@ class Group(NamedTuple):
     rows: Indices  #: (b, r) indices of their constraints among the constraints of a frame's parts
     inner: Indices  #: (b, s) unknowns of the blocks
     outer: Indices  #: (b, t) unknowns of the hinges
-    joints: Indices  #: (b, t) indices among `Numbering.joints`; their number for fixed unknowns
+    joints: Indices  #: (b, t) `Numbering.joint` of the unknowns of the hinges
     #: places of the stiffness of members and constraints in the matrices (b, t + s, t + s)
     slots: Indices
 
@@ -69,70 +68,39 @@ class Numbering:
     """
     Numbering of the unknowns of all frames with equal connections and supports.
 
-    The matrix of the hinges' unknowns `joints` is dense, or has the sparsity pattern `sparse` (row
-    indices and column pointers).
-    `joint_slots` are the places of the Schur complement of each block among its `joint_size`
-    entries. `columns` (c, w) are the displacements in each constraint.
+    `joints` are the unknowns of the hinges; `joint` are their indices among these, and their
+    number for all other unknowns. `columns` (c, w) are the displacements in each constraint.
     """
 
-    def __init__(
-        self, members: Members, held: Flags, columns: Indices, condensed: bool = True
-    ) -> None:
+    def __init__(self, members: Members, held: Flags, columns: Indices) -> None:
         self.members, self.rows = members, len(columns)
         solid = np.zeros(len(held), dtype=bool)
-        solid[members.start[~members.pinned_start]] = True
-        solid[members.end[~members.pinned_end]] = True
+        solid[members.start[~members.pinned]] = solid[members.end] = True
         real = np.ones(self.rows + held.size, dtype=bool)
         real[self.rows + 3 * np.arange(len(held)) + 2] = solid
         self.free = real & ~np.append(np.zeros(self.rows, dtype=bool), held.ravel())
         #: (k, 6) and (c, 1 + w) unknowns of members and constraints
         self.places = self.rows + member_places(members.start, members.end)
         self.row_places = np.column_stack([np.arange(self.rows), self.rows + columns])
-        owner = _find_owners(self, solid) if condensed else np.full(len(real), -1)
-        # A frame without hinges is a block.
-        self.condensed = owner.max() >= 0 and bool((self.free & (owner < 0)).any())
-        if not self.condensed:
+        owner = _find_owners(members, columns, solid)
+        if not (self.free & (owner < 0)).any():  # a frame without hinges has one matrix
             owner[:] = -1
         self.joints = np.flatnonzero(self.free & (owner < 0))
-        self.blocks, self.owner = self._collect(owner, real)
-        self._number_joints()
-
-    def _collect(self, owner: Indices, real: Flags) -> tuple[list[Block], Indices]:
-        """Return the blocks, and the block (k,) of each member."""
-        owners = [owner[unknowns].max(axis=1) for unknowns in (self.places, self.row_places)]
-        block, first = np.concatenate(owners), int(owner.max()) + 1
+        self.joint = np.full(len(real), len(self.joints))
+        self.joint[self.joints] = np.arange(len(self.joints))
+        self.is_sparse = len(self.joints) > MAX_DENSE_COORDINATES
+        block = np.append(owner[self.places].max(axis=1), owner[self.row_places].max(axis=1))
         alone = np.flatnonzero(block < 0)
-        block[alone] = first + np.arange(len(alone))
-        (members, rows), count = np.split(block, [len(self.places)]), first + len(alone)
-        inner = _split(np.where(self.free, owner, -1), count)
-        blocks = []
-        for chosen, bound, inside in zip(
-            _split(members, count), _split(rows, count), inner, strict=True
-        ):
+        block[alone] = owner.max() + 1 + np.arange(len(alone))
+        #: (k,) block of each member
+        self.owner, rows = np.split(block, [len(self.places)])
+        inner = np.where(self.free, owner, -1)
+        self.blocks = []
+        for i in range(int(block.max()) + 1):
+            chosen, bound, inside = (np.flatnonzero(of == i) for of in (self.owner, rows, inner))
             unknowns = np.append(self.places[chosen], self.row_places[bound])
             outer = np.unique(unknowns[(owner[unknowns] < 0) & real[unknowns]])
-            blocks.append(Block(chosen, bound, inside, outer))
-        return blocks, members
-
-    def _number_joints(self) -> None:
-        """Set the places of the blocks in the matrix of the hinges, dense or sparse."""
-        count, self.sparse = len(self.joints), None
-        self.joint = np.full(len(self.free), count)
-        self.joint[self.joints] = np.arange(count)
-        keys, sizes = [], []
-        for block in self.blocks:
-            outer = self.joint[block.outer]
-            pairs = np.add.outer(outer * count, outer)
-            keys.append(np.where(np.maximum.outer(outer, outer) < count, pairs, -1).ravel())
-            sizes.append(pairs.size)
-        key, self.joint_size = np.concatenate(keys), count**2
-        if count > MAX_DENSE_COORDINATES:
-            unique, key = np.unique(np.append(-1, key), return_inverse=True)
-            unique, key = unique[1:], key[1:] - 1
-            pointers = np.searchsorted(unique, count * np.arange(count + 1))
-            self.sparse, self.joint_size = (unique % count, pointers), len(unique)
-        key[key < 0] = self.joint_size
-        self.joint_slots = np.split(key, np.cumsum(sizes)[:-1])
+            self.blocks.append(Block(chosen, bound, inside, outer))
 
     def active_blocks(self, pieces: Indices) -> Indices:
         """Return the blocks that contain members, and those without unknowns of their own."""
@@ -162,64 +130,57 @@ class Layout:
         self, numbering: Numbering, piece: Indices, order: Indices, active: Indices
     ) -> None:
         self.numbering, self.active = numbering, active
-        blocks, members = numbering.blocks, numbering.members
+        blocks, members, cuts = numbering.blocks, numbering.members, np.arange(len(piece))
         chosen = np.sort(np.concatenate([blocks[i].members for i in active.tolist()]))
         self.rows = np.sort(np.concatenate([blocks[i].rows for i in active.tolist()]))
-        self.whole = np.append(chosen, piece)
+        self.whole, self.behind = np.append(chosen, piece), len(chosen) + cuts
+        self.nodes = (len(numbering.free) - numbering.rows) // 3 + cuts
         self.start, self.end = members.start[self.whole], members.end[self.whole]
-        self.pins = members.pinned_start[self.whole], members.pinned_end[self.whole]
-        within = self._cut(piece, order, chosen)
+        self.pinned = members.pinned[self.whole]
+        self.pinned[self.behind] = False
+        # The part before a cut begins at the member's start, or at the cut before.
+        divided, behind = piece[order], self.behind[order]
+        first = np.diff(divided, prepend=-1) > 0
+        before = np.where(first, np.searchsorted(chosen, divided), np.roll(behind, 1))
+        self.before = np.zeros_like(cuts)
+        self.before[order] = before
+        self.start[behind] = self.end[before] = self.nodes[order]
+        self.beside = np.append(self.before, self.behind)
+        self.parts, self.signs = np.unique(self.beside), np.repeat([-1.0, 1.0], len(piece))
+        self.longer = np.zeros((len(self.whole), len(piece)))
+        self.longer[self.before, cuts] = 1.0
+        self.longer[self.behind, cuts] -= 1.0
         self.ends = member_places(self.start, self.end)
         self.places = numbering.rows + self.ends
         self.row_places = numbering.row_places[self.rows]
-        self.groups = self._group(within, chosen)
+        self.groups = self._group(order, numbering.owner[divided], chosen)
         groups = numbering.whole.groups if len(active) < len(blocks) else []
         others = [np.flatnonzero(~np.isin(group.ids, active)) for group in groups]
         self.kept = [(number, rows) for number, rows in enumerate(others) if len(rows)]
-        self.kept_ids = [groups[number].ids[rows] for number, rows in self.kept]
-        ids = np.concatenate([group.ids for group in self.groups] + self.kept_ids).tolist()
-        self.joint_slots = np.concatenate([numbering.joint_slots[i] for i in ids])
-        joints = np.concatenate([group.joints.ravel() for group in self.groups])
+        joints = [group.joints for group in self.groups]
+        joints += [groups[number].joints[rows] for number, rows in self.kept]
+        size = len(numbering.joints) + 1
+        #: entries of the blocks' Schur complements in the matrix of the hinges
+        self.entries = np.concatenate(
+            [(size * to[:, :, None] + to[:, None]).ravel() for to in joints]
+        )
         #: matrix (j, q) that sums values at the hinges of the groups' blocks
-        coupled = np.flatnonzero(joints < len(numbering.joints))
-        shape, entries = (len(numbering.joints), len(joints)), (joints[coupled], coupled)
-        sources = csr_matrix((np.ones(len(coupled)), entries), shape=shape)
-        self.sources = sources.toarray() if numbering.sparse is None else sources
+        active_joints = np.concatenate([group.joints.ravel() for group in self.groups])
+        places = active_joints, np.arange(len(active_joints))
+        sources = csr_matrix(
+            (np.ones(len(active_joints)), places), shape=(size, len(active_joints))
+        )[:-1]
+        self.sources = sources if numbering.is_sparse else sources.toarray()
 
-    def _cut(self, piece: Indices, order: Indices, chosen: Indices) -> dict[int, list[int]]:
-        """Divide members at the cuts; return the cuts of each block by its number."""
-        numbering, first, cuts = self.numbering, len(chosen), np.arange(len(piece))
-        self.before, self.behind = np.zeros_like(cuts), first + cuts
-        self.nodes = (len(numbering.free) - numbering.rows) // 3 + cuts
-        along = defaultdict[int, list[int]](list)
-        for cut in order.tolist():
-            along[int(piece[cut])].append(cut)
-        parts: list[int] = []
-        within = defaultdict[int, list[int]](list)
-        for member, divided in along.items():
-            chain = [int(np.searchsorted(chosen, member)), *(first + cut for cut in divided)]
-            self.start[chain[1:]] = self.end[chain[:-1]] = self.nodes[divided]
-            self.pins[0][chain[1:]] = self.pins[1][chain[:-1]] = False
-            self.before[divided] = chain[:-1]
-            parts += chain
-            within[int(numbering.owner[member])] += divided
-        self.parts = np.array(parts, dtype=np.intp)
-        self.beside = np.append(self.before, self.behind)
-        self.signs = np.repeat([-1.0, 1.0], len(cuts))
-        self.longer = np.zeros((len(self.whole), len(cuts)))
-        self.longer[self.before, cuts] = 1.0
-        self.longer[self.behind, cuts] -= 1.0
-        return within
-
-    def _group(self, within: dict[int, list[int]], chosen: Indices) -> list[Group]:
-        """Return the chosen blocks in groups, with the unknowns at the cuts in each block."""
-        numbering, first = self.numbering, len(chosen)
+    def _group(self, order: Indices, owner: Indices, chosen: Indices) -> list[Group]:
+        """Return the active blocks in groups; `owner` (c,) are the blocks of the sorted cuts."""
+        numbering = self.numbering
         alike = defaultdict[tuple[int, ...], list[tuple[Indices, ...]]](list)
         for i in self.active.tolist():
             members, rows, inner, outer = numbering.blocks[i]
-            cuts = np.array(within.get(i, ()), dtype=np.intp)
+            cuts = order[owner == i]
             at_cuts = len(numbering.free) + (3 * cuts[:, None] + np.arange(3)).ravel()
-            members = np.append(np.searchsorted(chosen, members), first + cuts)
+            members = np.append(np.searchsorted(chosen, members), len(chosen) + cuts)
             block = members, np.searchsorted(self.rows, rows), np.append(inner, at_cuts), outer
             alike[tuple(map(len, block))].append((np.array(i), *block))
         groups = []
@@ -282,11 +243,13 @@ def eliminate(
         pushed.append(carried[..., width:].reshape(group.outer.size, columns))
     count = len(numbering.joints)
     entries = np.concatenate([block.ravel() for block in schur + kept])
-    entries = np.bincount(layout.joint_slots, entries, numbering.joint_size + 1)[:-1]
-    if numbering.sparse is None:
-        matrix = entries.reshape(count, count)
+    shape = count + 1, count + 1
+    if numbering.is_sparse:
+        places = np.divmod(layout.entries, count + 1)
+        matrix = csc_matrix((entries, places), shape=shape)[:-1, :-1]
     else:
-        matrix = csc_matrix((entries, *numbering.sparse), shape=(count, count))
+        entries = np.bincount(layout.entries, entries, (count + 1) ** 2)
+        matrix = entries.reshape(shape)[:-1, :-1]
     moved, solution = np.zeros((count + 1, columns)), np.zeros(right.shape)
     push = right[numbering.joints] - layout.sources @ np.concatenate(pushed)
     solution[numbering.joints] = moved[:-1] = factorize(matrix.copy()).solve(push)
@@ -300,30 +263,21 @@ def member_places(start: Indices, end: Indices) -> Indices:
     return (3 * np.stack([start, end], axis=1)[:, :, None] + np.arange(3)).reshape(-1, 6)
 
 
-def _find_owners(numbering: Numbering, solid: Flags) -> Indices:
+def _find_owners(members: Members, columns: Indices, solid: Flags) -> Indices:
     """Return the block (u,) of each unknown of solid nodes (n,), -1 for unknowns of others."""
-    nodes, rows = len(solid), numbering.rows
-    # Vertices of the graph are the constraints, then the nodes.
-    one = np.append(
-        rows + numbering.members.start,
-        numbering.row_places[:, :1].repeat(numbering.row_places.shape[1] - 1, axis=1),
-    )
-    other = np.append(numbering.members.end, (numbering.row_places[:, 1:] - rows) // 3) + rows
-    within = np.append(np.ones(rows, dtype=bool), solid)
+    # Vertices of the graph are the nodes, then the constraints.
+    (rows, width), nodes = columns.shape, len(solid)
+    one = np.append(members.start, nodes + np.arange(rows).repeat(width))
+    other = np.append(members.end, columns // 3)
+    within = np.append(solid, np.ones(rows, dtype=bool))
     joined = within[one] & within[other]
     graph = coo_matrix((joined[joined], (one[joined], other[joined])), shape=(rows + nodes,) * 2)
     number, label = connected_components(graph, directed=False)
-    label = np.append(label[:rows], label[rows:].repeat(3))
     chosen = np.zeros(number, dtype=bool)
-    chosen[label[rows::3][solid]] = True
+    chosen[label[:nodes][solid]] = True
+    label = np.append(label[nodes:], label[:nodes].repeat(3))
     chosen &= np.bincount(label, minlength=number) <= MAX_DENSE_COORDINATES
     return np.where(chosen, np.cumsum(chosen) - 1, -1)[label]
-
-
-def _split(values: Indices, count: int) -> list[Indices]:
-    """Return, for each value 0, 1, ..., count - 1, the indices at which it occurs."""
-    order = np.argsort(values, kind='stable')
-    return np.split(order, np.searchsorted(values[order], np.arange(count + 1)))[1:-1]
 
 
 def _find_slots(indices: Indices, unknowns: Indices) -> Indices:

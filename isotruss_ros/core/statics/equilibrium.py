@@ -13,14 +13,13 @@ factorised stiffness indicate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
 from isotruss_ros.core.statics.beam_column import end_forces
-from isotruss_ros.core.statics.blocks import Numbering
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.tangent import linearize, Tangent, TUBE_CURVATURE
 import numpy as np
@@ -53,9 +52,6 @@ class FrameState:
 def unloaded(frame: Frame) -> Tangent:
     """Return a frame linearised without loads; raise StructureError if it is a mechanism."""
     rest = linearize(frame, np.zeros(len(frame.scale)))
-    if not _is_regular(rest) and frame.layout.numbering.condensed:
-        whole = Numbering(frame.members, frame.held, frame.rows.places, condensed=False)
-        rest = linearize(replace(frame, layout=whole.whole), rest.unknowns)
     if _is_regular(rest):
         return rest
     raise StructureError(

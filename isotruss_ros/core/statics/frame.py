@@ -1,13 +1,12 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plane frames of beam-columns that are pinned or fixed to nodes, with constraints."""
+"""Plane frames of beam-columns, each fixed to a node or pinned at its start, with constraints."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.tolerances import EPSILON
@@ -57,15 +56,15 @@ class Frame:
         numbering = numbering or Numbering(members, held, rows.places)
         span = points[members.end] - points[members.start]
         length = np.abs(span)
-        pins = members.pinned_start, members.pinned_end
-        columns = BeamColumns.of(length, members.section, pins)
+        columns = BeamColumns.of(length, members.section, members.pinned)
         # Displacements along both axes have one scale: across a bar the stiffness is zero.
-        stiff = np.zeros((len(points), 3))
-        turning = 0.25 * (columns.values[2] + columns.values[4])
-        for ends in members[:2]:
-            stiff[:, :2] += np.bincount(ends, 1.0 / columns.values[1], len(points))[:, None]
-            stiff[:, 2] += np.bincount(ends, turning, len(points))
-        scale = 1.0 / np.sqrt(np.where(stiff > 0.0, stiff, 1.0)).ravel()
+        ends, turning = np.append(*members[:2]), 0.25 * (columns.values[2] + columns.values[4])
+        along, turn = (
+            np.bincount(ends, np.tile(stiff, 2), len(points))
+            for stiff in (1.0 / columns.values[1], turning)
+        )
+        stiff = np.stack([along, along, turn], axis=1).ravel()
+        scale = 1.0 / np.sqrt(np.where(stiff > 0.0, stiff, 1.0))
         count, none = numbering.rows, np.zeros((len(points), 3))
         slopes, _, _ = rows.linearize(points, none, np.zeros(count), np.arange(count))
         norms = np.linalg.norm(slopes * scale[rows.places], axis=1)
@@ -90,10 +89,10 @@ class Frame:
         length[layout.before] = within
         length -= begins
         section = self.members.section[:, layout.whole]
-        members = Members(layout.start, layout.end, section, *layout.pins)
+        members = Members(layout.start, layout.end, section, layout.pinned)
         parts, values = layout.parts, self.columns.values[:, layout.whole].astype(complex)
-        pins = layout.pins[0][parts], layout.pins[1][parts]
-        columns = BeamColumns.of(length[parts] + 1j * EPSILON, section[:, parts], pins)
+        varied = length[parts] + 1j * EPSILON
+        columns = BeamColumns.of(varied, section[:, parts], layout.pinned[parts])
         values[:, parts] = columns.values
         scale = np.append(
             self.scale, self.scale[numbering.rows + 3 * start[:, None] + np.arange(3)]
@@ -114,13 +113,13 @@ class Frame:
 
     def interpolate(self, displacements: Array, piece: Indices, within: Array) -> Array:
         """Return the displacements (q, 3) of points inside members, with cubic centre lines."""
-        uncut, part = self.uncut or self, self.locate(piece, within)
+        uncut, part = self.uncut, self.locate(piece, within)
 
         def at(of_parts: Array, of_members: Array) -> Array:
             return np.where(part < 0, of_members[..., piece], of_parts[..., part])
 
         ends, frames = (self.members, uncut.members), (self.length, uncut.length)
-        begin, end, (_, flexural, shear), pinned_start, pinned_end = map(at, *ends)
+        begin, end, (_, flexural, shear), pinned = map(at, *ends)
         length, inside = at(*frames), within - at(self.begins, uncut.begins)
         start, end, axis = displacements[begin], displacements[end], uncut.axis[piece]
         first = (start[:, 0] + 1j * start[:, 1]) * axis.conj()
@@ -129,9 +128,8 @@ class Frame:
         turned, x = np.angle(chord), inside / length
         before, after = start[:, 2] - turned, end[:, 2] - turned
         skew = 12.0 * flexural / shear / length**2
-        follows = -(2.0 - skew) / (4.0 + skew)  # rotation of a pinned end / of the other end
-        before = np.where(pinned_start, follows * after, before)
-        after = np.where(pinned_end, follows * before, after)
+        # The moment at a pinned start is zero.
+        before = np.where(pinned, (skew - 2.0) / (skew + 4.0) * after, before)
         even, odd = before + after, before - after
         bow = 0.5 * x * (1.0 - x) * (odd + (1.0 - 2.0 * x) / (1.0 + skew) * even)
         slope = 0.5 * ((1.0 - 2.0 * x) * odd + (1.0 - 6.0 * x * (1.0 - x) / (1.0 + skew)) * even)
@@ -141,16 +139,11 @@ class Frame:
 
 def keep_apart(pieces: Indices, positions: Array, length: Array) -> Array:
     """Return positions (c,) of cuts [m], shifted so that no part of a member is too short."""
-    ends = length.tolist()
-    apart = [
-        max(SHORTEST_PART, min(place, end - SHORTEST_PART))
-        for place, end in zip(positions.tolist(), ends, strict=True)
-    ]
-    order = sorted(range(len(ends)), key=lambda i: (pieces[i], apart[i]))
-    pairs = [pair for pair in pairwise(order) if pieces[pair[0]] == pieces[pair[1]]]
-    for first, second in pairs:
-        apart[second] = max(apart[second], apart[first] + SHORTEST_PART)
-    for first, second in reversed(pairs):
-        apart[second] = min(apart[second], ends[second] - SHORTEST_PART)
-        apart[first] = min(apart[first], apart[second] - SHORTEST_PART)
+    apart, ends, piece_of = positions.tolist(), length.tolist(), pieces.tolist()
+    for piece in set(piece_of):
+        cuts, nearest = [i for i, at in enumerate(piece_of) if at == piece], 0.0
+        cuts.sort(key=apart.__getitem__)
+        for behind, i in zip(range(len(cuts), 0, -1), cuts, strict=True):
+            farthest = ends[i] - behind * SHORTEST_PART
+            nearest = apart[i] = max(nearest + SHORTEST_PART, min(apart[i], farthest))
     return np.array(apart)

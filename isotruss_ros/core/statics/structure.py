@@ -161,7 +161,6 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     c, d, e = b + 1, b + 2, b + 3
     pinch = [f'{module}/{node}' for module in topology.module_names for node in 'BCDE']
     names = (*topology.joint_names, *pinch)
-    free, fixed = np.ones(m, dtype=bool), np.zeros(m, dtype=bool)
     held = np.zeros((len(names), 3), dtype=bool)
     held[np.divmod(topology.grounded, 2)] = True
     modules = np.arange(m)
@@ -170,8 +169,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
         start=np.concatenate([a, a, b, b, c, d]),
         end=np.concatenate([b, c, c, d, e, e[topology.following]]),
         section=np.zeros((3, 6 * m)),
-        pinned_start=np.concatenate([free, free, fixed, free, free, fixed]),
-        pinned_end=np.zeros(6 * m, dtype=bool),
+        pinned=np.repeat([True, True, False, True, True, False], m),
     )
     pieces = np.arange(3 * m, 6 * m).reshape(3, -1)
     return FrameLayout(

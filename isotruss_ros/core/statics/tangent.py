@@ -103,8 +103,7 @@ class Tangent:
         # Derivatives by complex steps have no rounding error of differences.
         steps = 1j * EPSILON * changes.reshape(4, -1)
         section = np.vstack([frame.length, frame.members.section])[:, repeated] + steps
-        pins = frame.members.pinned_start[repeated], frame.members.pinned_end[repeated]
-        columns = BeamColumns.of(section[0], section[1:], pins)
+        columns = BeamColumns.of(section[0], section[1:], frame.members.pinned[repeated])
         longer, turns = self.stretched
         stressed = self.forces.stressed[repeated, 0]
         changed = columns.evaluate(longer[repeated] - steps[0], turns[:, repeated], stressed)

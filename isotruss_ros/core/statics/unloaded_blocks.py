@@ -21,6 +21,7 @@ import numpy as np
 class UnloadedBlocks(NamedTuple):
     """Equal blocks that are loaded only at their hinges and hardly deform."""
 
+    ids: Indices  #: (b,) indices of the blocks
     outer: Indices  #: (b, t) unknowns of the hinges: x and y of each
     inner: Indices  #: (b, s) unknowns of the blocks: multipliers, then ux, uy, theta of each node
     hinges: Points  #: (b, t / 2) hinges relative to their mean [m]
@@ -39,6 +40,7 @@ class UnloadedBlocks(NamedTuple):
         rows = group.rows.shape[1]
         nodes = frame.points[(group.inner[:, rows::3] - first) // 3]
         return cls(
+            group.ids,
             group.outer,
             group.inner,
             hinges - middles,

@@ -77,7 +77,7 @@ def from_scratch(config):
     ends, rigidities, pins, rows = [], [], [], []
 
     def add(start, end, values, pinned):
-        pins.extend((len(ends), at) for at in pinned)
+        pins.extend([len(ends)] * pinned)
         ends.append((number[start], number[end]))
         rigidities.append(values)
 
@@ -92,12 +92,12 @@ def from_scratch(config):
         module = f'{tube}/{joint}'
         b, c, d, e = (f'{module}/{node}' for node in 'BCDE')
         leaving, entering = f'{module}-{ahead}', f'{tube}/{behind}-{joint}'
-        add(joint, b, hard, (0,))
-        add(joint, c, hard, (0,))
-        add(b, c, hard, ())
-        add(b, d, tube_values(leaving), (0,))
-        add(c, e, tube_values(entering), (0,))
-        add(d, f'{tube}/{ahead}/E', tube_values(leaving), ())
+        add(joint, b, hard, True)
+        add(joint, c, hard, True)
+        add(b, c, hard, False)
+        add(b, d, tube_values(leaving), True)
+        add(c, e, tube_values(entering), True)
+        add(d, f'{tube}/{ahead}/E', tube_values(leaving), False)
         row = np.zeros((len(names), 3))
         nodes = [joint, b, c, d, e]
         row[[number[node] for node in nodes], :2] = gradient([points[node] for node in nodes])
