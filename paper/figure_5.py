@@ -119,11 +119,11 @@ def pinned_frame(config: Configuration) -> Frame:
     :param config: configuration of the triangle.
     """
     structure = structure_of(config)
-    held = np.zeros((len(structure.node_names), 3), dtype=bool)
+    held = np.zeros((len(structure.frame.names), 3), dtype=bool)
     for joint, axis in PINNED:
         held[structure.node(joint), axis] = True
     free = structure.frame
-    return Frame.of(free.points, free.members, held, structure.node_names, free.rows)
+    return Frame.of(free.points, free.members, held, structure.frame.names, free.rows)
 
 
 def find_onset(

@@ -21,7 +21,6 @@ import math
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.statics.structure import frame_layout
 import numpy as np
 import scipy.linalg
 
@@ -109,8 +108,8 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
     bent = grip.statics.bent.activated()
     moved = bent.changes(loads, np.zeros((len(loads), 3)))[0]
-    nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
-    b, c = nodes[first], nodes[first + 1]
+    starts = bent.structure.frame.members.start[bent.structure.pieces]
+    b, c, _ = (moved[:, 0] + 1j * moved[:, 1])[starts]
     half = 0.5 * description.tube_mass * grip.config.member_lengths
     masses = np.concatenate(
         [np.full(len(b), description.module.mass), half, half[topology.previous]]

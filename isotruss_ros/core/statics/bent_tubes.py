@@ -16,7 +16,7 @@ undeformed, see `UnloadedBlocks`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.frame import Frame, keep_apart
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.tangent import linearize, Slopes, Tangent
+from isotruss_ros.core.statics.tangent import linearize, Tangent
 import numpy as np
 
 #: Tubes are linearised again if a node has moved farther than this from the linearised state [m]:
@@ -70,15 +70,6 @@ class Lines(NamedTuple):
         turns[:, 0, 0] = turns[:, 1, 1] = axis.real
         turns[:, 1, 0], turns[:, 0, 1], turns[:, 2, 2] = axis.imag, -axis.imag, 1.0
         return cls(start, axis, length, turns)
-
-
-class Changes(NamedTuple):
-    """Changes by p causes: 3 k unit loads, k unit motions of load points, step to balance."""
-
-    unknowns: Array  #: (u, p) multipliers, and displacements of the nodes [m, rad]
-    responses: Array  #: (k, 3, p) responses at the load points, see `BentTubes`
-    state: Array  #: (k, 3) responses in the linearised state
-    slopes: Slopes  #: inclinations of the tubes before, then behind the load points
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +119,20 @@ class BentTubes:
     @property
     def values(self) -> Array:
         """Return the state about which these tubes are linearised, with all blocks deformable."""
-        return np.concatenate([part.ravel() for part in self.activated().before])
+        before = self.before
+        if self.frame.layout.kept:
+            pieces, inside, *_ = _place_cuts(self.structure, self.members, self.places)
+            frame = self.structure.frame.cut(pieces, inside)
+            before = self._convert(before, frame, True)
+            tangent = linearize(frame, before.unknowns, before.pull)
+            before = before._replace(pull=tangent.forces.values[:, 0])
+        return np.concatenate([part.ravel() for part in before])
+
+    def activated(self) -> BentTubes:
+        """Return these tubes with all blocks deformable."""
+        if not self.frame.layout.kept:
+            return self
+        return BentTubes.of(self.structure, self.members, self.places, self.stiffness, self.values)
 
     @cached_property
     def _longer(self) -> Array:
@@ -142,8 +146,13 @@ class BentTubes:
         return linearize(self.frame, self.before.unknowns, self.before.pull, kept)
 
     @cached_property
-    def _changes(self) -> Changes:
-        """Return the frame's changes by unit loads, and by unit motions of the load points."""
+    def _changes(self) -> tuple[Array, Array]:
+        """
+        Return the unknowns (u, p), and the responses (k, 3, p), in p parts.
+
+        They are due to 3 k unit loads, then to k unit motions of the load points. Last are the
+        step to balance, and the responses after it.
+        """
         tangent, layout = self.tangent, self.frame.layout
         count, size, turns = len(self.members), len(tangent.unknowns), self.lines.turns
         load_points, cut, moving = np.arange(count), self._cut_unknowns, self._moving
@@ -165,7 +174,8 @@ class BentTubes:
         responses[load_points, 0, moving.start + load_points] -= 1.0
         state = (back @ tangent.unknowns[cut][:, :, None])[..., 0]
         state[:, 2] = _mean(slopes.values)
-        return Changes(moved, responses, state, slopes)
+        responses[..., -1] += state
+        return moved, responses
 
     @property
     def _cut_unknowns(self) -> Indices:
@@ -181,12 +191,12 @@ class BentTubes:
     def matrix(self) -> Array:
         """Return the compliance (k, 3, k, 3): responses at the load points to unit loads."""
         count = len(self.members)
-        return self._changes.responses[:, :, : 3 * count].reshape(count, 3, count, 3)
+        return self._changes[1][:, :, : 3 * count].reshape(count, 3, count, 3)
 
     @cached_property
     def rates(self) -> Array:
         """Return the derivatives (k, 3, k) of the responses by `places` [-, -, rad/m]."""
-        return self._changes.responses[..., self._moving]
+        return self._changes[1][..., self._moving]
 
     @cached_property
     def given(self) -> Array:
@@ -196,8 +206,7 @@ class BentTubes:
 
     def respond(self, loads: Array, positions: Array) -> Array:
         """Return the responses (k, 3), which are affine functions of loads and positions."""
-        changes = self._changes
-        return changes.state + changes.responses @ self._ways(loads, positions)
+        return self._changes[1] @ self._ways(loads, positions)
 
     def distance(self, loads: Array, positions: Array) -> float:
         """Return the largest motion of a node by loads, from where it is linearised [m]."""
@@ -212,7 +221,7 @@ class BentTubes:
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
         """Return the unknowns' changes (u,) relative to the moving load points, and absolute."""
-        changes = self._changes.unknowns @ ways
+        changes = self._changes[0] @ ways
         moved = changes.copy()
         # The displacement is relative to the place, which moves along its member.
         slid = self.lines.axis * ways[self._moving]
@@ -255,7 +264,7 @@ class BentTubes:
             return structure.frame.layout.active
         if not layout.kept:
             return layout.active
-        changes = self._changes.unknowns @ self._ways(loads, positions)
+        changes = self._changes[0] @ self._ways(loads, positions)
         motion = np.abs(self.frame.displacements(changes)[:, :2]).max()
         most, loaded = KEPT_FORCE * (1.0 + 1e13 * motion**2), [layout.active]
         for blocks, push, stiff in zip(*tangent.kept, strict=True):
@@ -276,17 +285,6 @@ class BentTubes:
         pull = np.where(part < 0, np.nan, state.pull[part])
         return Displaced(unknowns, state.loads, pull)
 
-    def activated(self) -> BentTubes:
-        """Return these tubes with all blocks deformable."""
-        if not self.frame.layout.kept:
-            return self
-        pieces, inside, *_ = _place_cuts(self.structure, self.members, self.places)
-        frame = self.structure.frame.cut(pieces, inside)
-        before = self._convert(self.before, frame, True)
-        tangent = linearize(frame, before.unknowns, before.pull)
-        before = before._replace(pull=tangent.forces.values[:, 0])
-        return replace(self, before=before, frame=frame)
-
     def _complete(self, unknowns: Array) -> Array:
         """Add the unknowns of undeformed tubes, which turn with their hinges, to unknowns (u,)."""
         completed = unknowns.copy()
@@ -301,11 +299,11 @@ class BentTubes:
         These are displacements (n, 3, p) of the nodes, without those of undeformed tubes,
         inclinations (k, p), and `EndForces` (c, 3, p) of the parts with fixed nodes.
         """
-        changes = self._changes
+        unknowns, responses = self._changes
         ways = np.concatenate([loads.reshape(-1, loads.shape[2]), positions])
         forces = self.tangent.length_rates[:, :, None] * (self._longer @ positions)[:, None]
-        nodes = self.frame.displacements(changes.unknowns[:, :-1] @ ways)
-        return nodes, changes.responses[:, 2, :-1] @ ways, forces
+        nodes = self.frame.displacements(unknowns[:, :-1] @ ways)
+        return nodes, responses[:, 2, :-1] @ ways, forces
 
     def displacements(self, loads: Array, positions: Array) -> Array:
         """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
@@ -335,7 +333,7 @@ class BentTubes:
         rates[chosen] = tangent.force_rates(chosen, units) @ changes[:, chosen].swapaxes(0, 1)
         carried = tangent.sum_forces(chosen, rates[chosen])
         _, moved = tangent.solve(-carried)
-        _, by_ends, by_forces, by_shear = self._changes.slopes
+        _, by_ends, by_forces, by_shear = tangent.slopes()
         inclined = by_forces[:, None] @ rates[parts] + by_ends @ moved[frame.layout.places[parts]]
         shear = (by_shear / frame.members.section[2, parts])[:, None] * changes[3, parts]
         return frame.displacements(moved), _mean(inclined[:, 0] + shear), rates

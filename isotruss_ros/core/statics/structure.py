@@ -30,6 +30,51 @@ from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
 import numpy as np
 
 
+class FrameLayout(NamedTuple):
+    """Properties of a robot's frame that do not depend on the configuration."""
+
+    tube: TubeSections  #: stiffness of the tube
+    #: names of the nodes: joints first, then B, C, D, E of each module
+    node_names: tuple[str, ...]
+    members: Members  #: members of the frame, see `Structure`, without stiffness
+    held: Flags  #: (n, 3) mask of ux, uy, theta fixed by supports
+    bisections: Bisections  #: bisection constraints (3)
+    numbering: Numbering  #: numbering of the unknowns
+    #: (3, m) tube pieces among the members: BD and CE of each module, and DE' of each member
+    pieces: Indices
+    owners: Indices  #: (3, m) index of the robot's member to which each piece belongs
+
+
+@functools.lru_cache(maxsize=16)
+def frame_layout(robot: Mechanism) -> FrameLayout:
+    """Return the layout of a robot's frame, cached."""
+    topology = robot.topology
+    m, joints = topology.n_modules, len(topology.joint_names)
+    a, b = topology.joint, joints + 4 * np.arange(m)
+    c, d, e = b + 1, b + 2, b + 3
+    pinch = [f'{module}/{node}' for module in topology.module_names for node in 'BCDE']
+    held = np.zeros((joints + 4 * m, 3), dtype=bool)
+    held[np.divmod(topology.grounded, 2)] = True
+    modules = np.arange(m)
+    bisections = Bisections(np.stack([a, b, c, d, e], axis=1))
+    members = Members(
+        start=np.concatenate([a, a, b, b, c, d]),
+        end=np.concatenate([b, c, c, d, e, e[topology.following]]),
+        section=np.zeros((3, 6 * m)),
+        pinned=np.repeat([True, True, False, True, True, False], m),
+    )
+    return FrameLayout(
+        tube=tube_stiffness(robot.description),
+        node_names=(*topology.joint_names, *pinch),
+        members=members,
+        held=held,
+        bisections=bisections,
+        numbering=Numbering(members, held, bisections.places),
+        pieces=np.arange(3 * m, 6 * m).reshape(3, -1),
+        owners=np.stack([modules, topology.previous, modules]),
+    )
+
+
 class Structure:
     """
     Structural model of a robot in one configuration: a frame of members and nodes.
@@ -41,16 +86,34 @@ class Structure:
     """
 
     def __init__(self, config: Configuration, pressures: tuple[float, ...]) -> None:
-        self.config = config
-        self.pressures = pressures
-        self._layout = layout = frame_layout(config.robot)
-        self.tube, self.node_names = layout.tube, layout.node_names
-        self.pieces, self.owners = layout.pieces, layout.owners
-        points = _frame_points(config.robot, config.points)
-        sections = _section_values(config.robot, self.tube, pressures, config.member_lengths)
-        members = layout.members._replace(section=sections)
+        self.config, self.pressures = config, pressures
+        layout, topology = frame_layout(config.robot), config.robot.topology
+        self.tube, self.pieces, self.owners = layout.tube, layout.pieces, layout.owners
+        module, nodes, joints = (
+            config.robot.description.module,
+            config.points,
+            len(topology.joint_names),
+        )
+        side = nodes[topology.end] - nodes[topology.b]
+        ahead = module.guide_ring_distance * side / np.abs(side)
+        points = np.empty(len(layout.node_names), dtype=np.complex128)
+        points[:joints] = nodes[:joints]
+        (b, c, d), e = layout.members.start[self.pieces], layout.members.end[self.pieces[1]]
+        points[b], points[c] = nodes[topology.b], nodes[topology.c]
+        points[d], points[e] = points[b] + ahead, points[c] - ahead[topology.previous]
+        # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
+        gauge = np.array(pressures)[topology.tube]
+        of_tubes = np.array(self.tube.section_stiffness(config.member_lengths, gauge))
+        sections = np.empty((3, 6, topology.n_modules))
+        sections[:2, :3] = [[[module.axial_rigidity]], [[module.flexural_rigidity]]]
+        sections[2, :3], sections[:, 3:] = np.inf, of_tubes[:, self.owners]
         self.frame = Frame.of(
-            points, members, layout.held, self.node_names, layout.bisections, layout.numbering
+            points,
+            layout.members._replace(section=sections.reshape(3, -1)),
+            layout.held,
+            layout.node_names,
+            layout.bisections,
+            layout.numbering,
         )
 
     @functools.cached_property
@@ -76,12 +139,12 @@ class Structure:
 
     def node(self, name: str) -> int:
         """Return the index of a node among the frame's nodes."""
-        if name not in self._layout.places:
+        if name not in self.frame.names:
             raise StructureError(
                 f'node {name!r}: robot {self.config.robot.name} has no such node; '
                 'nodes are joints j, and t/j/B, t/j/C, t/j/D, t/j/E of each module'
             )
-        return self._layout.places[name]
+        return self.frame.names.index(name)
 
     def locate(self, members: Indices, positions: Array) -> tuple[Indices, Array, Array]:
         """
@@ -93,8 +156,9 @@ class Structure:
         robot, lengths = self.config.robot, self.config.member_lengths[members].tolist()
         ring, following = robot.description.module.guide_ring_distance, robot.topology.following
         rows = []  # numbers are few, so lists are faster than arrays
-        numbers = zip(members.tolist(), positions.tolist(), lengths, strict=True)
-        for member, place, length in numbers:
+        for member, place, length in zip(
+            members.tolist(), positions.tolist(), lengths, strict=True
+        ):
             if place < ring:
                 rows.append((0, member, place, 1.0))  # on BD at the start
             elif length - place <= ring:
@@ -103,87 +167,6 @@ class Structure:
                 rows.append((2, member, place - ring, 1.0))
         kind, owner, within, ahead = np.array(rows).reshape(-1, 4).T
         return self.pieces[kind.astype(int), owner.astype(int)], within, ahead
-
-
-def _frame_points(robot: Mechanism, nodes: Points) -> Points:
-    """Return the nodes (n,) of a robot's frame from the nodes (N,) of its configuration [m]."""
-    topology, layout = robot.topology, frame_layout(robot)
-    side = nodes[topology.end] - nodes[topology.b]
-    ahead = robot.description.module.guide_ring_distance * side / np.abs(side)
-    points = np.empty(len(layout.node_names), dtype=np.complex128)
-    b, joints = layout.b, len(topology.joint_names)
-    points[:joints] = nodes[:joints]
-    points[b], points[b + 1] = nodes[topology.b], nodes[topology.c]
-    points[b + 2] = points[b] + ahead
-    points[b + 3] = points[b + 1] - ahead[topology.previous]
-    return points
-
-
-def _section_values(
-    robot: Mechanism, tube: TubeSections, pressures: tuple[float, ...], lengths: Array
-) -> Array:
-    """Return EA [N], EI [N m^2] and GA [N] of the 6 m members of a robot's frame, (3, 6 m)."""
-    topology, module = robot.topology, robot.description.module
-    # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
-    of_tubes = tube.section_stiffness(lengths, np.array(pressures)[topology.tube])
-    # Rows: AB, AC, BC of all modules, then BD, CE and DE'.
-    values = np.empty((3, 6, len(lengths)))
-    rigid = (module.axial_rigidity, module.flexural_rigidity, np.inf)
-    for value, of_module, of_tube in zip(values, rigid, of_tubes, strict=True):
-        value[:3], value[3:] = of_module, of_tube
-        value[4] = of_tube[topology.previous]
-    return values.reshape(3, -1)
-
-
-class FrameLayout(NamedTuple):
-    """Properties of a robot's frame that do not depend on the configuration."""
-
-    tube: TubeSections  #: stiffness of the tube
-    #: names of the nodes: joints first, then B, C, D, E of each module
-    node_names: tuple[str, ...]
-    places: dict[str, int]  #: index of each node by its name
-    b: Indices  #: (m,) indices of the nodes B; C, D and E follow each
-    members: Members  #: members of the frame, see `Structure`, without stiffness
-    held: Flags  #: (n, 3) mask of ux, uy, theta fixed by supports
-    bisections: Bisections  #: bisection constraints (3)
-    numbering: Numbering  #: numbering of the unknowns
-    #: (3, m) tube pieces among the members: BD and CE of each module, and DE' of each member
-    pieces: Indices
-    owners: Indices  #: (3, m) index of the robot's member to which each piece belongs
-
-
-@functools.lru_cache(maxsize=16)
-def frame_layout(robot: Mechanism) -> FrameLayout:
-    """Return the layout of a robot's frame, cached."""
-    topology = robot.topology
-    m, joints = topology.n_modules, len(topology.joint_names)
-    a, b = topology.joint, joints + 4 * np.arange(m)
-    c, d, e = b + 1, b + 2, b + 3
-    pinch = [f'{module}/{node}' for module in topology.module_names for node in 'BCDE']
-    names = (*topology.joint_names, *pinch)
-    held = np.zeros((len(names), 3), dtype=bool)
-    held[np.divmod(topology.grounded, 2)] = True
-    modules = np.arange(m)
-    bisections = Bisections(np.stack([a, b, c, d, e], axis=1))
-    members = Members(
-        start=np.concatenate([a, a, b, b, c, d]),
-        end=np.concatenate([b, c, c, d, e, e[topology.following]]),
-        section=np.zeros((3, 6 * m)),
-        pinned=np.repeat([True, True, False, True, True, False], m),
-    )
-    pieces = np.arange(3 * m, 6 * m).reshape(3, -1)
-    return FrameLayout(
-        tube=tube_stiffness(robot.description),
-        node_names=names,
-        places={name: i for i, name in enumerate(names)},
-        b=b,
-        members=members,
-        held=held,
-        bisections=bisections,
-        numbering=Numbering(members, held, bisections.places),
-        pieces=pieces,
-        owners=np.stack([modules, topology.previous, modules]),
-    )
 
 
 def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:
@@ -213,9 +196,11 @@ def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: A
     rates = np.zeros((4, len(frame.length), moved.shape[1]))
     rates[1:, pieces] = -(members.section[:, pieces, None] ** 2) * softer[:, owner]
     # If a member becomes longer, the nodes C and E at its end shift along it; CE runs backward.
-    shifts, b = np.zeros((len(frame.points), moved.shape[1])), frame_layout(config.robot).b
-    shifts[b + 1] = shifts[b + 3] = longer[topology.previous]
-    ahead = np.where(np.isin(frame.layout.whole[pieces], structure.pieces[1]), -1.0, 1.0)
+    shifts = np.zeros((len(frame.points), moved.shape[1]))
+    ending = structure.pieces[1]
+    for nodes in structure.frame.members[:2]:
+        shifts[nodes[ending]] = longer[topology.previous]
+    ahead = np.where(np.isin(frame.layout.whole[pieces], ending), -1.0, 1.0)
     apart = shifts[members.end[pieces]] - shifts[members.start[pieces]]
     rates[0, pieces] = ahead[:, None] * apart
     return rates
