@@ -35,15 +35,6 @@ class Members(NamedTuple):
     pinned: Flags  #: (k,) whether the start transmits no moment; the ends transmit moments
 
 
-class Block(NamedTuple):
-    """Members and constraints of a block, its unknowns, and the hinges' unknowns."""
-
-    members: Indices
-    rows: Indices  #: constraints
-    inner: Indices  #: unknowns of the block
-    outer: Indices  #: unknowns of the hinges to which it is connected, fixed ones included
-
-
 class Group(NamedTuple):
     """Group of b blocks with equal numbers of members, constraints and unknowns."""
 
@@ -52,16 +43,18 @@ class Group(NamedTuple):
     rows: Indices  #: (b, r) indices of their constraints among the constraints of a frame's parts
     inner: Indices  #: (b, s) unknowns of the blocks
     outer: Indices  #: (b, t) unknowns of the hinges
-    joints: Indices  #: (b, t) `Numbering.joint` of the unknowns of the hinges
-    #: places of the stiffness of members and constraints in the matrices (b, t + s, t + s)
+    #: (b, q) places of the entries of members and constraints in b matrices (t + s + 1, t + s +
+    #: 1), whose last rows and columns are for other unknowns
     slots: Indices
+    joints: Indices  #: (b, t) `Numbering.joint` of the unknowns of the hinges
 
     def assemble(self, members: Array, rows: Array) -> Array:
         """Return the blocks' matrices (b, t + s, t + s) from those of members and constraints."""
-        count, width = len(self.ids), self.outer.shape[1] + self.inner.shape[1]
-        entries = np.concatenate([members[self.members].ravel(), rows[self.rows].ravel()])
-        size = count * width**2
-        return np.bincount(self.slots, entries, size + 1)[:size].reshape(count, width, width)
+        count, width = len(self.ids), self.outer.shape[1] + self.inner.shape[1] + 1
+        entries = [members[self.members].reshape(count, -1), rows[self.rows].reshape(count, -1)]
+        entries = np.concatenate(entries, axis=1).ravel()
+        sums = np.bincount(self.slots.ravel(), entries, count * width**2)
+        return sums.reshape(count, width, width)[:, :-1, :-1]
 
 
 class Numbering:
@@ -92,19 +85,19 @@ class Numbering:
         block = np.append(owner[self.places].max(axis=1), owner[self.row_places].max(axis=1))
         alone = np.flatnonzero(block < 0)
         block[alone] = owner.max() + 1 + np.arange(len(alone))
-        #: (k,) block of each member
-        self.owner, rows = np.split(block, [len(self.places)])
-        inner = np.where(self.free, owner, -1)
-        self.blocks = []
+        #: (k,) and (c,) blocks of members and constraints
+        self.owner, self.row_owner = np.split(block, [len(self.places)])
+        #: unknowns of each block, and those of its hinges, fixed ones included
+        self.blocks: list[tuple[Indices, Indices]] = []
         for i in range(int(block.max()) + 1):
-            chosen, bound, inside = (np.flatnonzero(of == i) for of in (self.owner, rows, inner))
-            unknowns = np.append(self.places[chosen], self.row_places[bound])
+            places = self.places[self.owner == i], self.row_places[self.row_owner == i]
+            unknowns = np.append(*places)
             outer = np.unique(unknowns[(owner[unknowns] < 0) & real[unknowns]])
-            self.blocks.append(Block(chosen, bound, inside, outer))
+            self.blocks.append((np.flatnonzero(self.free & (owner == i)), outer))
 
     def active_blocks(self, pieces: Indices) -> Indices:
         """Return the blocks that contain members, and those without unknowns of their own."""
-        hinged = [i for i, block in enumerate(self.blocks) if not len(block.inner)]
+        hinged = [i for i, block in enumerate(self.blocks) if not len(block[0])]
         return np.union1d(self.owner[pieces], np.array(hinged, dtype=np.intp))
 
     @functools.cached_property
@@ -130,9 +123,9 @@ class Layout:
         self, numbering: Numbering, piece: Indices, order: Indices, active: Indices
     ) -> None:
         self.numbering, self.active = numbering, active
-        blocks, members, cuts = numbering.blocks, numbering.members, np.arange(len(piece))
-        chosen = np.sort(np.concatenate([blocks[i].members for i in active.tolist()]))
-        self.rows = np.sort(np.concatenate([blocks[i].rows for i in active.tolist()]))
+        members, cuts = numbering.members, np.arange(len(piece))
+        chosen = np.flatnonzero(np.isin(numbering.owner, active))
+        self.rows = np.flatnonzero(np.isin(numbering.row_owner, active))
         self.whole, self.behind = np.append(chosen, piece), len(chosen) + cuts
         self.nodes = (len(numbering.free) - numbering.rows) // 3 + cuts
         self.start, self.end = members.start[self.whole], members.end[self.whole]
@@ -153,8 +146,8 @@ class Layout:
         self.ends = member_places(self.start, self.end)
         self.places = numbering.rows + self.ends
         self.row_places = numbering.row_places[self.rows]
-        self.groups = self._group(order, numbering.owner[divided], chosen)
-        groups = numbering.whole.groups if len(active) < len(blocks) else []
+        self.groups = self._group()
+        groups = numbering.whole.groups if len(active) < len(numbering.blocks) else []
         others = [np.flatnonzero(~np.isin(group.ids, active)) for group in groups]
         self.kept = [(number, rows) for number, rows in enumerate(others) if len(rows)]
         joints = [group.joints for group in self.groups]
@@ -172,28 +165,28 @@ class Layout:
         )[:-1]
         self.sources = sources if numbering.is_sparse else sources.toarray()
 
-    def _group(self, order: Indices, owner: Indices, chosen: Indices) -> list[Group]:
-        """Return the active blocks in groups; `owner` (c,) are the blocks of the sorted cuts."""
+    def _group(self) -> list[Group]:
+        """Return the active blocks in groups, with the unknowns at the cuts in each block."""
         numbering = self.numbering
+        owner, row_owner = numbering.owner[self.whole], numbering.row_owner[self.rows]
+        local = np.full(len(numbering.free) + 3 * len(self.nodes), -1)
         alike = defaultdict[tuple[int, ...], list[tuple[Indices, ...]]](list)
         for i in self.active.tolist():
-            members, rows, inner, outer = numbering.blocks[i]
-            cuts = order[owner == i]
-            at_cuts = len(numbering.free) + (3 * cuts[:, None] + np.arange(3)).ravel()
-            members = np.append(np.searchsorted(chosen, members), len(chosen) + cuts)
-            block = members, np.searchsorted(self.rows, rows), np.append(inner, at_cuts), outer
-            alike[tuple(map(len, block))].append((np.array(i), *block))
-        groups = []
-        for equal in alike.values():
-            ids, members, rows, inner, outer = map(np.stack, zip(*equal, strict=True))
-            unknowns = np.hstack([outer, inner])
-            slots = [
-                _find_slots(indices, unknowns)
-                for indices in (self.places[members], self.row_places[rows])
-            ]
+            inner, outer = numbering.blocks[i]
+            members, rows = np.flatnonzero(owner == i), np.flatnonzero(row_owner == i)
+            nodes = self.nodes[owner[self.behind] == i]
+            inner = np.append(inner, numbering.rows + 3 * nodes[:, None] + np.arange(3))
+            unknowns = np.append(outer, inner)
+            width = len(unknowns) + 1
+            local[unknowns] = np.arange(len(unknowns))
+            places = [local[self.places[members]] % width, local[self.row_places[rows]] % width]
+            slots = [(width * at[:, :, None] + at[:, None]).ravel() for at in places]
+            local[unknowns] = -1
+            group = alike[len(members), len(rows), len(inner), len(outer)]
+            slots = width**2 * len(group) + np.concatenate(slots)
             joints = numbering.joint[outer]
-            groups.append(Group(ids, members, rows, inner, outer, joints, np.concatenate(slots)))
-        return groups
+            group.append((np.array(i), members, rows, inner, outer, slots, joints))
+        return [Group(*map(np.stack, zip(*blocks, strict=True))) for blocks in alike.values()]
 
 
 @functools.lru_cache(maxsize=64)
@@ -278,18 +271,3 @@ def _find_owners(members: Members, columns: Indices, solid: Flags) -> Indices:
     label = np.append(label[nodes:], label[:nodes].repeat(3))
     chosen &= np.bincount(label, minlength=number) <= MAX_DENSE_COORDINATES
     return np.where(chosen, np.cumsum(chosen) - 1, -1)[label]
-
-
-def _find_slots(indices: Indices, unknowns: Indices) -> Indices:
-    """
-    Return the indices of the entries of e matrices (w, w) in the stacked matrices of b blocks.
-
-    They have the unknowns `indices` (b, e, w) and `unknowns` (b, s); others are behind all.
-    """
-    count, size = unknowns.shape
-    matches = indices.reshape(count, -1, 1) == unknowns[:, None]
-    local = np.where(matches.any(axis=2), matches.argmax(axis=2), -1).reshape(indices.shape)
-    first, second = np.broadcast_arrays(local[..., :, None], local[..., None, :])
-    offset = size**2 * np.arange(count)[:, None, None, None]
-    slots = offset + size * first + second
-    return np.where((first < 0) | (second < 0), count * size**2, slots).ravel()
