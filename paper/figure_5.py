@@ -13,6 +13,7 @@ from isotruss_ros.core import Configuration, load_robot, Robot
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.beam_column import end_forces
+from isotruss_ros.core.statics.blocks import Numbering
 from isotruss_ros.core.statics.equilibrium import bend, follow_loads, LoadPath, solve, unloaded
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure, structure_of
@@ -119,11 +120,13 @@ def pinned_frame(config: Configuration) -> Frame:
     :param config: configuration of the triangle.
     """
     structure = structure_of(config)
-    held = np.zeros((len(structure.frame.names), 3), dtype=bool)
+    held = np.zeros((len(structure.node_names), 3), dtype=bool)
     for joint, axis in PINNED:
         held[structure.node(joint), axis] = True
-    free = structure.frame
-    return Frame.of(free.points, free.members, held, structure.frame.names, free.rows)
+    free, layout = structure.frame, structure.frame.layout
+    members = layout.start, layout.end, layout.pinned
+    numbering = Numbering(structure.node_names, *members, held, layout.numbering.constraints)
+    return Frame.of(free.points, free.section, numbering)
 
 
 def find_onset(
@@ -186,8 +189,7 @@ def shape(edges: tuple[float, float]) -> Shape:
         angle,
         1.0 / give,
         2.0 * stiffness * math.sin(angle) ** 2,
-        float((small.end_forces[:, 3] ** 2 * frame.length / frame.members.section[0]).sum())
-        / give,
+        float((small.end_forces[:, 3] ** 2 * frame.length / frame.section[0]).sum()) / give,
         float(ends[leg, 0, 0]),
         float(np.abs(ends[leg, :, 2]).max()),
         sunk,

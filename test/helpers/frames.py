@@ -10,7 +10,7 @@ pinned starts have rotations of their own, constraints are met by a basis of wha
 
 from typing import NamedTuple
 
-from isotruss_ros.core.statics.blocks import Members
+from isotruss_ros.core.statics.blocks import Numbering
 from isotruss_ros.core.statics.frame import Frame
 import numpy as np
 from scipy.linalg import null_space
@@ -30,6 +30,15 @@ class LinearRows(NamedTuple):
         """Return derivatives, gaps, and no geometric stiffness."""
         rows, count = self.matrix[chosen], self.matrix.shape[1]
         return rows, rows @ displacements.ravel()[:count], np.zeros((len(rows), count, count))
+
+
+class Members(NamedTuple):
+    """Members between nodes, with EA, EI and GA, and whether the start is pinned."""
+
+    start: np.ndarray
+    end: np.ndarray
+    section: np.ndarray
+    pinned: np.ndarray
 
 
 def members(ends, axial, flexural, shear=np.inf, pins=()):
@@ -57,7 +66,8 @@ def frame(points, members_, held, rows=None, names=None):
     names = [f'n{i}' for i in range(len(points))] if names is None else names
     points = np.asarray(points, dtype=complex)
     constraints = LinearRows(np.zeros((0, held.size)) if rows is None else rows)
-    return Frame.of(points, members_, held, names, constraints)
+    start, end, section, pinned = members_
+    return Frame.of(points, section, Numbering(names, start, end, pinned, held, constraints))
 
 
 def random_frame(rng, shear=True, pins=0.3, spread=1.5):

@@ -6,7 +6,6 @@
 from types import SimpleNamespace
 
 import frames
-from isotruss_ros.core.statics.blocks import Members
 from isotruss_ros.core.statics.equilibrium import solve, unloaded
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -21,7 +20,7 @@ def bare(span, axial, flexural, shear):
     """
     # Besides it there is a stub, far away; one end of it is free, so that something is.
     one = np.ones(1, dtype=int)
-    members = Members(
+    members = frames.Members(
         np.array([0, 2]),
         np.array([1, 3]),
         np.array([[value, 1.0] for value in (axial, flexural, shear)]),

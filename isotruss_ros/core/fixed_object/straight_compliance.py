@@ -42,9 +42,9 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
     frame, count = structure.frame, len(members)
     piece, within, _ = structure.locate(members, positions)
     pieces, number = np.unique(piece, return_inverse=True)
-    node = np.stack([frame.members.start[pieces], frame.members.end[pieces]], axis=1)
+    node = np.stack([frame.layout.start[pieces], frame.layout.end[pieces]], axis=1)
     ends = (3 * node[:, :, None] + np.arange(3)).ravel()
-    section, pinned = frame.members.section[:, piece], frame.members.pinned[piece]
+    section, pinned = frame.section[:, piece], frame.layout.pinned[piece]
     local, along, across = clamped_pieces(frame.length[piece], section, within, pinned)
     x, y = xy = np.array([frame.axis[piece].real, frame.axis[piece].imag])
     turned = frame.axis[piece] * local

@@ -182,7 +182,7 @@ class LoadedTubes:
         radius = 0.5 * robot.description.tube_diameter
         tube, piece = robot.topology.tube, most.piece
         wall = np.pi * radius**2 * np.array(bent.structure.pressures)[tube]
-        ends, members = forces[piece], frame.members
+        ends = forces[piece]
         loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, bowing[piece]])
         force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[piece]
         # Rows: axial force and moments at both ends.
@@ -191,7 +191,7 @@ class LoadedTubes:
         pull, first, second = changes + ends.T[[3, 2, 5], :, None] * self._stiffer
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
         changes = np.stack([-first, second, pulled, force_rates[:, 0]])
-        sections = np.vstack([frame.length[piece], members.section[1:, piece]])
+        sections = np.vstack([frame.length[piece], frame.section[1:, piece]])
         others = self.sections[[0, 2, 3]][:, piece]
         # Complex step at the same kind of place. The utilisation of a tube without wall tension is
         # infinite and has no derivative.

@@ -108,7 +108,7 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
     bent = grip.statics.bent.activated()
     moved = bent.changes(loads, np.zeros((len(loads), 3)))[0]
-    starts = bent.structure.frame.members.start[bent.structure.pieces]
+    starts = bent.structure.frame.layout.start[bent.structure.pieces]
     b, c, _ = (moved[:, 0] + 1j * moved[:, 1])[starts]
     half = 0.5 * description.tube_mass * grip.config.member_lengths
     masses = np.concatenate(

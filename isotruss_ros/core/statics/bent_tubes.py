@@ -335,7 +335,7 @@ class BentTubes:
         _, moved = tangent.solve(-carried)
         _, by_ends, by_forces, by_shear = tangent.slopes()
         inclined = by_forces[:, None] @ rates[parts] + by_ends @ moved[frame.layout.places[parts]]
-        shear = (by_shear / frame.members.section[2, parts])[:, None] * changes[3, parts]
+        shear = (by_shear / frame.section[2, parts])[:, None] * changes[3, parts]
         return frame.displacements(moved), _mean(inclined[:, 0] + shear), rates
 
 

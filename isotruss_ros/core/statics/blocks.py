@@ -14,25 +14,17 @@ block without unknowns of its own.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.numerics.factorization import count_negative_pivots, factorize
+from isotruss_ros.core.statics.bisection import Bisections
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
-
-
-class Members(NamedTuple):
-    """Straight members between nodes, as arrays with one entry for each of k members."""
-
-    start: Indices  #: (k,) indices of the start nodes
-    end: Indices  #: (k,) indices of the end nodes
-    #: (3, k) EA [N], EI [N m^2] and GA [N], which is infinite without shear deformation
-    section: Array
-    pinned: Flags  #: (k,) whether the start transmits no moment; the ends transmit moments
 
 
 class Group(NamedTuple):
@@ -59,23 +51,36 @@ class Group(NamedTuple):
 
 class Numbering:
     """
-    Numbering of the unknowns of all frames with equal connections and supports.
+    Connections of frames, which do not depend on points and sections, and their unknowns.
 
+    Members `start` (k,) to `end` (k,) between nodes are `pinned` (k,) if their starts transmit no
+    moment. Supports fix displacements `held` (n, 3). `names` of the nodes are for error messages.
     `joints` are the unknowns of the hinges; `joint` are their indices among these, and their
-    number for all other unknowns. `columns` (c, w) are the displacements in each constraint.
+    number for all other unknowns.
     """
 
-    def __init__(self, members: Members, held: Flags, columns: Indices) -> None:
-        self.members, self.rows = members, len(columns)
+    def __init__(
+        self,
+        names: Sequence[str],
+        start: Indices,
+        end: Indices,
+        pinned: Flags,
+        held: Flags,
+        constraints: Bisections,
+    ) -> None:
+        self.names, self.held, self.constraints = names, held, constraints
+        self.start, self.end, self.pinned = start, end, pinned
+        columns = constraints.places
+        self.rows = len(columns)
         solid = np.zeros(len(held), dtype=bool)
-        solid[members.start[~members.pinned]] = solid[members.end] = True
+        solid[start[~pinned]] = solid[end] = True
         real = np.ones(self.rows + held.size, dtype=bool)
         real[self.rows + 3 * np.arange(len(held)) + 2] = solid
         self.free = real & ~np.append(np.zeros(self.rows, dtype=bool), held.ravel())
         #: (k, 6) and (c, 1 + w) unknowns of members and constraints
-        self.places = self.rows + member_places(members.start, members.end)
+        self.places = self.rows + member_places(start, end)
         self.row_places = np.column_stack([np.arange(self.rows), self.rows + columns])
-        owner = _find_owners(members, columns, solid)
+        owner = _find_owners(self, solid)
         if not (self.free & (owner < 0)).any():  # a frame without hinges has one matrix
             owner[:] = -1
         self.joints = np.flatnonzero(self.free & (owner < 0))
@@ -123,13 +128,13 @@ class Layout:
         self, numbering: Numbering, piece: Indices, order: Indices, active: Indices
     ) -> None:
         self.numbering, self.active = numbering, active
-        members, cuts = numbering.members, np.arange(len(piece))
+        cuts = np.arange(len(piece))
         chosen = np.flatnonzero(np.isin(numbering.owner, active))
         self.rows = np.flatnonzero(np.isin(numbering.row_owner, active))
         self.whole, self.behind = np.append(chosen, piece), len(chosen) + cuts
         self.nodes = (len(numbering.free) - numbering.rows) // 3 + cuts
-        self.start, self.end = members.start[self.whole], members.end[self.whole]
-        self.pinned = members.pinned[self.whole]
+        self.start, self.end = numbering.start[self.whole], numbering.end[self.whole]
+        self.pinned = numbering.pinned[self.whole]
         self.pinned[self.behind] = False
         # The part before a cut begins at the member's start, or at the cut before.
         divided, behind = piece[order], self.behind[order]
@@ -256,12 +261,12 @@ def member_places(start: Indices, end: Indices) -> Indices:
     return (3 * np.stack([start, end], axis=1)[:, :, None] + np.arange(3)).reshape(-1, 6)
 
 
-def _find_owners(members: Members, columns: Indices, solid: Flags) -> Indices:
+def _find_owners(numbering: Numbering, solid: Flags) -> Indices:
     """Return the block (u,) of each unknown of solid nodes (n,), -1 for unknowns of others."""
     # Vertices of the graph are the nodes, then the constraints.
-    (rows, width), nodes = columns.shape, len(solid)
-    one = np.append(members.start, nodes + np.arange(rows).repeat(width))
-    other = np.append(members.end, columns // 3)
+    columns, nodes, rows = numbering.constraints.places, len(solid), numbering.rows
+    one = np.append(numbering.start, nodes + np.arange(rows).repeat(columns.shape[1]))
+    other = np.append(numbering.end, columns // 3)
     within = np.append(solid, np.ones(rows, dtype=bool))
     joined = within[one] & within[other]
     graph = coo_matrix((joined[joined], (one[joined], other[joined])), shape=(rows + nodes,) * 2)

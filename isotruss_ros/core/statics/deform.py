@@ -58,7 +58,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     def displacements(self) -> dict[str, tuple[float, float, float]]:
         """Return (ux, uy, theta) [m, rad] for the name of each node, see `displacement`."""
         displaced = map(tuple, self.state.displacements.tolist())
-        return dict(zip(self.structure.frame.names, displaced, strict=False))  # not those at cuts
+        return dict(zip(self.structure.node_names, displaced, strict=False))  # not those at cuts
 
     @cached_property
     def reactions(self) -> dict[str, tuple[float, float]]:
@@ -169,7 +169,7 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
                 )
             members.append(number)
     if not rows:
-        return structure.frame, np.zeros((len(structure.frame.names), 3))
+        return structure.frame, np.zeros((len(structure.node_names), 3))
     place, *load = np.array(rows).T
     pieces, within, _ = structure.locate(np.array(members), place)
     apart = keep_apart(pieces, within, structure.frame.length[pieces])

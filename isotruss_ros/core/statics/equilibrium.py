@@ -81,7 +81,7 @@ def _what_moves(rest: Tangent) -> list[str]:
     motion = np.zeros(len(free))
     motion[free] = np.abs(frame.scale[free, None] * vectors[:, loose]).max(axis=1)
     by_node = frame.displacements(motion).max(axis=1)
-    return [frame.names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
+    return [numbering.names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
 
 
 def solve(rest: Tangent, loads: Array) -> FrameState:
@@ -90,8 +90,9 @@ def solve(rest: Tangent, loads: Array) -> FrameState:
     moved = rest.respond(loads.reshape(-1, 1))
     forces, _ = rest.force_changes(frame.displacements(moved))
     carried = rest.sum_forces(np.arange(len(frame.length)), forces)[:, 0]
-    straight = frame.rows.linearize(frame.points, rest.displacements, moved[:rows, 0], layout.rows)
-    held = straight[0] * moved[layout.rows]
+    constraints, pull = layout.numbering.constraints, moved[:rows, 0]
+    slopes, *_ = constraints.linearize(frame.points, rest.displacements, pull, layout.rows)
+    held = slopes * moved[layout.rows]
     carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), len(carried))
     return FrameState(
         frame.displacements(moved[:, 0]),
@@ -137,8 +138,8 @@ def state_under(tangent: Tangent, loads: Array) -> FrameState:
 
 def _reactions(frame: Frame, missing: Array) -> Array:
     """Return the support reactions (n, 3) from the residual (n, 3) of the balance."""
-    reactions, count = np.zeros((len(frame.points), 3)), len(frame.held)
-    reactions[:count] = missing[:count] * frame.held
+    reactions, held = np.zeros((len(frame.points), 3)), frame.layout.numbering.held
+    reactions[: len(held)] = missing[: len(held)] * held
     return reactions
 
 

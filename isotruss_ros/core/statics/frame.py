@@ -5,14 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import EPSILON
 from isotruss_ros.core.statics.beam_column import BeamColumns
-from isotruss_ros.core.statics.bisection import Bisections
-from isotruss_ros.core.statics.blocks import lay_out, Layout, Members, Numbering
+from isotruss_ros.core.statics.blocks import lay_out, Layout, Numbering
 import numpy as np
 
 #: Minimum length of the parts into which cuts divide the members [m]. Loads and contacts nearer to
@@ -30,11 +28,9 @@ class Frame:
     """
 
     points: Points  #: (n,) nodes x + iy [m]
-    held: Flags  #: mask (., 3) of the displacements that supports fix, without the nodes at cuts
-    names: Sequence[str]  #: names of the nodes for error messages, without those at cuts
-    rows: Bisections  #: constraints
     layout: Layout  #: connections of the parts
-    members: Members  #: the parts
+    #: (3, p) EA [N], EI [N m^2] and GA [N] of the parts; GA is infinite without shear deformation
+    section: Array
     length: Array  #: (p,) lengths [m]
     axis: Points  #: (p,) unit vectors from start to end, x + iy
     begins: Array  #: (p,) distances of the parts' starts from the starts of their members [m]
@@ -43,22 +39,14 @@ class Frame:
     uncut: Frame | None = None  #: frame without cuts; None: this frame
 
     @classmethod
-    def of(
-        cls,
-        points: Points,
-        members: Members,
-        held: Flags,
-        names: Sequence[str],
-        rows: Bisections,
-        numbering: Numbering | None = None,
-    ) -> Frame:
-        """Return a frame without cuts; `numbering` is that of frames with equal connections."""
-        numbering = numbering or Numbering(members, held, rows.places)
-        span = points[members.end] - points[members.start]
+    def of(cls, points: Points, section: Array, numbering: Numbering) -> Frame:
+        """Return a frame without cuts, with nodes (n,) and members of given sections (3, k)."""
+        start, end, rows = numbering.start, numbering.end, numbering.constraints
+        span = points[end] - points[start]
         length = np.abs(span)
-        columns = BeamColumns.of(length, members.section, members.pinned)
+        columns = BeamColumns.of(length, section, numbering.pinned)
         # Displacements along both axes have one scale: across a bar the stiffness is zero.
-        ends, turning = np.append(*members[:2]), 0.25 * (columns.values[2] + columns.values[4])
+        ends, turning = np.append(start, end), 0.25 * (columns.values[2] + columns.values[4])
         along, turn = (
             np.bincount(ends, np.tile(stiff, 2), len(points))
             for stiff in (1.0 / columns.values[1], turning)
@@ -70,7 +58,7 @@ class Frame:
         norms = np.linalg.norm(slopes * scale[rows.places], axis=1)
         scale = np.append(1.0 / np.where(norms > 0.0, norms, 1.0), scale)
         arrays = length, span / length, np.zeros(len(length)), columns, scale
-        return cls(points, held, names, rows, numbering.whole, members, *arrays)
+        return cls(points, numbering.whole, section, *arrays)
 
     def cut(self, piece: Indices, within: Array, active: Indices | None = None) -> Frame:
         """
@@ -81,15 +69,14 @@ class Frame:
         numbering, active = self.layout.numbering, self.layout.active if active is None else active
         order = np.lexsort((within, piece))
         layout = lay_out(numbering, piece.tobytes(), order.tobytes(), active.tobytes())
-        start = self.members.start[piece]
+        start = numbering.start[piece]
         points = np.append(self.points, self.points[start] + within * self.axis[piece])
         begins = np.append(np.zeros(len(layout.whole) - len(piece)), within)
         # Nodes have rounding errors that would turn and lengthen short parts.
         length = self.length[layout.whole]
         length[layout.before] = within
         length -= begins
-        section = self.members.section[:, layout.whole]
-        members = Members(layout.start, layout.end, section, layout.pinned)
+        section = self.section[:, layout.whole]
         parts, values = layout.parts, self.columns.values[:, layout.whole].astype(complex)
         varied = length[parts] + 1j * EPSILON
         columns = BeamColumns.of(varied, section[:, parts], layout.pinned[parts])
@@ -98,7 +85,7 @@ class Frame:
             self.scale, self.scale[numbering.rows + 3 * start[:, None] + np.arange(3)]
         )
         arrays = length, self.axis[layout.whole], begins, BeamColumns(values), scale, self
-        return Frame(points, self.held, self.names, self.rows, layout, members, *arrays)
+        return Frame(points, layout, section, *arrays)
 
     def displacements(self, unknowns: Array) -> Array:
         """Return ux, uy and theta of the nodes, (n, 3, ...), among unknowns (u, ...)."""
@@ -118,16 +105,17 @@ class Frame:
         def at(of_parts: Array, of_members: Array) -> Array:
             return np.where(part < 0, of_members[..., piece], of_parts[..., part])
 
-        ends, frames = (self.members, uncut.members), (self.length, uncut.length)
-        begin, end, (_, flexural, shear), pinned = map(at, *ends)
-        length, inside = at(*frames), within - at(self.begins, uncut.begins)
+        layout, straight = self.layout, uncut.layout
+        begin, end = at(layout.start, straight.start), at(layout.end, straight.end)
+        pinned, section = at(layout.pinned, straight.pinned), at(self.section, uncut.section)
+        length, inside = at(self.length, uncut.length), within - at(self.begins, uncut.begins)
         start, end, axis = displacements[begin], displacements[end], uncut.axis[piece]
         first = (start[:, 0] + 1j * start[:, 1]) * axis.conj()
         apart = (end[:, 0] + 1j * end[:, 1]) * axis.conj() - first
         chord = length + apart
         turned, x = np.angle(chord), inside / length
         before, after = start[:, 2] - turned, end[:, 2] - turned
-        skew = 12.0 * flexural / shear / length**2
+        skew = 12.0 * section[1] / section[2] / length**2
         # The moment at a pinned start is zero.
         before = np.where(pinned, (skew - 2.0) / (skew + 4.0) * after, before)
         even, odd = before + after, before - after

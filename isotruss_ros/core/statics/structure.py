@@ -18,9 +18,9 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.bisection import Bisections
-from isotruss_ros.core.statics.blocks import Members, Numbering
+from isotruss_ros.core.statics.blocks import Numbering
 from isotruss_ros.core.statics.equilibrium import unloaded
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
@@ -34,12 +34,7 @@ class FrameLayout(NamedTuple):
     """Properties of a robot's frame that do not depend on the configuration."""
 
     tube: TubeSections  #: stiffness of the tube
-    #: names of the nodes: joints first, then B, C, D, E of each module
-    node_names: tuple[str, ...]
-    members: Members  #: members of the frame, see `Structure`, without stiffness
-    held: Flags  #: (n, 3) mask of ux, uy, theta fixed by supports
-    bisections: Bisections  #: bisection constraints (3)
-    numbering: Numbering  #: numbering of the unknowns
+    numbering: Numbering  #: connections of the frame, see `Structure`
     #: (3, m) tube pieces among the members: BD and CE of each module, and DE' of each member
     pieces: Indices
     owners: Indices  #: (3, m) index of the robot's member to which each piece belongs
@@ -55,24 +50,17 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     pinch = [f'{module}/{node}' for module in topology.module_names for node in 'BCDE']
     held = np.zeros((joints + 4 * m, 3), dtype=bool)
     held[np.divmod(topology.grounded, 2)] = True
-    modules = np.arange(m)
-    bisections = Bisections(np.stack([a, b, c, d, e], axis=1))
-    members = Members(
+    numbering = Numbering(
+        names=(*topology.joint_names, *pinch),
         start=np.concatenate([a, a, b, b, c, d]),
         end=np.concatenate([b, c, c, d, e, e[topology.following]]),
-        section=np.zeros((3, 6 * m)),
         pinned=np.repeat([True, True, False, True, True, False], m),
-    )
-    return FrameLayout(
-        tube=tube_stiffness(robot.description),
-        node_names=(*topology.joint_names, *pinch),
-        members=members,
         held=held,
-        bisections=bisections,
-        numbering=Numbering(members, held, bisections.places),
-        pieces=np.arange(3 * m, 6 * m).reshape(3, -1),
-        owners=np.stack([modules, topology.previous, modules]),
+        constraints=Bisections(np.stack([a, b, c, d, e], axis=1)),
     )
+    pieces, modules = np.arange(3 * m, 6 * m).reshape(3, -1), np.arange(m)
+    owners = np.stack([modules, topology.previous, modules])
+    return FrameLayout(tube_stiffness(robot.description), numbering, pieces, owners)
 
 
 class Structure:
@@ -87,8 +75,8 @@ class Structure:
 
     def __init__(self, config: Configuration, pressures: tuple[float, ...]) -> None:
         self.config, self.pressures = config, pressures
-        layout, topology = frame_layout(config.robot), config.robot.topology
-        self.tube, self.pieces, self.owners = layout.tube, layout.pieces, layout.owners
+        self.tube, numbering, self.pieces, self.owners = frame_layout(config.robot)
+        topology = config.robot.topology
         module, nodes, joints = (
             config.robot.description.module,
             config.points,
@@ -96,9 +84,9 @@ class Structure:
         )
         side = nodes[topology.end] - nodes[topology.b]
         ahead = module.guide_ring_distance * side / np.abs(side)
-        points = np.empty(len(layout.node_names), dtype=np.complex128)
+        points = np.empty(len(numbering.names), dtype=np.complex128)
         points[:joints] = nodes[:joints]
-        (b, c, d), e = layout.members.start[self.pieces], layout.members.end[self.pieces[1]]
+        (b, c, d), e = numbering.start[self.pieces], numbering.end[self.pieces[1]]
         points[b], points[c] = nodes[topology.b], nodes[topology.c]
         points[d], points[e] = points[b] + ahead, points[c] - ahead[topology.previous]
         # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
@@ -107,14 +95,8 @@ class Structure:
         sections = np.empty((3, 6, topology.n_modules))
         sections[:2, :3] = [[[module.axial_rigidity]], [[module.flexural_rigidity]]]
         sections[2, :3], sections[:, 3:] = np.inf, of_tubes[:, self.owners]
-        self.frame = Frame.of(
-            points,
-            layout.members._replace(section=sections.reshape(3, -1)),
-            layout.held,
-            layout.node_names,
-            layout.bisections,
-            layout.numbering,
-        )
+        self.frame = Frame.of(points, sections.reshape(3, -1), numbering)
+        self.node_names = numbering.names
 
     @functools.cached_property
     def rest(self) -> Tangent:
@@ -139,12 +121,12 @@ class Structure:
 
     def node(self, name: str) -> int:
         """Return the index of a node among the frame's nodes."""
-        if name not in self.frame.names:
+        if name not in self.node_names:
             raise StructureError(
                 f'node {name!r}: robot {self.config.robot.name} has no such node; '
                 'nodes are joints j, and t/j/B, t/j/C, t/j/D, t/j/E of each module'
             )
-        return self.frame.names.index(name)
+        return self.node_names.index(name)
 
     def locate(self, members: Indices, positions: Array) -> tuple[Indices, Array, Array]:
         """
@@ -192,15 +174,14 @@ def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: A
     pressures = np.array(structure.pressures)[topology.tube]
     by_length, by_pressure = structure.tube.flexibility_rates(config.member_lengths, pressures)
     softer = by_length[:, :, None] * longer + by_pressure[:, :, None] * inflated[topology.tube]
-    members, (pieces, owner) = frame.members, structure.tube_parts(frame)
+    layout, (pieces, owner) = frame.layout, structure.tube_parts(frame)
     rates = np.zeros((4, len(frame.length), moved.shape[1]))
-    rates[1:, pieces] = -(members.section[:, pieces, None] ** 2) * softer[:, owner]
+    rates[1:, pieces] = -(frame.section[:, pieces, None] ** 2) * softer[:, owner]
     # If a member becomes longer, the nodes C and E at its end shift along it; CE runs backward.
-    shifts = np.zeros((len(frame.points), moved.shape[1]))
-    ending = structure.pieces[1]
-    for nodes in structure.frame.members[:2]:
+    shifts, ending = np.zeros((len(frame.points), moved.shape[1])), structure.pieces[1]
+    for nodes in (layout.numbering.start, layout.numbering.end):
         shifts[nodes[ending]] = longer[topology.previous]
-    ahead = np.where(np.isin(frame.layout.whole[pieces], ending), -1.0, 1.0)
-    apart = shifts[members.end[pieces]] - shifts[members.start[pieces]]
+    ahead = np.where(np.isin(layout.whole[pieces], ending), -1.0, 1.0)
+    apart = shifts[layout.end[pieces]] - shifts[layout.start[pieces]]
     rates[0, pieces] = ahead[:, None] * apart
     return rates

@@ -102,8 +102,8 @@ class Tangent:
         repeated = parts.repeat(count)
         # Derivatives by complex steps have no rounding error of differences.
         steps = 1j * EPSILON * changes.reshape(4, -1)
-        section = np.vstack([frame.length, frame.members.section])[:, repeated] + steps
-        columns = BeamColumns.of(section[0], section[1:], frame.members.pinned[repeated])
+        section = np.vstack([frame.length, frame.section])[:, repeated] + steps
+        columns = BeamColumns.of(section[0], section[1:], frame.layout.pinned[repeated])
         longer, turns = self.stretched
         stressed = self.forces.stressed[repeated, 0]
         changed = columns.evaluate(longer[repeated] - steps[0], turns[:, repeated], stressed)
@@ -127,7 +127,7 @@ class Tangent:
         frame, layout = self.frame, self.frame.layout
         parts, signs = layout.beside, layout.signs
         length, forces = self.length[parts], self.forces.values[parts]
-        slide = 1.0 / frame.members.section[2, parts]
+        slide = 1.0 / frame.section[2, parts]
         across, compliance = forces[:, 1] / length, 1.0 / (1.0 + forces[:, 0] * slide)
         sway, bow = self.stretched[1][:, parts]
         inclined = (sway + signs * bow - across * slide) * compliance
@@ -186,7 +186,8 @@ def linearize(
     stiffness = scaled.swapaxes(1, 2) @ core @ scaled
 
     multipliers, chosen = unknowns[:rows], layout.rows
-    slopes, gaps, curved = frame.rows.linearize(frame.points, displacements, multipliers, chosen)
+    constraints = layout.numbering.constraints
+    slopes, gaps, curved = constraints.linearize(frame.points, displacements, multipliers, chosen)
     bound = np.zeros((len(chosen), slopes.shape[1] + 1, slopes.shape[1] + 1))
     bound[:, 0, 1:] = bound[:, 1:, 0] = slopes
     bound[:, 1:, 1:] = curved

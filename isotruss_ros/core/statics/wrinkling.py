@@ -56,13 +56,13 @@ def find_utilisation(
             np.stack([begun, ended, np.minimum(begun, ended)]),
             pulls[pieces],
         ),
-        np.vstack([length, frame.members.section[1:, pieces]]),
+        np.vstack([length, frame.section[1:, pieces]]),
         radius,
     )
     start = config.points[topology.b[member]]
     along = (config.points[topology.end[member]] - start).conj()
     along /= np.abs(along)
-    origin = ((frame.points[frame.members.start[pieces]] - start) * along).real
+    origin = ((frame.points[frame.layout.start[pieces]] - start) * along).real
     ahead = (frame.axis[pieces] * along).real
     positions = origin + ahead * np.stack([np.zeros(len(pieces)), length, inside])
     last = find_most_used(used.ravel(), np.tile(member, 3))

@@ -44,7 +44,7 @@ def near_the_end_of_the_shapes(seed):
 def test_a_state_beyond_a_limit_load_that_small_steps_do_not_reach_is_refused(seed):
     config, joint, force = near_the_end_of_the_shapes(seed)
     structure = structure_of(config)
-    loads = np.zeros((len(structure.frame.names), 3))
+    loads = np.zeros((len(structure.node_names), 3))
     loads[structure.node(joint), :2] = force
     path = follow_loads(structure.rest, loads, 1.0)
     if path.factors[-1] < 1.0:

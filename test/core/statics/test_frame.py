@@ -127,7 +127,7 @@ def test_cutting_members_changes_nothing_at_their_ends(rng):
     state = solve(unloaded(frame), loads)
     parts = solve(unloaded(cut), np.pad(loads, ((0, 6), (0, 0))))
     last = [
-        np.flatnonzero((cut.layout.whole == i) & (cut.members.end == found.end[i]))[0]
+        np.flatnonzero((cut.layout.whole == i) & (cut.layout.end == found.end[i]))[0]
         for i in range(count)
     ]
     ends = np.concatenate([parts.end_forces[:count, :3], parts.end_forces[last, 3:]], axis=1)
