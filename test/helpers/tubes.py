@@ -37,6 +37,7 @@ def bare(span, axial, flexural, shear):
             robot=SimpleNamespace(topology=topology),
             points=frame.points[:2],
             member_lengths=np.abs(frame.points[1:2]),
+            member_axes=frame.points[1:2] / np.abs(frame.points[1:2]),
         ),
         pieces=np.zeros((3, 1), dtype=int),
         owners=np.zeros((3, 1), dtype=int),

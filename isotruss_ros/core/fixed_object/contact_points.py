@@ -15,7 +15,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.fixed_object.straight_compliance import straight_points, StraightPoints
-from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
 from isotruss_ros.core.model.shapes import SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -86,9 +85,9 @@ def find_contact_points(
 
     Points are placed where a member may touch the surface, offset by the tube radius.
     """
-    start, end = member_lines(structure.config).T
-    length = np.abs(end - start)
-    axis = (end - start) / length
+    config = structure.config
+    start, axis = config.points[config.robot.topology.b], config.member_axes
+    length = config.member_lengths
     # The margin of two spacings is for a tube that bends and touches beyond the object's chord.
     margin, body = 2.0 * spacing, surface.body
     away = (body.middle - start) * axis.conj()

@@ -64,10 +64,15 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
     def member_lengths(self) -> Array:
         """Return the lengths of the members between pinch points, in module order, (m,) [m]."""
         topology, points = self.robot.topology, self.points
-        ends = points.take(topology.c.take(topology.following))
-        lengths = np.abs(ends - points.take(topology.b))
+        lengths = np.abs(points.take(topology.end) - points.take(topology.b))
         lengths.flags.writeable = False
         return lengths
+
+    @property
+    def member_axes(self) -> Points:
+        """Return the unit vectors from the members' starts to their ends, (m,) x + iy."""
+        topology, points = self.robot.topology, self.points
+        return (points[topology.end] - points[topology.b]) / self.member_lengths
 
     @cached_property
     def factor(self) -> Factor:

@@ -68,7 +68,7 @@ class BeamColumns(NamedTuple):
         return cls(values)
 
     def evaluate(self, longer: Array, turns: Array, given: Array | None = None) -> EndForces:
-        """Return the end forces of bent members; `known` (k,) are axial forces near theirs."""
+        """Return the end forces of bent members; `given` (k,) are axial forces near theirs."""
         stretch, rotary = self.values[1], self.values[2:].reshape(3, 3, -1)
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
         _, bowed, hardened = (by_power * turns).sum(axis=1)
@@ -86,9 +86,7 @@ class BeamColumns(NamedTuple):
         stiffness[1:, 1:] += slope[:, None] * steep
         stressed = np.empty((3, len(pull)), dtype=soft.dtype)
         stressed[0], stressed[1:] = pull, straight + pull * (first + bent)
-        values = (
-            stressed if given is None else stressed + stiffness[:, 0] * (nearest - pull) / soft
-        )
+        values = stressed + stiffness[:, 0] * (nearest - pull) / soft
         return EndForces(values.T, stiffness.T, stressed.T)
 
 
@@ -101,11 +99,7 @@ def _reciprocal(series: Array) -> Array:
 
 
 def chord_motions(axis: Points, length: Array) -> Array:
-    """
-    Return the changes (k, 4, 6) of chords by unit displacements (ux, uy, theta) of both ends.
-
-    The four rows are the chord's length, the rotations s and b, and the rotation of the chord.
-    """
+    """Return changes (k, 4, 6) of length, s, b and rotation of chords by displaced ends."""
     motions = np.zeros((len(axis), 4, 6))
     along, turned = (
         vectors.view(np.float64).reshape(-1, 2) for vectors in (axis, -1j * axis / length)
@@ -135,9 +129,8 @@ def end_forces(forces: Array, length: Array) -> Array:
 
 def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) -> Array:
     """Return the stiffness matrices (2) of fixed members in their own axes (x to the end)."""
-    length, fixed = np.asarray(length, dtype=float), np.zeros(np.shape(length), dtype=bool)
+    fixed, none = np.zeros(len(length), dtype=bool), np.zeros((3, len(length)))
     columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), fixed)
-    end_forces = columns.evaluate(np.zeros_like(length), np.zeros((2, len(length))))
-    motions = chord_motions(np.ones_like(length, dtype=np.complex128), length)
-    core = chord_stiffness(length, end_forces)
+    core = chord_stiffness(length, columns.evaluate(none[0], none[1:]))
+    motions = chord_motions(np.ones(len(length), dtype=np.complex128), length)
     return motions.swapaxes(1, 2) @ core @ motions

@@ -4,14 +4,9 @@
 """
 Compliance of the tubes at k load points, linearised about a bent state.
 
-The frame has additional nodes at the load points: each load point divides its member into parts.
-The place of a load point is its distance from the start of the member. If the load point moves
-along the member, the part before it becomes longer and the part behind it shorter. The responses
-are the displacements and inclinations at the load points; they are affine functions of loads and
-places.
-
-Tubes that are not loaded by load points nor, through their hinges, by other tubes are kept
-undeformed, see `UnloadedBlocks`.
+Each load point is a node that divides its member into parts; its place is its distance from the
+start of the member. If it moves along the member, the part before it becomes longer and the part
+behind it shorter. Tubes without loads are kept undeformed, see `UnloadedBlocks`.
 """
 
 from __future__ import annotations
@@ -65,7 +60,7 @@ class Lines(NamedTuple):
         """Return the members with given indices (k,), from pinch point to pinch point."""
         config, topology = structure.config, structure.config.robot.topology
         start, length = config.points[topology.b[members]], config.member_lengths[members]
-        axis = (config.points[topology.end[members]] - start) / length
+        axis = config.member_axes[members]
         turns = np.zeros((len(members), 3, 3))
         turns[:, 0, 0] = turns[:, 1, 1] = axis.real
         turns[:, 1, 0], turns[:, 0, 1], turns[:, 2, 2] = axis.imag, -axis.imag, 1.0
@@ -105,7 +100,9 @@ class BentTubes:
         """Return the tubes linearised about the state `values`; None: without loads."""
         layout = structure.frame.layout
         pieces, inside, ahead, apart = _place_cuts(structure, members, positions)
-        active = layout.numbering.active_blocks(pieces) if values is None else layout.active
+        active = layout.active
+        if values is None:
+            active = np.union1d(layout.numbering.owner[pieces], layout.numbering.hinged)
         frame, lines = structure.frame.cut(pieces, inside, active), Lines.of(structure, members)
         ends = np.cumsum([len(frame.scale), 3 * len(members), len(frame.length)])
         values = np.zeros(ends[-1]) if values is None else values
@@ -147,12 +144,7 @@ class BentTubes:
 
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
-        """
-        Return the unknowns (u, p), and the responses (k, 3, p), in p parts.
-
-        They are due to 3 k unit loads, then to k unit motions of the load points. Last are the
-        step to balance, and the responses after it.
-        """
+        """Return changes (u, p) and responses (k, 3, p) to unit loads and motions, and balance."""
         tangent, layout = self.tangent, self.frame.layout
         count, size, turns = len(self.members), len(tangent.unknowns), self.lines.turns
         load_points, cut, moving = np.arange(count), self._cut_unknowns, self._moving
@@ -252,8 +244,9 @@ class BentTubes:
         before = Displaced(tangent.unknowns + moved, loads, pull)
         if not near or frame.layout is not self.frame.layout:
             before = self._convert(before, frame, near)
-        same = structure is self.structure
-        lines = self.lines if same else Lines.of(structure, self.members)
+        lines = self.lines
+        if structure is not self.structure:
+            lines = Lines.of(structure, self.members)
         fields = positions, apart, lines, frame, ahead, self.stiffness, before
         return BentTubes(structure, self.members, *fields)
 
@@ -264,13 +257,13 @@ class BentTubes:
             return structure.frame.layout.active
         if not layout.kept:
             return layout.active
-        changes = self._changes[0] @ self._ways(loads, positions)
+        changes, active = self._changes[0] @ self._ways(loads, positions), [layout.active]
         motion = np.abs(self.frame.displacements(changes)[:, :2]).max()
-        most, loaded = KEPT_FORCE * (1.0 + 1e13 * motion**2), [layout.active]
         for blocks, push, stiff in zip(*tangent.kept, strict=True):
             force = push + (stiff @ changes[blocks.outer][:, :, None])[..., 0]
-            loaded.append(blocks.ids[np.abs(force).max(axis=1) > most])
-        return np.sort(np.concatenate(loaded)) if sum(map(len, loaded[1:])) else layout.active
+            loaded = np.abs(force).max(axis=1) > KEPT_FORCE * (1.0 + 1e13 * motion**2)
+            active.append(blocks.ids[loaded])
+        return np.sort(np.concatenate(active))
 
     def _convert(self, state: Displaced, frame: Frame, near: bool) -> Displaced:
         """Convert a state to one of a similar frame; `near`: its cuts are displaced alike."""
@@ -293,12 +286,7 @@ class BentTubes:
         return completed
 
     def changes(self, loads: Array, positions: Array) -> tuple[Array, Array, Array]:
-        """
-        Return changes by additional loads (k, 3, p) and motions (k, p) of the places.
-
-        These are displacements (n, 3, p) of the nodes, without those of undeformed tubes,
-        inclinations (k, p), and `EndForces` (c, 3, p) of the parts with fixed nodes.
-        """
+        """Return the changes of deformed nodes, inclinations, forces by p loads and motions."""
         unknowns, responses = self._changes
         ways = np.concatenate([loads.reshape(-1, loads.shape[2]), positions])
         forces = self.tangent.length_rates[:, :, None] * (self._longer @ positions)[:, None]

@@ -99,11 +99,8 @@ class Numbering:
             unknowns = np.append(*places)
             outer = np.unique(unknowns[(owner[unknowns] < 0) & real[unknowns]])
             self.blocks.append((np.flatnonzero(self.free & (owner == i)), outer))
-
-    def active_blocks(self, pieces: Indices) -> Indices:
-        """Return the blocks that contain members, and those without unknowns of their own."""
-        hinged = [i for i, block in enumerate(self.blocks) if not len(block[0])]
-        return np.union1d(self.owner[pieces], np.array(hinged, dtype=np.intp))
+        #: blocks without unknowns of their own
+        self.hinged = np.flatnonzero([not len(inner) for inner, _ in self.blocks])
 
     @functools.cached_property
     def whole(self) -> Layout:
@@ -117,11 +114,11 @@ class Layout:
     Connections of a frame's parts: members of the blocks `active`, some of them divided at c cuts.
 
     Cut i divides the member `piece[i]`; `order` sorts the cuts by member and along each member.
-    The nodes at the cuts are the last nodes. `whole` (p,) is the member of each part; the last
-    parts begin at the cuts. `before` (c,) are the parts that end at the cuts, `behind` (c,) those
-    that begin there, `beside` (2 c,) both, and `parts` all parts of divided members; `longer` (p,
-    c) are the changes of the parts' lengths by unit motions of the cuts. The blocks that are not
-    active are `kept`: index of a group of `Numbering.whole`, and indices in this group.
+    The last `nodes` (c,) are at the cuts. `whole` (p,) is the member of each part; the last parts
+    begin at the cuts. `before` (c,) are the parts that end at the cuts, `behind` (c,) those that
+    begin there, `beside` (2 c,) both, and `parts` all of them; `longer` (p, c) are the changes of
+    the parts' lengths by unit motions of the cuts. The blocks that are not active are `kept`:
+    index of a group of `Numbering.whole`, and indices in this group.
     """
 
     def __init__(
@@ -145,9 +142,8 @@ class Layout:
         self.start[behind] = self.end[before] = self.nodes[order]
         self.beside = np.append(self.before, self.behind)
         self.parts, self.signs = np.unique(self.beside), np.repeat([-1.0, 1.0], len(piece))
-        self.longer = np.zeros((len(self.whole), len(piece)))
-        self.longer[self.before, cuts] = 1.0
-        self.longer[self.behind, cuts] -= 1.0
+        parts = np.arange(len(self.whole))[:, None]
+        self.longer = np.subtract(parts == self.before, parts == self.behind, dtype=float)
         self.ends = member_places(self.start, self.end)
         self.places = numbering.rows + self.ends
         self.row_places = numbering.row_places[self.rows]
@@ -158,17 +154,15 @@ class Layout:
         joints = [group.joints for group in self.groups]
         joints += [groups[number].joints[rows] for number, rows in self.kept]
         size = len(numbering.joints) + 1
-        #: entries of the blocks' Schur complements in the matrix of the hinges
-        self.entries = np.concatenate(
-            [(size * to[:, :, None] + to[:, None]).ravel() for to in joints]
-        )
+        #: places of the Schur complements in the matrix of the hinges, with a last row and column
+        entries = [(size * to[:, :, None] + to[:, None]).ravel() for to in joints]
+        self.entries = np.concatenate(entries)
         #: matrix (j, q) that sums values at the hinges of the groups' blocks
-        active_joints = np.concatenate([group.joints.ravel() for group in self.groups])
-        places = active_joints, np.arange(len(active_joints))
-        sources = csr_matrix(
-            (np.ones(len(active_joints)), places), shape=(size, len(active_joints))
-        )[:-1]
-        self.sources = sources if numbering.is_sparse else sources.toarray()
+        hinges = np.concatenate([group.joints.ravel() for group in self.groups])
+        sums = np.ones(len(hinges)), (hinges, np.arange(len(hinges)))
+        self.sources = csr_matrix(sums, shape=(size, len(hinges)))[:-1]
+        if not numbering.is_sparse:
+            self.sources = self.sources.toarray()
 
     def _group(self) -> list[Group]:
         """Return the active blocks in groups, with the unknowns at the cuts in each block."""
@@ -197,9 +191,8 @@ class Layout:
 @functools.lru_cache(maxsize=64)
 def lay_out(numbering: Numbering, piece: bytes, order: bytes, active: bytes) -> Layout:
     """Return a layout from the bytes of its index arrays, cached."""
-    return Layout(
-        numbering, *(np.frombuffer(data, dtype=np.intp) for data in (piece, order, active))
-    )
+    arrays = (np.frombuffer(data, dtype=np.intp) for data in (piece, order, active))
+    return Layout(numbering, *arrays)
 
 
 class Condensed(NamedTuple):
@@ -221,12 +214,7 @@ class Condensed(NamedTuple):
 def eliminate(
     layout: Layout, matrices: list[Array], kept: list[Array], right: Array
 ) -> tuple[Condensed, Array]:
-    """
-    Eliminate the blocks of a matrix, and solve for right-hand sides (u, p).
-
-    The groups have the matrices (b, t + s, t + s), and those of kept blocks (b, t, t). Unknowns
-    that are not free are zero.
-    """
+    """Eliminate the blocks of a matrix, and solve for right-hand sides (u, p) of free unknowns."""
     parts, schur, insides, pushed = [], [], [], []
     numbering, columns = layout.numbering, right.shape[1]
     for group, whole in zip(layout.groups, matrices, strict=True):
@@ -239,16 +227,14 @@ def eliminate(
         parts.append((stiff, -answer[..., :width]))
         insides.append(answer[..., width:])
         pushed.append(carried[..., width:].reshape(group.outer.size, columns))
-    count = len(numbering.joints)
+    size = len(numbering.joints) + 1
     entries = np.concatenate([block.ravel() for block in schur + kept])
-    shape = count + 1, count + 1
     if numbering.is_sparse:
-        places = np.divmod(layout.entries, count + 1)
-        matrix = csc_matrix((entries, places), shape=shape)[:-1, :-1]
+        matrix = csc_matrix((entries, np.divmod(layout.entries, size)), shape=(size, size))
     else:
-        entries = np.bincount(layout.entries, entries, (count + 1) ** 2)
-        matrix = entries.reshape(shape)[:-1, :-1]
-    moved, solution = np.zeros((count + 1, columns)), np.zeros(right.shape)
+        matrix = np.bincount(layout.entries, entries, size**2).reshape(size, size)
+    matrix = matrix[:-1, :-1]
+    moved, solution = np.zeros((size, columns)), np.zeros(right.shape)
     push = right[numbering.joints] - layout.sources @ np.concatenate(pushed)
     solution[numbering.joints] = moved[:-1] = factorize(matrix.copy()).solve(push)
     for group, (_, spread), inside in zip(layout.groups, parts, insides, strict=True):

@@ -21,11 +21,7 @@ SHORTEST_PART = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """
-    Plane frame of beam-columns: p parts of members between n nodes.
-
-    Without cuts, the parts are the members. The last c nodes are at the cuts.
-    """
+    """Plane frame of beam-columns: p parts of members between n nodes, the last c at cuts."""
 
     points: Points  #: (n,) nodes x + iy [m]
     layout: Layout  #: connections of the parts
@@ -61,11 +57,7 @@ class Frame:
         return cls(points, numbering.whole, section, *arrays)
 
     def cut(self, piece: Indices, within: Array, active: Indices | None = None) -> Frame:
-        """
-        Return this frame with nodes inside members `piece` (c,), at distances `within` (c,) [m].
-
-        It has the parts of `active` blocks, in ascending order; None: of all blocks.
-        """
+        """Return the parts of `active` blocks, or of all, with nodes in members `piece` (c,)."""
         numbering, active = self.layout.numbering, self.layout.active if active is None else active
         order = np.lexsort((within, piece))
         layout = lay_out(numbering, piece.tobytes(), order.tobytes(), active.tobytes())

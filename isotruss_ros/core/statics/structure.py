@@ -82,8 +82,7 @@ class Structure:
             config.points,
             len(topology.joint_names),
         )
-        side = nodes[topology.end] - nodes[topology.b]
-        ahead = module.guide_ring_distance * side / np.abs(side)
+        ahead = module.guide_ring_distance * config.member_axes
         points = np.empty(len(numbering.names), dtype=np.complex128)
         points[:joints] = nodes[:joints]
         (b, c, d), e = numbering.start[self.pieces], numbering.end[self.pieces[1]]
@@ -129,12 +128,7 @@ class Structure:
         return self.node_names.index(name)
 
     def locate(self, members: Indices, positions: Array) -> tuple[Indices, Array, Array]:
-        """
-        Return the tube pieces that contain points (c,), at distances from the members' starts [m].
-
-        Then follow distances from the pieces' starts [m], and 1 for pieces along their member,
-        else -1.
-        """
+        """Return the pieces at positions [m], distances in them, 1 or -1 by their direction."""
         robot, lengths = self.config.robot, self.config.member_lengths[members].tolist()
         ring, following = robot.description.module.guide_ring_distance, robot.topology.following
         rows = []  # numbers are few, so lists are faster than arrays
@@ -161,16 +155,10 @@ structure_under = functools.lru_cache(maxsize=8)(Structure)
 
 
 def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: Array) -> Array:
-    """
-    Return the changes (4, c, p) of rest length, EA, EI and GA of a frame's parts.
-
-    The p causes are motions `moved` (N, p) of the configuration's nodes, x + iy [m], and changes
-    `inflated` (t, p) of the tubes' pressures [Pa]. Displaced nodes and cuts in members are fixed.
-    """
+    """Return changes (4, c, p) of rest length, EA, EI, GA by nodes (N, p) and pressures (t, p)."""
     config, topology = structure.config, structure.config.robot.topology
-    start, end = topology.b, topology.end
-    side = config.points[end] - config.points[start]
-    longer = ((moved[end] - moved[start]) / side[:, None]).real * np.abs(side)[:, None]
+    spread = moved[topology.end] - moved[topology.b]
+    longer = (spread * config.member_axes[:, None].conj()).real
     pressures = np.array(structure.pressures)[topology.tube]
     by_length, by_pressure = structure.tube.flexibility_rates(config.member_lengths, pressures)
     softer = by_length[:, :, None] * longer + by_pressure[:, :, None] * inflated[topology.tube]
@@ -178,6 +166,7 @@ def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: A
     rates = np.zeros((4, len(frame.length), moved.shape[1]))
     rates[1:, pieces] = -(frame.section[:, pieces, None] ** 2) * softer[:, owner]
     # If a member becomes longer, the nodes C and E at its end shift along it; CE runs backward.
+    # Displaced nodes and cuts in members are fixed.
     shifts, ending = np.zeros((len(frame.points), moved.shape[1])), structure.pieces[1]
     for nodes in (layout.numbering.start, layout.numbering.end):
         shifts[nodes[ending]] = longer[topology.previous]

@@ -118,12 +118,9 @@ class Tangent:
         return np.bincount(indices.ravel(), pushed.ravel(), size).reshape(-1, count)
 
     def slopes(self) -> Slopes:
-        """
-        Return the inclinations of the bent centre lines before, then behind the cuts.
-
-        Relative to the chord they are (t - Q/GA) / (1 + N/GA), with the section's rotation t and
-        the transverse force Q.
-        """
+        """Return the inclinations of the bent centre lines before, then behind the cuts."""
+        # Relative to the chord they are (t - Q/GA) / (1 + N/GA), with the section's rotation t and
+        # the transverse force Q.
         frame, layout = self.frame, self.frame.layout
         parts, signs = layout.beside, layout.signs
         length, forces = self.length[parts], self.forces.values[parts]
@@ -157,11 +154,7 @@ class Tangent:
 def linearize(
     frame: Frame, unknowns: Array, pull: Array | None = None, kept: tuple[UnloadedBlocks, ...] = ()
 ) -> Tangent:
-    """
-    Linearise a frame about given unknowns (u,), with the blocks `Layout.kept`.
-
-    The axial forces `pull` (p,) are near those of the parts [N]; None or NaN: they are computed.
-    """
+    """Linearise a frame about unknowns (u,); `pull` (p,) are near its axial forces [N], or NaN."""
     layout, columns, at_rest = frame.layout, frame.columns, frame.length
     rows, start, end = layout.numbering.rows, layout.start, layout.end
     displacements = unknowns[rows:].reshape(-1, 3)

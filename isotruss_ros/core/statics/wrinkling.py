@@ -59,9 +59,7 @@ def find_utilisation(
         np.vstack([length, frame.section[1:, pieces]]),
         radius,
     )
-    start = config.points[topology.b[member]]
-    along = (config.points[topology.end[member]] - start).conj()
-    along /= np.abs(along)
+    start, along = config.points[topology.b[member]], config.member_axes[member].conj()
     origin = ((frame.points[frame.layout.start[pieces]] - start) * along).real
     ahead = (frame.axis[pieces] * along).real
     positions = origin + ahead * np.stack([np.zeros(len(pieces)), length, inside])
