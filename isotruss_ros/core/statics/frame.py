@@ -42,9 +42,9 @@ class Frame:
         length = np.abs(span)
         columns = BeamColumns.of(length, section, numbering.pinned)
         # Displacements along both axes have one scale: across a bar the stiffness is zero.
-        ends, turning = np.append(start, end), 0.25 * (columns.values[2] + columns.values[4])
+        turning = 0.25 * (columns.values[2] + columns.values[4])
         along, turn = (
-            np.bincount(ends, np.tile(stiff, 2), len(points))
+            sum(np.bincount(ends, stiff, len(points)) for ends in (start, end))
             for stiff in (1.0 / columns.values[1], turning)
         )
         stiff = np.stack([along, along, turn], axis=1).ravel()
