@@ -56,7 +56,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
         end=np.concatenate([b, c, c, d, e, e[topology.following]]),
         pinned=np.repeat([True, True, False, True, True, False], m),
         held=held,
-        constraints=Bisections(np.stack([a, b, c, d, e], axis=1)),
+        constraints=Bisections(np.stack([a, b, c, d, e], axis=1)),  # (3)
     )
     pieces, modules = np.arange(3 * m, 6 * m).reshape(3, -1), np.arange(m)
     owners = np.stack([modules, topology.previous, modules])
