@@ -68,11 +68,13 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         lengths.flags.writeable = False
         return lengths
 
-    @property
+    @cached_property
     def member_axes(self) -> Points:
         """Return the unit vectors from the members' starts to their ends, (m,) x + iy."""
         topology, points = self.robot.topology, self.points
-        return (points[topology.end] - points[topology.b]) / self.member_lengths
+        axes = (points[topology.end] - points[topology.b]) / self.member_lengths
+        axes.flags.writeable = False
+        return axes
 
     @cached_property
     def factor(self) -> Factor:
