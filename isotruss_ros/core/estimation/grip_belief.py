@@ -154,7 +154,7 @@ class GripBelief:
     @property
     def correction(self) -> Array:
         """Return the part (3,) of the pose that roller travel does not explain [m]."""
-        return self._even * pose_difference(self.pose, self.lag.last)
+        return self._even * pose_difference(self.pose, self.lag.way.last[1])
 
     @property
     def regulated(self) -> Array:
@@ -212,7 +212,7 @@ class GripBelief:
         rolled = cache.roll(config, pressures)
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
         if rolled is None or hold not in (HoldStatus.HELD, HoldStatus.SLIPS):
-            lag.stay()
+            lag.way.add(lag.time, lag.travelled)  # the object has not moved
             return HoldStatus.HELD if self.attach(config, pressures) else hold
         change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)
         moved = change[:3]
@@ -247,7 +247,7 @@ class GripBelief:
         # Earlier readings: their encoder noise is independent of that in the innovation.
         first, last = (lag.way.at(stamp - n * DELAY_DEVIATION) for n in (2, 1))
         speed = (last - first) / DELAY_DEVIATION
-        expected = self.pose - pose_difference(lag.last, rolled)
+        expected = self.pose - pose_difference(lag.way.last[1], rolled)
         innovation = even * pose_difference(pose, expected)
         self.state.noise.add(even * pose_difference(pose, rolled))
         before = self.outputs

@@ -77,13 +77,11 @@ def shift_rates(grasp: HeldGrip) -> Array:
 
 def state_rates(grasp: HeldGrip, shifted: Array) -> Array:
     """Return the derivatives (4, n) of the scaled outputs by the state; see `shift_rates`."""
-    members, response = len(grasp.members), grasp.response
+    change, members = np.hstack([grasp.response.change, shifted]), len(grasp.members)
+    squeeze = change[grasp.state.places.normal].sum(axis=0) / members
+    outputs = output_scale(grasp)[:, None] * np.vstack([change[:3], squeeze])
     rates = np.zeros((4, SHIFTS + members))
-    rates[:3, LOAD], rates[3, LOAD], rates[:3, BIAS] = response.pose, response.squeeze, np.eye(3)
-    rates[:3, SHIFTS:] = shifted[:3]
-    rates[3, SHIFTS:] = shifted[grasp.state.places.normal].sum(axis=0) / members
-    rates[2] *= grasp.arm
-    rates[2, BIAS] = 0.0, 0.0, 1.0
+    rates[:, LOAD], rates[:3, BIAS], rates[:, SHIFTS:] = outputs[:, :3], np.eye(3), outputs[:, 3:]
     return rates
 
 

@@ -39,15 +39,6 @@ class InputLag:
         """Return the corrections (4,) of pose and squeeze that have not passed the filters."""
         return self._filters.sum(axis=0)
 
-    @property
-    def last(self) -> Array:
-        """Return the current pose (3,) by roller travel alone [m, rad]."""
-        return self.way.last[1]
-
-    def stay(self) -> None:
-        """Store that the object has not moved since the last equilibrium."""
-        self.way.add(self.time, self.travelled)
-
     def record(self, pose: Array, since: Array, age: float) -> None:
         """Store the pose (3,) now, and the pose `age` [s] ago, smaller by `since` (3,)."""
         # The last call's prediction is replaced, because rollers may follow their commands late.

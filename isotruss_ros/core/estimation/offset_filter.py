@@ -87,20 +87,18 @@ class OffsetFilter:
 
     def inflate(self, variances: Array) -> None:
         """Increase the variances (r,) of the offsets, at most to that of unknown offsets [m^2]."""
-        covariance, diagonal = self.covariance.copy(), np.arange(self._count)
-        most = np.maximum(MAX_OFFSET_DEVIATION**2 - covariance[diagonal, diagonal], 0.0)
-        added = np.minimum(variances, most)
-        covariance[diagonal, diagonal] += added
-        self._prior = self._prior + np.append(added, np.zeros(len(self._prior) - self._count))
-        self.covariance = covariance
+        added, before = np.zeros(len(self._prior)), np.diag(self.covariance)[: self._count]
+        room = np.maximum(MAX_OFFSET_DEVIATION**2 - before, 0.0)
+        added[: self._count] = np.minimum(variances, room)
+        self._prior, self.covariance = self._prior + added, self.covariance + np.diag(added)
 
     def expect(
-        self, values: Array, rates: Array, rows: Indices, mean: Array
+        self, joints: Callable[[Array], tuple[Array, Array]], rows: Indices, mean: Array
     ) -> tuple[Array, Array]:
         """Return coordinates (m,) of the markers in `rows`, and their Jacobian, at a state."""
-        constant = self._constant[rows]
-        expected = values[rows] + constant @ mean[self._count :]  # noqa: E203
-        return expected, np.hstack([rates[rows], constant])
+        (offsets, errors), constant = np.split(mean, [self._count]), self._constant[rows]
+        values, rates = joints(offsets)
+        return values[rows] + constant @ errors, np.hstack([rates[rows], constant])
 
     def update(
         self,
@@ -113,7 +111,7 @@ class OffsetFilter:
         prior = mean = self.mean
         covariance = self.covariance
         for _ in range(MAX_SEARCH_STEPS):
-            values, rates = self.expect(*joints(mean[: self._count]), rows, mean)
+            values, rates = self.expect(joints, rows, mean)
             gain, _, covariance = condition(self.covariance, rates, noise)
             moved = prior + gain @ (measured - values - rates @ (prior - mean))
             change, mean = np.abs(moved - mean), moved
@@ -133,26 +131,25 @@ class OffsetFilter:
         time: float,
         markers: Mapping[str, tuple[float, float]],
         deviation: float,
-        readings: tuple[Array, Array],
+        readings: Array,
+        reach: Array,
         place: Callable[[Array], tuple[Array, Array]],
     ) -> bool:
         """
         Update the offsets with a message of markers; return whether at least one was used.
 
-        The readings are those (r,) at that time [m], and all stored ones (n, r); for `place` see
-        `update`.
+        The encoder readings (r,) are those at that time, `reach` (r,) is the range of the stored
+        ones [m]; for `place` see `update`.
         """
-        now, stored = readings
         rows = np.array([2 * self._names.index(name) + i for name in markers for i in (0, 1)])
-        values, rates = place(self.offsets)
-        expected, slopes = self.expect(values, rates, rows, self.mean)
+        expected, slopes = self.expect(place, rows, self.mean)
+        rates = slopes[:, : self._count]
         measured = np.array(list(markers.values()), dtype=float).ravel()
-        encoders = self._settings.encoders**2 * rates[rows] @ rates[rows].T
+        encoders = self._settings.encoders**2 * rates @ rates.T
         noise = deviation**2 * np.eye(len(rows)) + encoders
         covariance = slopes @ self.covariance @ slopes.T + noise
         pairs, expected = measured.reshape(-1, 2), expected.reshape(-1, 2)
-        reach = np.ptp(stored, axis=0)
-        used, slipped = judge_markers(pairs - expected, covariance, rates[rows], reach)
+        used, slipped = judge_markers(pairs - expected, covariance, rates, reach)
         self.inflate(slipped**2)
         names = np.array(list(markers))
         self.used = tuple(sorted(names[used].tolist()))
@@ -161,12 +158,12 @@ class OffsetFilter:
         self.swapped = () if swapped is None else tuple(sorted(names[list(swapped)].tolist()))
         self._inconsistent = 0 if self.used or self.swapped else self._inconsistent + 1
         if self._inconsistent >= MAX_INCONSISTENT_MESSAGES:  # e.g. after a restart of the encoders
-            self.inflate(np.full_like(now, np.inf))
+            self.inflate(np.full(self._count, np.inf))
             self._inconsistent = 0
         chosen = np.flatnonzero(np.repeat(used, 2))
         if not len(chosen):
             return False
         self.update(measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen], place)
         variances = np.diag(self.offset_covariance) + self._settings.joint_error**2
-        self._slips.add(time, now, self.offsets, variances)
+        self._slips.add(time, readings, self.offsets, variances)
         return True

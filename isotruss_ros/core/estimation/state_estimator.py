@@ -155,8 +155,9 @@ class StateEstimator:
         belief, before = self.belief, zeros.offsets
         if self._record is not None and belief is not None:
             belief.take(self._held)  # for its derivatives
-        stored, joints_at = np.array(self._readings.values), partial(self._place_joints, readings)
-        if not zeros.take_markers(time, joints, deviation, (readings, stored), joints_at):
+        reach = np.ptp(self._readings.values, axis=0)
+        joints_at = partial(self._place_joints, readings)
+        if not zeros.take_markers(time, joints, deviation, readings, reach, joints_at):
             return False
         if belief is not None:
             belief.correct_zeros(zeros.offsets - before)

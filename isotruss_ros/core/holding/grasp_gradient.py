@@ -81,8 +81,8 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
             return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
         inverse = np.linalg.inv(grip.response.pose)
-        response = self._changes[1][:, -3:]
-        rates = -np.einsum('ia,apb,bj->ijp', inverse, self._rates_of(response)[:3], inverse)
+        changed = grip.respond(self._response_rates(self._changes[1][:, -3:]))
+        rates = -np.einsum('ia,apb,bj->ijp', inverse, changed[:3], inverse)
         rates[2] *= grip.arm
         return rates
 
@@ -109,7 +109,8 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         way = slope @ turn / size
         along, x, y = turn @ way, turn[2, 1], -turn[2, 0]
         distance_rates = row @ change[forces, :-3]
-        longer = row @ self._rates_of(change[:, -3:] @ along[:, None])[forces, :, 0]
+        changed = grip.respond(self._response_rates(change[:, -3:] @ along[:, None]))
+        longer = row @ changed[forces, :, 0]
         longer -= slope[2] * (x * way[0] + y * way[1]) * change[2, :-3]
         opened, plane = divmod(nearest, 2 * len(grip.members))
         if opened and np.count_nonzero(row) > 1:  # slip after an end has opened
@@ -125,17 +126,12 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         """Return the derivatives (p + 1,) of the chance, see `Uncertainty.chance_gradient`."""
         return uncertainty.chance_gradient(self)
 
-    def _rates_of(self, response: Array) -> Array:
-        """Return the derivatives (3 + 4k, p, n) of n responses to wrenches by the parameters."""
-        grip, (tubes, change) = self.settled.equilibrium, self._changes
-        return grip.respond(_response_rates(grip, tubes, change, response))
-
     def _opening_rates(self, number: int) -> Array:
         """Return the derivatives (2k, p) of one row of `GripResponse.opening`."""
-        grip, (tubes, change) = self.settled.equilibrium, self._changes
+        grip, change = self.settled.equilibrium, self._changes[1]
         response, indices = grip.response, grip.state.places
         end, parted = int(response.ends[number]), response.parted[:, number]
-        right = _response_rates(grip, tubes, change, parted[:, None])[..., 0]
+        right = self._response_rates(parted[:, None])[..., 0]
         # The unit gap is normal to the tube, and turns with the tube relative to the member.
         turned = grip.statics.bent.lines.axis[end].conj() * grip.state.normals[end] * 1j
         turning = turned * change[indices.inclinations][end, :-3]
@@ -144,6 +140,34 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         rates = grip.respond(right)[indices.forces]
         tension = parted[indices.forces][end]
         return -(rates + np.outer(response.opening[number], rates[end])) / tension
+
+    @single_threaded
+    def _response_rates(self, response: Array) -> Array:
+        """
+        Return the products J' y (3 + 4k, p, n) of n responses y by p parameters (see this module).
+
+        They are central differences of fourth order of `_equation_changes` along the responses.
+        """
+        grip, (tubes, change) = self.settled.equilibrium, self._changes
+        moved = np.abs(response[:POSE]) * [[1.0], [1.0], [grip.arm]]
+        grip = replace(grip, statics=replace(grip.statics, bent=grip.statics.bent.activated()))
+        state, structure = grip.state, grip.statics.bent.structure
+        pieces, within, _ = structure.locate(grip.contacts.members, state.feet)
+        room = np.minimum(within, structure.frame.length[pieces] - within)
+        near = np.concatenate([room, state.normal_forces])
+        changes = np.concatenate([response[state.places.feet], response[state.places.normal]])
+        # In the kink itself no step is short enough.
+        beside = near > 0.0
+        fastest = np.abs(changes[beside] / (KINK_SHARE * near[beside, None])).max(axis=0)
+        sizes = 1.0 / np.maximum(moved.max(axis=0) / STEP, fastest)
+        rates = np.empty((len(change), change.shape[1] - 3, len(sizes)))
+        for i, size in enumerate(sizes.tolist()):
+            ahead, behind, far_ahead, far_behind = (
+                _equation_changes(grip, tubes, change, step * size * response[:, i])[:, :-3]
+                for step in (1.0, -1.0, 2.0, -2.0)
+            )
+            rates[..., i] = (8.0 * (ahead - behind) - (far_ahead - far_behind)) / (12.0 * size)
+        return rates
 
 
 @single_threaded
@@ -188,34 +212,6 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         utilisation=utilisation[:, :-3],
         _changes=(tubes, change),
     )
-
-
-@single_threaded
-def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array, response: Array) -> Array:
-    """
-    Return the products J' y (3 + 4k, p, n) of n responses y by p parameters (see this module).
-
-    They are central differences of fourth order of `_equation_changes` along the responses.
-    """
-    moved = np.abs(response[:POSE]) * [[1.0], [1.0], [grip.arm]]
-    grip = replace(grip, statics=replace(grip.statics, bent=grip.statics.bent.activated()))
-    state, structure = grip.state, grip.statics.bent.structure
-    pieces, within, _ = structure.locate(grip.contacts.members, state.feet)
-    room = np.minimum(within, structure.frame.length[pieces] - within)
-    near = np.concatenate([room, state.normal_forces])
-    changes = np.concatenate([response[state.places.feet], response[state.places.normal]])
-    # In the kink itself no step is short enough.
-    beside = near > 0.0
-    fastest = np.abs(changes[beside] / (KINK_SHARE * near[beside, None])).max(axis=0)
-    sizes = 1.0 / np.maximum(moved.max(axis=0) / STEP, fastest)
-    rates = np.empty((len(change), change.shape[1] - 3, len(sizes)))
-    for i, size in enumerate(sizes.tolist()):
-        ahead, behind, far_ahead, far_behind = (
-            _equation_changes(grip, tubes, change, step * size * response[:, i])[:, :-3]
-            for step in (1.0, -1.0, 2.0, -2.0)
-        )
-        rates[..., i] = (8.0 * (ahead - behind) - (far_ahead - far_behind)) / (12.0 * size)
-    return rates
 
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:

@@ -48,11 +48,6 @@ class GripResponse:
         """Return the derivatives (2k, 3) of normal and friction forces by the wrench [-]."""
         return self.change[self.state.places.forces]
 
-    @property
-    def squeeze(self) -> Array:
-        """Return the derivatives (3,) of the members' mean normal force by the wrench [-]."""
-        return self.change[self.state.places.normal].sum(axis=0) / (self.owners[-1] + 1)
-
     @functools.cached_property
     def opening(self) -> Array:
         """Return the changes (e, 2k) of the forces if an end is released, by its tension [-]."""
