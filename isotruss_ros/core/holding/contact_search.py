@@ -55,7 +55,9 @@ class ContactSet(NamedTuple):
 
     def without(self, dropped: int) -> ContactSet:
         """Return the set without one of its contacts."""
-        return ContactSet(self.contacts.without(dropped), np.delete(self.origins, dropped))
+        arrays = self.contacts.members, self.contacts.corners, self.origins
+        members, corners, origins = (np.delete(array, dropped) for array in arrays)
+        return ContactSet(PressedContacts(members, corners), origins)
 
 
 class FreeCorner(NamedTuple):
@@ -96,24 +98,24 @@ def search_contacts(
         grip = solve(chosen, before)
         if grip is None:  # without one end of a face
             ends = np.flatnonzero(chosen.contacts.at_faces)
-            mended: list[ContactSet] | None = [chosen.without(k) for k in ends.tolist()]
+            mended = [chosen.without(k) for k in ends.tolist()]
         else:
             mended = _mend(grip, rolls)
-        if grip is not None and mended is None:
+        if grip is not None and not mended:
             pressing.append(grip)
             # Without a history, the other sets that followed from the same equilibrium compete.
             siblings = [item for item in waiting if item[1] is before and not rolls]
             waiting = [item for item in siblings if item[0].grazing is None]
-        elif mended and not pressing:
-            follows = before if grip is None else grip
+        elif not pressing:
+            follows = grip or before
             waiting += [(item, follows) for item in mended if item.grazing is None]
             waiting[:0] = [(item, follows) for item in mended if item.grazing is not None]
     # The nearest to the measured or previous place.
     return min(pressing, key=lambda g: abs(g.body.middle - g.statics.body.middle), default=None)
 
 
-def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet] | None:
-    """Return the sets that mend the largest violation, the most likely set last; None if none."""
+def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
+    """Return the sets that mend the largest violation, the most likely set last; else empty."""
     contacts, normal = grip.contacts, grip.state.normal_forces
     may_open = contacts.at_faces | (rolls and contacts.owners[-1] > 1)
     least = int(np.where(may_open, normal, np.inf).argmin())
@@ -124,7 +126,7 @@ def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet] | None:
     corner = max(free_corners(grip), default=None)
     if corner is not None:
         return with_corner(grip, corner, rolls)
-    return _with_third(grip) if rolls else None
+    return _with_third(grip) if rolls else []
 
 
 def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[FreeCorner]:
@@ -246,13 +248,13 @@ def with_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSe
     return [rolled, pair] if rolls else [pair._replace(grazing=new), rolled, pair]
 
 
-def _with_third(grip: HeldGrip) -> list[ContactSet] | None:
-    """Return the sets with a contact at a third member that the object penetrates, or None."""
+def _with_third(grip: HeldGrip) -> list[ContactSet]:
+    """Return the set with a contact at a third member that the object penetrates; else empty."""
     if len(grip.members) >= GRIP_SIZES[-1]:
-        return None
+        return []
     members, depths = depths_in_others(grip)
     if depths.max(initial=0.0) <= SKIN_TOLERANCE:
-        return None
+        return []
     contacts, member = grip.contacts, members[depths.argmax()]
     normal = facing_lines(grip.config, grip.body, np.array([member]))[1][0] / grip.body.turn
     new = int(np.searchsorted(contacts.members, member))

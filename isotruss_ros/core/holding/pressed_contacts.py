@@ -54,10 +54,6 @@ class PressedContacts:
         """Return the sums (m, ...) of values (k, ...) at the contacts of each grasping member."""
         return np.add.reduceat(values, self.first)
 
-    def without(self, dropped: int) -> PressedContacts:
-        """Return all contacts except a given one."""
-        return PressedContacts(np.delete(self.members, dropped), np.delete(self.corners, dropped))
-
 
 class Places(NamedTuple):
     """
