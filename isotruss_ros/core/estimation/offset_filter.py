@@ -34,7 +34,7 @@ class OffsetFilter:
     dphi are the offsets of the r rollers [m]. c consists of the common shift (x, y) of all markers
     [m] and their common rotation about the origin of the robot frame [rad]. m are the mounting
     offsets of the markers from the joints [m]. Inconsistent markers are rejected; `used`,
-    `left_out` and `swapped` are those of `StateEstimate`.
+    `left_out`, `swapped` and `slipping` are those of `StateEstimate`.
     """
 
     def __init__(self, robot: Robot, settings: EstimatorSettings) -> None:
@@ -51,11 +51,12 @@ class OffsetFilter:
         )
         self.mean, self.covariance = np.zeros(len(variances)), np.diag(variances)
         self._prior, self._measured = variances, np.zeros(2 * joints, dtype=bool)
-        self._names, self._rollers = robot.topology.joint_names, robot.roller_names
+        self._names, self._rollers = robot.topology.joint_names, np.array(robot.roller_names)
         self._slips, self._inconsistent = SlipWatch(self._count), 0
         self.used: tuple[str, ...] = ()
         self.left_out: tuple[str, ...] = ()
         self.swapped: tuple[str, ...] = ()
+        self.slipping: tuple[str, ...] = ()
 
     @property
     def offsets(self) -> Array:
@@ -120,12 +121,6 @@ class OffsetFilter:
         self.mean, self.covariance = mean, covariance
         self._measured[rows] = True
 
-    @property
-    def slipping(self) -> tuple[str, ...]:
-        """Return the names of the slipping rollers."""
-        flags = zip(self._rollers, self._slips.slipping, strict=True)
-        return tuple(name for name, slips in flags if slips)
-
     def take_markers(
         self,
         time: float,
@@ -166,4 +161,5 @@ class OffsetFilter:
         self.update(measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen], place)
         variances = np.diag(self.offset_covariance) + self._settings.joint_error**2
         self._slips.add(time, readings, self.offsets, variances)
+        self.slipping = tuple(self._rollers[self._slips.slipping].tolist())
         return True
