@@ -9,8 +9,8 @@ Last equilibrium of the held object, with the changes of pose and squeeze since 
 - `_beyond` is the error of (19) in the last motion, which `ahead` extrapolates, because the
   bending that (19) neglects is a tenth of the motion.
 - `drift` is the rate of `_beyond`, because commands that follow from (19) must compensate it.
-- `_pending` is the linear change by corrections of the contacts, because an estimate must contain
-  a measured pose at once, and the next equilibrium follows up to 20 ms later.
+- `outputs` contain the linear change by corrections of the contacts, because an estimate must
+  contain a measured pose at once, and the next equilibrium follows up to 20 ms later.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ class EquilibriumCache:
     :ivar scale: (4,) factors on the outputs in the following derivatives, see `output_scale`.
     :ivar rates: (4, n) derivatives of the outputs by the state.
     :ivar by_offsets: derivatives by roller offsets, at an equilibrium nearby.
+    :ivar outputs: (4,) pose [m, m, rad] and squeeze [N] without a load, corrected by poses.
     :ivar ahead: (4,) predicted changes of the outputs by roller travel.
     :ivar moved_zeros: (r,) corrections of the roller offsets since the equilibrium [m].
     :ivar drift: error of (19) in the last motion, per time (4,) [m/s, m/s, rad/s, N/s].
@@ -61,17 +62,13 @@ class EquilibriumCache:
         self.take(grasp)
         self.forget_motion(grasp)
 
-    @property
-    def outputs(self) -> Array:
-        """Return pose [m, m, rad] and squeeze [N] without load, corrected by poses, (4,)."""
-        return np.append(self.grasp.pose, self.grasp.squeeze) + self._pending
-
     def take(self, grasp: HeldGrip) -> None:
         """Set the equilibrium, and the derivatives at this equilibrium."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
         self.travel_rates = grip_jacobian(grasp.config, self.grip)[:4].copy()
         self.travel_rates[3] *= grasp.squeeze_stiffness()
-        self.ahead, self._pending, self._anchors = np.zeros(4), np.zeros(4), grasp.anchors
+        self.outputs = np.append(grasp.pose, grasp.squeeze)
+        self.ahead, self._anchors = np.zeros(4), grasp.anchors
         self.moved_zeros = np.zeros(len(grasp.config.roller_positions))
         self._pending_forces = np.zeros(2 * len(grasp.anchors))
         self.scale, self.shifted = output_scale(grasp), shift_rates(grasp)
@@ -112,7 +109,7 @@ class EquilibriumCache:
         """Shift the contacts of the members (m,) along them [m]."""
         forces = self.shifted[self.grasp.state.places.forces] @ shifts
         self._anchors = self._anchors + shifts[self.grasp.contacts.owners]
-        self._pending = self._pending + self.rates[:, SHIFTS:] @ shifts / self.scale
+        self.outputs = self.outputs + self.rates[:, SHIFTS:] @ shifts / self.scale
         self._pending_forces = self._pending_forces + forces
 
     def correct_zeros(self, moved: Array, sensitivity: Array, first: int) -> None:

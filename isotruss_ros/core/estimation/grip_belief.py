@@ -24,7 +24,7 @@ from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
 from isotruss_ros.core.estimation.grip_model import (
     attach_model,
-    DELAY,
+    BIAS,
     LOAD,
     MAX_UTILISATION,
     Pressures,
@@ -102,8 +102,9 @@ class GripBelief:
     @property
     def outputs(self) -> Array:
         """Return the estimates of pose [m, m, rad] and squeeze [N], (4,)."""
-        cache, mean = self.cache, np.append(self.state.load, self.state.bias)
-        return cache.outputs + cache.ahead + cache.rates[:, :DELAY] @ mean / cache.scale
+        cache, state = self.cache, self.state
+        by_state = cache.rates[:, LOAD] @ state.load + cache.rates[:, BIAS] @ state.bias
+        return cache.outputs + cache.ahead + by_state / cache.scale
 
     @property
     def pose(self) -> Array:
