@@ -111,29 +111,24 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
     """
     if not isinstance(given, StampedInput):
         return given
+    words, count, value = name.replace('_', ' '), len(robot.roller_names), given.value
     try:
-        _check_numbers(robot, name, given)
+        finite_array([given.time], 1, f'time of {words} [s]', GraspError)
+        if name in ('twist', 'pose'):
+            finite_array(value, 3, words, GraspError)
+        elif name == 'wrench':
+            load_array(value, 3, EXTERNAL_WRENCH, GraspError)
+        elif name == 'pressures':
+            tube_pressures(robot.description, value)
+        elif name == 'rollers':
+            parts = value if np.ndim(value.offsets) else value[:2]
+            for field, numbers in zip(value._fields, parts, strict=False):
+                finite_array(numbers, count, f'{field} of {words}', GraspError)
+        elif name == 'estimate':
+            finite_array(value.offsets, count, 'estimated roller offsets [m]', GraspError)
+            covariance_matrix(
+                value.covariance, count, 'covariance of roller offsets [m^2]', GraspError
+            )
     except IsotrussError as error:
         return RejectedInput(str(error))
     return given
-
-
-def _check_numbers(robot: Robot, name: str, given: StampedInput) -> None:
-    """Raise IsotrussError if numbers of an input are invalid."""
-    words, count, value = name.replace('_', ' '), len(robot.roller_names), given.value
-    finite_array([given.time], 1, f'time of {words} [s]', GraspError)
-    if name in ('twist', 'pose'):
-        finite_array(value, 3, words, GraspError)
-    elif name == 'wrench':
-        load_array(value, 3, EXTERNAL_WRENCH, GraspError)
-    elif name == 'pressures':
-        tube_pressures(robot.description, value)
-    elif name == 'rollers':
-        parts = value if np.ndim(value.offsets) else value[:2]
-        for field, numbers in zip(value._fields, parts, strict=False):
-            finite_array(numbers, count, f'{field} of {words}', GraspError)
-    elif name == 'estimate':
-        finite_array(value.offsets, count, 'estimated roller offsets [m]', GraspError)
-        covariance_matrix(
-            value.covariance, count, 'covariance of roller offsets [m^2]', GraspError
-        )
