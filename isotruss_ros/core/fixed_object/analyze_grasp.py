@@ -10,15 +10,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from isotruss_ros.core.errors import GraspError, SolverError
-from isotruss_ros.core.fixed_object.contact import ContactState, solve_contact
+from isotruss_ros.core.fixed_object.contact import ContactState, relax_contact, solve_contact
 from isotruss_ros.core.fixed_object.contact_points import (
     ContactPoints,
     find_contact_points,
     Surface,
 )
 from isotruss_ros.core.fixed_object.friction_closure import balance_by_friction
-from isotruss_ros.core.fixed_object.member_moments import find_utilisation
-from isotruss_ros.core.fixed_object.relaxation import relax_contact
+from isotruss_ros.core.fixed_object.straight_compliance import find_utilisation
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject

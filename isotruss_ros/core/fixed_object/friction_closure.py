@@ -13,9 +13,8 @@ cylinder, so all three components are forces.
 from __future__ import annotations
 
 from dataclasses import dataclass
-import functools
 
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import find_nearest, solve_least_squares
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
@@ -115,7 +114,7 @@ def _extremes(
 
 def _facets(segments: Array) -> tuple[Array, Array]:
     """Return unit normals (f, 3) of a zonotope's facets, and their distances (f,)."""
-    first, second = _pairs(len(segments))
+    first, second = np.triu_indices(len(segments), 1)
     normals = _cross(segments[first], segments[second])
     sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)
     good = sizes > ROUNDING * reach[first] * reach[second]
@@ -141,9 +140,3 @@ def _flat_facets(segments: Array, plane: bool) -> tuple[Array, Array]:
 def _cross(one: Array, other: Array) -> Array:
     """Return cross products (k, 3); `np.cross` takes four times as long."""
     return one[:, [1, 2, 0]] * other[:, [2, 0, 1]] - one[:, [2, 0, 1]] * other[:, [1, 2, 0]]
-
-
-@functools.lru_cache(maxsize=64)
-def _pairs(count: int) -> Indices:
-    """Return all pairs of indices below a count, (2, pairs), in ascending order."""
-    return np.array(np.triu_indices(count, 1))

@@ -7,9 +7,8 @@ from grips import random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.fixed_object.contact import solve_contact
+from isotruss_ros.core.fixed_object.contact import relax_contact, solve_contact
 from isotruss_ros.core.fixed_object.contact_points import find_contact_points, Surface
-from isotruss_ros.core.fixed_object.relaxation import relax_contact
 from isotruss_ros.core.numerics.qp import solve_complementarity
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
