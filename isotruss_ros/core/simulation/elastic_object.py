@@ -141,15 +141,14 @@ class ElasticObject:
         A substep in which contact is lost is halved; if contact is still lost in the smallest
         substep, the object is lost.
         """
-        wrench, pulled = self._wrench / (1.0, 1.0, before.arm), before.wrench
+        pulled = before.wrench * (1.0, 1.0, before.arm)
         start, end = before.config.roller_positions, config.roller_positions
-        even = np.array([1.0, 1.0, before.arm])
         done, part = 0.0, 1.0
         while done < 1.0:
             share, target = min(1.0, done + part), config
             if share < 1.0:
                 target = before.config.moved_to(start + share * (end - start))
-            rolled = roll_grip(before, target, even * (pulled + share * (wrench - pulled)))
+            rolled = roll_grip(before, target, pulled + share * (self._wrench - pulled))
             hold = HoldStatus.NO_BALANCE if rolled is None else rolled.hold(self._friction)
             if rolled is not None and hold is HoldStatus.HELD:
                 before, done = rolled, share
