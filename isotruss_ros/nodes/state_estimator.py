@@ -27,7 +27,7 @@ from isotruss_ros.core.inputs import (
 )
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.servo.decision import describe_squeeze
-from isotruss_ros.core.statics.sag import find_sag
+from isotruss_ros.core.statics.deform import find_sag
 from isotruss_ros.nodes.conversions.state_messages import to_estimate_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle

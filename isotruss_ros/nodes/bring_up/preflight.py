@@ -12,7 +12,7 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.sag import find_sag
+from isotruss_ros.core.statics.deform import find_sag
 from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, MAX_TOPIC_AGE
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec

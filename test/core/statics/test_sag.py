@@ -4,7 +4,7 @@
 """A robot that stands upright is told by how its joints hang."""
 
 from isotruss_ros.core import deform, load_robot
-from isotruss_ros.core.statics.sag import find_sag
+from isotruss_ros.core.statics.deform import find_sag
 import numpy as np
 import pytest
 

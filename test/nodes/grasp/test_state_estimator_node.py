@@ -9,7 +9,7 @@ from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.inputs import CLOCK_SKEW
-from isotruss_ros.core.statics.sag import Sag
+from isotruss_ros.core.statics.deform import Sag
 from isotruss_ros.nodes import state_estimator
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
