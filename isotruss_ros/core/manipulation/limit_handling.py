@@ -92,9 +92,9 @@ def apply_limits(
         penalty = min(penalty, PROGRESS_WEIGHT * max_speed / (unit * gain))
         weight = 1.0 / PROGRESS_WEIGHT
     fixed, slid = bounds, False
+    named = [(limit, name) for limit in limits for name in limit.row_names(config)]
     if handling.slide_along_limits:
-        counts = [len(limit.row_names(config)) for limit in limits]
-        rigid = ~np.repeat([limit.can_slide for limit in limits], counts)
+        rigid = np.array([not limit.can_slide for limit, _ in named])
         fixed = Rows(*(part[rigid] for part in bounds))
     solution, made = maximize_progress(
         working.cost, reach.rows, direction, farthest, fixed, least, penalty
@@ -116,11 +116,10 @@ def apply_limits(
         return velocities, 1.0, task.status, ()
     # A row binds if a step toward the free solution would violate it.
     binding = (slack < NEGLIGIBLE_SHARE) & (rows.slack(task.velocities) < 0.0)
-    named = [(limit.status, name) for limit in limits for name in limit.row_names(config)]
     bound = [named[place] for place in np.flatnonzero(binding)]
     status = task.status
     if status is Status.OK:
-        slowed = bound[0][0] if bound else Status.SLOWED_ROLLER_SPEED
+        slowed = bound[0][0].status if bound else Status.SLOWED_ROLLER_SPEED
         status = Status.SLIDING if slid else slowed
     return velocities, scale, status, tuple(name for _, name in bound)
 

@@ -244,7 +244,4 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     limits, most = closing.limit.rows(config).one_sided()
     by_nodes = config.roller_rows(np.concatenate([state.gaps_by_nodes, *shape]))
     least = np.minimum(0.0, np.concatenate([gaps, -BOUND_SHARE * margins]))
-    return (
-        np.concatenate([by_nodes, -limits]),
-        np.concatenate([least, -most]),
-    )
+    return np.concatenate([by_nodes, -limits]), np.concatenate([least, -most])

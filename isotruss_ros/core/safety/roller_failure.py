@@ -48,8 +48,8 @@ class FailureDetector:
         self._path = np.zeros(count)  # commanded path length in that time [m]
         self._asked = np.full(count, np.nan)  # commanded range to compare with; nan: none [m]
         self._asked_at = np.zeros(count)  # time at which that range was commanded [s]
-        # Minimum and maximum of commanded and of measured travel since the last restart [m].
-        self._sent_ends, self._moved_ends = np.zeros((2, 2, count))
+        # Minimum and maximum of commanded and measured travel (2, r) since the last restart [m].
+        self._least, self._most = np.zeros((2, 2, count))
 
     def reset(self, names: Collection[str] | None = None) -> None:
         """Regard some or all rollers as working again, and restart the comparison for all."""
@@ -66,21 +66,19 @@ class FailureDetector:
         self._time = time
         # After samples that are out of order or far apart, the comparison restarts.
         if not 0.0 < elapsed <= FAILURE_TIME:
-            self._begin(np.ones(len(self._names), dtype=bool), positions)
+            self._begin(slice(None), np.array([self._sent, positions]))
             return
         counts = np.abs(commanded) >= MIN_SPEED
         step = elapsed * np.where(counts, commanded, 0.0)
         self._sent += step
         self._path += np.abs(step)
         self._commanded += elapsed * counts
-        for ends, values in (self._sent_ends, self._sent), (self._moved_ends, positions):
-            np.minimum(ends[0], values, out=ends[0])
-            np.maximum(ends[1], values, out=ends[1])
-        self._judge(time, positions)
+        self._judge(time, np.array([self._sent, positions]))
 
-    def _judge(self, time: float, positions: Array) -> None:
+    def _judge(self, time: float, travel: Array) -> None:
         """Detect failed rollers, and restart the comparison for working rollers."""
-        sent, moved = np.ptp(self._sent_ends, axis=0), np.ptp(self._moved_ends, axis=0)
+        self._least, self._most = np.minimum(self._least, travel), np.maximum(self._most, travel)
+        sent, moved = self._most - self._least
         timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
         long = self._commanded >= self.failure_time - SETTLING_TIME
         if long.any():
@@ -95,10 +93,9 @@ class FailureDetector:
             self.failed |= {self._names[i] for i in np.flatnonzero(stuck)}
             timed |= due
         if timed.any():
-            self._begin(timed, positions)
+            self._begin(timed, travel)
 
-    def _begin(self, which: Flags, positions: Array) -> None:
+    def _begin(self, which: Flags | slice, travel: Array) -> None:
         self._commanded[which] = self._path[which] = 0.0
         self._asked[which] = np.nan
-        self._sent_ends[:, which] = self._sent[which]
-        self._moved_ends[:, which] = positions[which]
+        self._least[:, which] = self._most[:, which] = travel[:, which]
