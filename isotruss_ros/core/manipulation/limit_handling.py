@@ -80,7 +80,7 @@ def apply_limits(
     unit = min(max_speed, asked)
     largest = unit / ROUNDING  # bounds above it are not used: the division could overflow
     bounds = Rows(
-        working.take(rows.matrix),
+        rows.matrix.take(working.indices, -1),
         np.maximum(rows.lower, -largest) / unit,
         np.minimum(rows.upper, largest) / unit,
     )

@@ -113,8 +113,9 @@ def _carry_out(
     if not ((rates <= rows.upper) & (rates >= rows.lower)).all():
         velocities, scale, status, limiting = apply_limits(config, task, limits, rows, handling)
     achieved, dof = reach.motion.dot(velocities), len(reach.directions)
+    contacts = reach.working.spread(reach.rows[dof:])
     return RollerCommand(
-        velocities, achieved, scale, status, limiting, dof, reach.motion, reach.contact_rows
+        velocities, achieved, scale, status, limiting, dof, reach.motion, contacts
     )
 
 

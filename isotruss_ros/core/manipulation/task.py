@@ -42,10 +42,6 @@ class WorkingRollers:
         """Return the matrix E (w, w) such that the speeds E y have the cost |y|^2 [-]."""
         return np.linalg.inv(np.linalg.cholesky(self.cost)).T
 
-    def take(self, rows: Array) -> Array:
-        """Return a copy of the columns of the working rollers."""
-        return rows.take(self.indices, -1)
-
     def with_cost(self, cost: ArrayLike) -> WorkingRollers:
         """Return the rollers with another cost (11), scaled to the trace of the paper's cost."""
         matrix = covariance_matrix(cost, self.count, 'the cost matrix', GraspError)
@@ -99,15 +95,10 @@ class Reach(NamedTuple):
     #: (g,) right-hand sides of the contact rows if the grip opens at 1 m/s [-]
     opening: Array
 
-    @property
-    def contact_rows(self) -> Array:
-        """Return the contact constraints (g, r) on the speeds of all rollers [-]."""
-        return self.working.spread(self.rows[len(self.directions) :])  # noqa: E203
-
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
         """Return the reachable motions for the Jacobian of a grip (3 + g, r), or of joints."""
-        count, rows = len(weights), working.take(jacobian)
+        count, rows = len(weights), jacobian.take(working.indices, -1)
         rows[:count] *= weights[:, None]
         motion, task, grip = jacobian[:count], rows[:count], rows[count:]
         # Fast path for full rank: eigenvalues of the Gram matrix replace the two singular value

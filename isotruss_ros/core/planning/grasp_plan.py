@@ -185,29 +185,24 @@ def plan_in_words(plan: GraspPlan) -> str:
     if not plan.grasps:
         violation = violation_in_words(plan.closest_violation)
         return f'no grasp found in {plan.evaluations} evaluations; {violation}'
+    best, outside, chance, others = plan[0], '', '', ''
     count = 'one grasp' if len(plan) == 1 else f'{len(plan)} grasps, the best'
+    where = '' if best.module is None else f'at {best.module} '
     wrinkled = sum(grasp.outside_model for grasp in plan[1:])
-    others = f'; a tube wrinkles in {wrinkled} of the others too'
-    if not plan[0].outside_model:
+    if wrinkled:
         others = f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
-    return f'{count} {_grasp_in_words(plan[0])}{others if wrinkled else ""}'
-
-
-def _grasp_in_words(grasp: PlannedGrasp) -> str:
-    """Return a text with members and forces of a grasp, with a note if a tube wrinkles."""
-    outside = '; a tube wrinkles, these numbers are outside of the model'
-    chance = ''
-    if grasp.chance is not None:
-        first, second, *_ = grasp.chance.shares.items()
+    if best.outside_model:
+        outside = '; a tube wrinkles, these numbers are outside of the model'
+        others = f'; a tube wrinkles in {wrinkled} of the others too' if wrinkled else ''
+    if best.chance is not None:
+        first, second, *_ = best.chance.shares.items()
         shares = ', '.join(f'{name} {100.0 * share:.0f} %' for name, share in (first, second))
         chance = (
-            f'; held with a chance of {grasp.chance.probability:.3g} ({grasp.chance.method}), '
-            f'otherwise most probably {grasp.chance.limit} ({shares})'
+            f'; held with a chance of {best.chance.probability:.3g} ({best.chance.method}), '
+            f'otherwise most probably {best.chance.limit} ({shares})'
         )
-    where = '' if grasp.module is None else f'at {grasp.module} '
     return (
-        f'{where}between {", ".join(grasp.members)}: presses with '
-        f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, largest utilisation '
-        f'{grasp.utilisation:.2g}, forces {100.0 * grasp.nonlinearity:.2g} % above linear tubes'
-        f'{outside if grasp.outside_model else ""}{chance}'
+        f'{count} {where}between {", ".join(best.members)}: presses with {best.squeeze:.3g} N '
+        f'each, slips at {best.slip_margin:.3g} N, largest utilisation {best.utilisation:.2g}, '
+        f'forces {100.0 * best.nonlinearity:.2g} % above linear tubes{outside}{chance}{others}'
     )

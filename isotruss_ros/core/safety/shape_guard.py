@@ -188,19 +188,14 @@ class Watch(NamedTuple):
         violations = [
             limit.violation(end, grip, travel, velocities, duration) for limit in self.limits
         ]
-        if long:
-            violations += [self._jumped(barrier, end, grip) for barrier in self.barriers]
+        for barrier in self.barriers if long else ():
+            # Values that fell from outside of the band to below the bound.
+            margins = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
+            for limit in self.limits:
+                if limit.barrier is barrier:
+                    margins[limit.indices] = np.inf
+            below = np.flatnonzero(margins < 0.0)
+            if len(below):
+                names = tuple(barrier.names(below))
+                violations.append(BarrierViolation(0.5, barrier.status, names))
         return min((one for one in violations if one is not None), default=None)
-
-    def _jumped(
-        self, barrier: Barrier, end: Configuration, grip: Grip | None
-    ) -> BarrierViolation | None:
-        """Return the violation by values that fell from outside of the band to below the bound."""
-        margins = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
-        for limit in self.limits:
-            if limit.barrier is barrier:
-                margins[limit.indices] = np.inf
-        below = np.flatnonzero(margins < 0.0)
-        if not len(below):
-            return None
-        return BarrierViolation(0.5, barrier.status, tuple(barrier.names(below)))
