@@ -43,16 +43,15 @@ class EvaluatedState(NamedTuple):
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """Return whether all distances have fallen by less than `spare` since the evaluation."""
-        then = self.grip
         moved = float(np.abs(config.points - self.config.points).max())
-        if grip is None or then is None:
-            return grip is then and 2.0 * moved < self.spare
-        return moved + max(moved, _moved(grip, then)) < self.spare
+        return moved + max(moved, _moved(grip, self.grip)) < self.spare
 
 
-def _moved(grip: Grip, then: Grip) -> float:
+def _moved(grip: Grip | None, then: Grip | None) -> float:
     """Return an upper bound of the object's displacement [m]; infinite for another object."""
-    if grip.members != then.members:
+    if grip is then:
+        return 0.0
+    if grip is None or then is None or grip.members != then.members:
         return math.inf
     body, before = grip.body, then.body
     if body.shape != before.shape:
@@ -97,65 +96,45 @@ class NeighborList:
         return self._pairs[close], distances[close]
 
 
-class SelfCollisionBarrier:
-    """Barrier on the distances between surfaces of the robot [m], see `CollisionModel`."""
+class ClearanceBarrier:
+    """
+    Barrier on distances between surfaces [m].
 
-    status = Status.SLOWED_SELF_COLLISION
-    needs_object = False
+    They are distances between parts of the robot, see `CollisionModel`; with `needs_object`, those
+    of the held object from the parts outside of the grip.
+    """
 
-    def __init__(self, robot: Mechanism, law: BarrierLaw) -> None:
-        self.law = law
-        self._model = collision_model(robot)
-        self._neighbors = NeighborList(law)
+    def __init__(self, robot: Mechanism, law: BarrierLaw, needs_object: bool) -> None:
+        self.law, self.needs_object = law, needs_object
+        self.status = Status.SLOWED_OBJECT if needs_object else Status.SLOWED_SELF_COLLISION
+        self._model, self._neighbors = collision_model(robot), NeighborList(law)
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
-        """Return the pairs of parts whose distance is near the bound; see `Barrier.active`."""
-        pairs, distances = self._neighbors.find_close(
-            config, None, lambda indices: self.values(config, grip, indices)
+        """Return the distances that are near the bound; see `Barrier.active`."""
+        moving = grip if self.needs_object else None
+        close, distances = self._neighbors.find_close(
+            config, moving, lambda indices: self.values(config, grip, indices)
         )
-        if not len(pairs):
+        if not len(close):
             return NO_ACTIVE_VALUES
-        return ActiveValues(pairs, distances, self._model.gradients(config, pairs))
+        if moving is None:
+            return ActiveValues(close, distances, self._model.gradients(config, close))
+        # By the nodes for a fixed object, and by roller travel for an object that rolls.
+        _, by_nodes, by_twist = self._model.body_distances(config, moving.body, close)
+        by_travel = by_twist @ grip_jacobian(config, moving)[:3]
+        return ActiveValues(close, distances, by_nodes, by_travel)
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
-        """Return the distances of given pairs of parts [m]; see `Barrier.values`."""
-        return self._model.distances(config, indices)
-
-    def names(self, indices: Indices) -> list[str]:
-        """Return the names of given pairs of parts; see `Barrier.names`."""
-        return self._model.names(indices)
-
-
-class ObjectBarrier:
-    """Barrier on the distances between the held object and the parts outside of the grip [m]."""
-
-    status = Status.SLOWED_OBJECT
-    needs_object = True
-
-    def __init__(self, robot: Mechanism, law: BarrierLaw) -> None:
-        self.law = law
-        self._model = collision_model(robot)
-        self._neighbors = NeighborList(law)
-
-    def active(self, config: Configuration, grip: Grip) -> ActiveValues:
-        """Return the parts that are close to the object; see `Barrier.active`."""
-        parts, distances = self._neighbors.find_close(
-            config, grip, lambda indices: self.values(config, grip, indices)
-        )
-        if not len(parts):
-            return NO_ACTIVE_VALUES
-        # By the nodes for a fixed object, and by roller travel for an object that rolls.
-        _, by_nodes, by_twist = self._model.body_distances(config, grip.body, parts)
-        by_travel = by_twist @ grip_jacobian(config, grip)[:3]
-        return ActiveValues(parts, distances, by_nodes, by_travel)
-
-    def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
-        """Return distances to the object [m], infinite for the grip; see `Barrier.values`."""
+        """Return the distances [m], infinite for grasping members; see `Barrier.values`."""
+        if not self.needs_object:
+            return self._model.distances(config, indices)
         far = self._neighbors.listed_below
         return object_distances(config, grip.body, grip.members, far, indices)
 
     def names(self, indices: Indices) -> list[str]:
-        """Return the names of given parts of the robot; see `Barrier.names`."""
+        """Return the names of the pairs of parts, or of a part and the object."""
+        if not self.needs_object:
+            return self._model.names(indices)
         names = self._model.part_names()
         return [f'{names[i]} and the object' for i in indices]
 

@@ -31,7 +31,7 @@ from isotruss_ros.core.safety.barrier_law import (
     BarrierLimit,
     BarrierViolation,
 )
-from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
+from isotruss_ros.core.safety.barriers import ClearanceBarrier, RigidityBarrier
 import numpy as np
 
 #: Largest roller travel in a sample in which no value can cross a whole `BarrierLaw.band` [m].
@@ -92,8 +92,10 @@ class ShapeGuard:
         rate = min(bounds.rate, robot.description.braking_rate)
         self._barriers: tuple[Barrier, ...] = (
             RigidityBarrier(robot, BarrierLaw(bounds.min_rigidity, rigidity, rate)),
-            SelfCollisionBarrier(robot, BarrierLaw(bounds.min_clearance, clearance, rate)),
-            ObjectBarrier(robot, BarrierLaw(bounds.min_object_clearance, clearance, rate)),
+            ClearanceBarrier(robot, BarrierLaw(bounds.min_clearance, clearance, rate), False),
+            ClearanceBarrier(
+                robot, BarrierLaw(bounds.min_object_clearance, clearance, rate), needs_object=True
+            ),
             *barriers,
         )
 

@@ -3,6 +3,8 @@
 
 """Barriers: gradients against differences; looking only at what is close misses nothing."""
 
+import functools
+
 from contracts import check_barrier
 from grips import disc_grip
 from hypothesis import assume, given
@@ -10,7 +12,7 @@ from isotruss_ros.core import load_robot, Polygon
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.safety.barrier_law import ALL_VALUES, BarrierLaw
-from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
+from isotruss_ros.core.safety.barriers import ClearanceBarrier, RigidityBarrier
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
@@ -19,6 +21,8 @@ import robots
 
 #: So wide that everything is near.
 ALL = BarrierLaw(0.0, 1e3)
+SelfCollisionBarrier = functools.partial(ClearanceBarrier, needs_object=False)
+ObjectBarrier = functools.partial(ClearanceBarrier, needs_object=True)
 KINDS = (RigidityBarrier, SelfCollisionBarrier, ObjectBarrier)
 
 

@@ -6,7 +6,6 @@
 from held_grips import box_between, NINE
 from isotruss_ros.core import Configuration, load_robot, RollingGrip, ShapeGuard, Status
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.core.safety.barriers import ObjectBarrier
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
@@ -19,7 +18,7 @@ def watched(min_object_clearance, clearance_band=1e-6):
     """Return what watches the box at home, and its limit by the object's distance."""
     bounds = ShapeBounds(0.0, 0.0, min_object_clearance, 1e-6, clearance_band)
     watch = ShapeGuard(NINE, bounds).watch(NINE.home, GRIP)
-    near = [limit for limit in watch.limits if isinstance(limit.barrier, ObjectBarrier)]
+    near = [limit for limit in watch.limits if limit.barrier.needs_object]
     return watch, near[0] if near else None
 
 

@@ -8,7 +8,7 @@ from isotruss_ros.core import ConvexObject, Grip, load_robot
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.safety.barrier_law import ALL_VALUES, BarrierLaw
-from isotruss_ros.core.safety.barriers import ObjectBarrier
+from isotruss_ros.core.safety.barriers import ClearanceBarrier
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_margins_are_the_least_distances_and_name_them(robot, rng):
     assert found.nearest == model.names(np.array([distances.argmin()]))[0]
     distances = object_distances(config, body, grip.members)
     # It is what the guard goes by.
-    barrier = ObjectBarrier(robot, BarrierLaw(0.0, 1.0))
+    barrier = ClearanceBarrier(robot, BarrierLaw(0.0, 1.0), needs_object=True)
     far = 1.5 * barrier.law.active_below
     near = distances < far
     values = barrier.values(config, grip, ALL_VALUES)
