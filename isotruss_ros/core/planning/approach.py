@@ -34,6 +34,7 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.qp import QuadraticProgram, require_solution, solve_qp
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_SEARCH_STEPS, ROUNDING
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE
+from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 import numpy as np
 
@@ -71,7 +72,7 @@ class Closing:
     body: ConvexObject  #: the object, which does not move
     members: Indices  #: (s,) indices of the grasping members
     limit: Limit  #: limit on a step, which is regarded as a motion of 1 s
-    min_rigidity: float  #: smallest rigidity index, 1 at home [-]
+    needs: GraspRequirements  #: requirements of the path and of the grasp
     friction_angle: float = 0.0  #: half angle of the friction cones that may be used [rad]
     #: (r,) roller positions toward which rollers move if the closing leaves them free [m]; None:
     #: no such positions
@@ -173,7 +174,7 @@ def _take_step(
     The share of the longest step is that of the previous step, and 1 at first.
     """
     move = _solve_step(state, closing, targets, share)
-    rigidity = min(closing.min_rigidity, state.modes.values[0])
+    rigidity = min(closing.needs.min_rigidity, state.modes.values[0])
     room = state.distances.min(initial=0.0)
     config, diameter = state.config, state.config.robot.description.tube_diameter
     # The gaps may become smaller than the program allows, because it is exact only to first order.
@@ -239,7 +240,7 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     few = Modes(*(values[..., :2] for values in state.modes))
     near = np.flatnonzero(state.distances < MAX_CONSTRAINED_DISTANCE * length)
     apart = state.distances[near] - clearance
-    margins = np.append(few.values - closing.min_rigidity, apart)
+    margins = np.append(few.values - closing.needs.min_rigidity, apart)
     shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]
     limits, most = closing.limit.rows(config).one_sided()
     by_nodes = config.roller_rows(np.concatenate([state.gaps_by_nodes, *shape]))

@@ -24,20 +24,20 @@ import numpy as np
 
 @single_threaded  # also in the processes of an executor
 def judge_candidate(
-    config: Configuration, closing: Closing, needs: GraspRequirements
+    config: Configuration, closing: Closing
 ) -> tuple[PlannedGrasp | None, SearchTally]:
     """Return the grasp of a candidate, None if it violates a requirement, and its tally."""
     grasp, tally = None, closing.tally
     try:
         with tally.recording():
             opened = list(approach(config, closing))
-            closed = close_grip(opened[-1], closing, needs)
+            closed = close_grip(opened[-1], closing)
             if closed is not None:
                 pressed, grip = closed
-                if needs.carry:
+                if closing.needs.carry:
                     tally.closest = None
-                    grip = _check_carry(grip, closing, needs)
-                grasp = _planned(needs, opened, pressed, grip)
+                    grip = _check_carry(grip, closing)
+                grasp = _planned(closing.needs, opened, pressed, grip)
     except IsotrussError as error:
         # A candidate without a solution is rejected; its tally is kept.
         tally.record(Violation(str(error), 0.0, 0.0))
@@ -45,7 +45,7 @@ def judge_candidate(
 
 
 def close_grip(
-    opened: Configuration, closing: Closing, needs: GraspRequirements
+    opened: Configuration, closing: Closing
 ) -> tuple[list[Configuration], ClosedGrip] | None:
     """
     Return the path from first contact to the best admissible grip, and this grip; or None.
@@ -55,22 +55,22 @@ def close_grip(
     best, best_score = None, -math.inf
     with closing.tally.recording():
         path = [press(opened, closing, np.zeros(len(closing.members)))]
-        for grip in close_in_place(path[0], closing, needs):
+        for grip in close_in_place(path[0], closing):
             path.append(grip.equilibrium.config)
             if grip.slip_margin is None:
                 continue
             # A smaller squeeze means a shorter path.
-            score = needs.rate_grip(grip, -grip.equilibrium.squeeze)
+            score = closing.needs.rate_grip(grip, -grip.equilibrium.squeeze)
             if score <= best_score:
                 break
             best, best_score = (path[:], grip), score
     return best
 
 
-def _check_carry(grip: ClosedGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
+def _check_carry(grip: ClosedGrip, closing: Closing) -> ClosedGrip:
     """Return the grip with its chance on the path `carry`; raise RequirementError for slip."""
-    held, poses = grip.equilibrium, np.array(needs.carry)
-    foresight = foresee_grip(held.config, held.body, needs.friction, poses)
+    held, needs = grip.equilibrium, closing.needs
+    foresight = foresee_grip(held.config, held.body, needs.friction, np.array(needs.carry))
     if foresight is None or foresight.why:
         raise RequirementError('carry', foresight.share if foresight else 0.0, 1.0)
     if closing.uncertainty is None:

@@ -114,7 +114,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
             state = evaluate_state(grasp.config, grasp.body)
             least = np.zeros(len(state.gaps))
             least[closing.members] = -np.inf
-            state.check_bounds(closing.min_rigidity, 0.0, least)
+            state.check_bounds(closing.needs.min_rigidity, 0.0, least)
             bound = MAX_SHIFT * grasp.config.robot.description.tube_diameter
             distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
             if distance > bound:
@@ -124,7 +124,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         try:
             config = grasp.config.moved_to(grasp.config.roller_positions + travel)
         except ConfigurationError:
-            raise RequirementError('rigidity', 0.0, closing.min_rigidity) from None
+            raise RequirementError('rigidity', 0.0, closing.needs.min_rigidity) from None
         moved = roll_grip(grasp, config)
         if moved is None or len(moved.members) != len(grasp.members):
             raise RequirementError('held', 0.0, 1.0)
@@ -145,11 +145,9 @@ def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
     return np.append(missing, 3.0 * force * shares / shares.sum() - grasp.normal_forces)
 
 
-def close_in_place(
-    touch: Configuration, closing: Closing, needs: GraspRequirements
-) -> Iterator[ClosedGrip]:
+def close_in_place(touch: Configuration, closing: Closing) -> Iterator[ClosedGrip]:
     """Yield grips with increasing squeeze until a requirement would be violated."""
-    diameter = touch.robot.description.tube_diameter
+    needs, diameter = closing.needs, touch.robot.description.tube_diameter
     depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
     # The part of the friction that a grip may use while it closes.
     usable, share = math.tan(CONE_SHARE * math.atan(needs.friction)), 1.0
@@ -157,24 +155,25 @@ def close_in_place(
     # A grip of two members is assessed after the first step, which moves the object to its pose.
     if len(closing.members) > 2:
         with closing.tally.recording():
-            yield _judge(grasp, closing, needs)
+            yield _judge(grasp, closing)
     while share >= REFINEMENT and not (needs.squeeze and _has_squeeze(grasp, needs)):
         rise = -CLOSING_STEP * diameter * grasp.squeeze_stiffness()
         force = min(grasp.squeeze + share * rise, needs.squeeze or math.inf)
         with closing.tally.recording():
             moved = _require_hold(squeeze_in_place(grasp, force, closing), usable)
-            yield _judge(moved, closing, needs)
+            yield _judge(moved, closing)
             grasp = moved
             continue
         share *= REFINEMENT
 
 
-def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
+def _judge(grasp: HeldGrip, closing: Closing) -> ClosedGrip:
     """
     Return a grip; raise RequirementError if it violates a bound of its forces.
 
     Slip margin and chance are those under the required wrench.
     """
+    needs = closing.needs
     closing.tally.analyses += 1
     needs.check_bounds(
         max_contact_force=grasp.normal_forces.max(),

@@ -175,12 +175,9 @@ class _Search:
                 self.stopped = self.should_stop()
                 if self.stopped:
                     return
-                yield judge_candidate(self.config, closing, self.needs)
+                yield judge_candidate(self.config, closing)
             return
-        futures = [
-            self.executor.submit(judge_candidate, self.config, closing, self.needs)
-            for closing in closings
-        ]
+        futures = [self.executor.submit(judge_candidate, self.config, one) for one in closings]
         try:
             for future in futures:
                 while not wait([future], POLL_INTERVAL).done:

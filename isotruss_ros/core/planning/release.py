@@ -83,7 +83,7 @@ def plan_release(
     held = None if record is None else record.restore(config, body)
     if held is not None:  # the pose in the model
         body = held.body
-    closing = Closing(body, numbers, limit, GraspRequirements.min_rigidity)
+    closing = Closing(body, numbers, limit, GraspRequirements())
     try:
         path, closing = _unload(config, closing, held)
         turned = math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi)

@@ -57,7 +57,7 @@ def find_seeds(
             away = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * away
             cone *= rng.uniform(0.5, 1.0)
-        closing = Closing(body, np.array(group), limit, needs.min_rigidity, cone, posture)
+        closing = Closing(body, np.array(group), limit, needs, cone, posture)
         normals = closing.normals(config)
         if len(group) == 2:
             facing = find_facing(body, normals, CONE_SHARE * cone, radius, turning)

@@ -11,6 +11,7 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.planning.approach import Closing
 from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
+from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 from nightly import some_now
 import numpy as np
@@ -110,7 +111,8 @@ def test_polygons_that_are_squeezed_in_place_have_no_hidden_corner(seed):
     squeezed = 0
     for config, grip in random_grasps(seed, 12):
         members = np.array([config.robot.member_names.index(name) for name in grip.members])
-        closing = Closing(grip.body, members, MemberLengthLimit(0.3, 3.0), 0.0)
+        needs = GraspRequirements(min_rigidity=0.0)
+        closing = Closing(grip.body, members, MemberLengthLimit(0.3, 3.0), needs)
         try:
             grasp = hold_between(config, closing)
             for share in (1.1, 1.3):

@@ -52,8 +52,8 @@ def opened():
 def close(**values):
     """Close an open grip; return the path, the grip, None without one, and the violation."""
     config, seed = opened()
-    seed = replace(seed, tally=SearchTally())
-    found = close_grip(config, seed, GraspRequirements(**values))
+    seed = replace(seed, needs=GraspRequirements(**values), tally=SearchTally())
+    found = close_grip(config, seed)
     return (*(found or (None, None)), seed.tally)
 
 
@@ -101,11 +101,10 @@ def test_the_slip_margin_is_that_of_the_settled_grasp():
 
 def test_the_squeeze_rises_from_waypoint_to_waypoint_in_place():
     config, seed = opened()
-    seed = replace(seed, facing=None)
+    seed = replace(seed, needs=GraspRequirements(squeeze=15.0), facing=None)
     touch = press(config, seed, np.zeros(2))
     forces = []
-    needs = GraspRequirements(squeeze=15.0)
-    for grip in close_in_place(touch, seed, needs):
+    for grip in close_in_place(touch, seed):
         assert grip.equilibrium.pose == pytest.approx(BODY.pose, abs=1e-4)
         assert grip.equilibrium.required_friction < FRICTION
         forces.append(grip.equilibrium.squeeze)

@@ -98,7 +98,7 @@ def test_bounds_are_those_required_or_of_the_robot_file(values, lengths):
     needs = GraspRequirements(min_rigidity=0.31, **values)
     for number in (0, 1):
         for one in find_seeds(HOME, BODY, needs, 0, number):
-            assert (one.body, one.min_rigidity) == (BODY, 0.31)
+            assert (one.body, one.needs.min_rigidity) == (BODY, 0.31)
             rows = one.limit.rows(HOME)
             # Half of what is left in one step, so that it is never crossed.
             half = 0.5 * (np.array(lengths)[:, None] - HOME.member_lengths)
