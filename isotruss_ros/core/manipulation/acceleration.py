@@ -76,8 +76,18 @@ def limit_acceleration(
             share = min(share, _surface_share(weighted.dot(start), weighted.dot(wanted), top))
         velocities = limit_change(start + share * (wanted - start), previous, change)
     if _reverses(step, velocities - previous, change):
+        # The closest roller speeds with the same twist and without reversals, if there are any.
+        small, away = REVERSAL_SHARE * change, velocities - previous
+        lower = np.where(step > small, -small, np.minimum(away, -change))
+        upper = np.where(step < -small, small, np.maximum(away, change))
+        rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
+        rows = Rows(
+            np.concatenate([rows.matrix, np.eye(len(away))]),
+            np.concatenate([np.minimum(rows.lower, rates), previous + lower]),
+            np.concatenate([np.maximum(rows.upper, rates), previous + upper]),
+        )
         kept = np.concatenate([motion, contacts])
-        velocities = _avoid_reversals(velocities, previous, step, change, kept, moving, rows)
+        velocities = _nearest(velocities, kept, moving, rows, velocities)
     achieved, moved = command.achieved_twist.copy(), motion.dot(velocities)
     achieved[: len(moved)] = moved
     status = Status.ACCELERATING if limited else command.status
@@ -88,28 +98,6 @@ def _reverses(step: Array, away: Array, change: float) -> bool:
     """Return whether a roller's speed changes back after its change in the previous cycle."""
     least = np.minimum(np.abs(step), np.abs(away))
     return bool(((step * away < 0.0) & (least > REVERSAL_SHARE * change)).any())
-
-
-def _avoid_reversals(
-    velocities: Array,
-    previous: Array,
-    step: Array,
-    change: float,
-    kept: Array,
-    moving: Flags,
-    rows: Rows,
-) -> Array:
-    """Return the closest roller speeds (r,) without reversals, or without any the given ones."""
-    small, away = REVERSAL_SHARE * change, velocities - previous
-    lower = np.where(step > small, -small, np.minimum(away, -change))
-    upper = np.where(step < -small, small, np.maximum(away, change))
-    rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
-    rows = Rows(
-        np.concatenate([rows.matrix, np.eye(len(away))]),
-        np.concatenate([np.minimum(rows.lower, rates), previous + lower]),
-        np.concatenate([np.maximum(rows.upper, rates), previous + upper]),
-    )
-    return _nearest(velocities, kept, moving, rows, velocities)
 
 
 def _nearest(speeds: Array, kept: Array, moving: Flags, rows: Rows, otherwise: Array) -> Array:

@@ -98,7 +98,7 @@ def plan_grasps(
     length = config.robot.home.member_lengths.mean()
     if gap < -NEGLIGIBLE_SHARE * length:  # there is no path to a grasp
         search.tally.record(Violation('free', gap, 0.0))
-        return search.plan()
+        max_rounds = 0
     for number in range(max_rounds):
         with search.tally.recording():
             seeds = find_seeds(config, body, needs, int(seed), number)
@@ -106,7 +106,15 @@ def plan_grasps(
             search.judge(closings, thorough)
         if search.stopped or len(search.best()) >= needs.count:
             break
-    return search.plan()
+    best, tally = tuple(search.best()), search.tally
+    return GraspPlan(
+        grasps=best,
+        complete=not search.stopped,
+        closest_violation=None if best else tally.closest,
+        evaluations=tally.evaluations + tally.analyses,
+        analyses=tally.analyses,
+        computing_time=time.perf_counter() - search.began,
+    )
 
 
 @dataclass(eq=False)
@@ -153,18 +161,6 @@ class _Search:
             ):
                 distinct.append(grasp)
         return distinct[: self.needs.count]
-
-    def plan(self) -> GraspPlan:
-        """Return the plan with the grasps found so far."""
-        best, tally = tuple(self.best()), self.tally
-        return GraspPlan(
-            grasps=best,
-            complete=not self.stopped,
-            closest_violation=None if best else tally.closest,
-            evaluations=tally.evaluations + tally.analyses,
-            analyses=tally.analyses,
-            computing_time=time.perf_counter() - self.began,
-        )
 
     def _judge_each(
         self, closings: list[Closing]

@@ -86,7 +86,7 @@ class NeighborList:
             spare = self._skin if len(self._pairs) else distances.min(initial=np.inf) - self._near
             self._others = EvaluatedState(config, grip, float(spare))
             distances = distances[self._pairs]
-        elif not len(self._pairs) or (self._listed and self._listed.holds(config, grip)):
+        elif self._listed.holds(config, grip):
             return NO_PAIRS, np.zeros(0)
         else:
             distances = measure(self._pairs)
