@@ -22,7 +22,7 @@ from isotruss_ros.core.manipulation.limits import default_limits, Limit, stack_r
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.core.manipulation.task import find_task, Reach, working_rollers
+from isotruss_ros.core.manipulation.task import find_task, Reach, Task, working_rollers
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -84,7 +84,8 @@ def solve_twist(
         reach = reach._replace(working=reach.working.with_cost(cost))
     if len(reach.directions) < 3 and desired.any():
         reach = roll_off_faces(config, grip, reach, desired)
-    return _carry_out(config, reach, desired, limits, handling, opening_rate)
+    task = find_task(reach, desired, opening_rate, handling.soft_rank)
+    return _carry_out(config, task, limits, handling)
 
 
 def _find_reach(
@@ -96,16 +97,10 @@ def _find_reach(
 
 
 def _carry_out(
-    config: Configuration,
-    reach: Reach,
-    desired: Array,
-    limits: Sequence[Limit] | None,
-    handling: LimitHandling,
-    opening_rate: float = 0.0,
+    config: Configuration, task: Task, limits: Sequence[Limit] | None, handling: LimitHandling
 ) -> RollerCommand:
     """Return the least-cost (11) command for a twist, or velocities of joints, under limits."""
-    task = find_task(reach, desired, opening_rate, handling.soft_rank)
-    velocities, scale, status = task.velocities, 1.0, task.status
+    velocities, scale, status, reach = task.velocities, 1.0, task.status, task.reach
     limiting: tuple[str, ...] = ()
     limits = default_limits(config.robot) if limits is None else limits
     rows = stack_rows(config, limits)
@@ -227,4 +222,5 @@ def solve_joint_velocity(
     columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
     jacobian = config.roller_rows(np.eye(2 * len(config.points))[columns])
     reach = _find_reach(config, jacobian, np.ones(len(jacobian)), failed)
-    return _carry_out(config, reach, desired, limits, handling)
+    task = find_task(reach, desired, soft_rank=handling.soft_rank)
+    return _carry_out(config, task, limits, handling)

@@ -148,8 +148,7 @@ def find_task(
     missed = math.sqrt(missing.dot(missing)) / (norm or 1.0)
     status = Status.OK if missed <= ROUNDING else Status.UNREACHABLE
     if opening:
-        first = len(direction) - len(opening)
-        direction[first:] = np.divide(opening, size)
+        direction[len(closest) :] = np.divide(opening, size)  # noqa: E203
     if soft_rank > 0.0 and _damp(reach, direction, soft_rank):
         status = Status.UNREACHABLE
     length = math.sqrt(direction.dot(direction))

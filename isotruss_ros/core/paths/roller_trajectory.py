@@ -17,7 +17,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, IsotrussError
-from isotruss_ros.core.inputs import LatestInputs, require_fresh, RollerState
+from isotruss_ros.core.inputs import LatestInputs, require_fresh, RollerState, StampedInput
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.tolerances import SMALLEST_NORMAL
@@ -218,17 +218,11 @@ class RollerTrajectoryServo:
             violation = self._tolerances.path.find_violation(self._robot.roller_names, then, state)
             if violation:
                 return self._finish(violation)
-        return self._advance(trajectory, state, measured.time, now, elapsed)
+        return self._advance(measured._replace(value=state), now, elapsed)
 
-    def _advance(
-        self,
-        trajectory: RollerTrajectory,
-        state: RollerState,
-        measured: float,
-        now: float,
-        elapsed: float,
-    ) -> RollerStep:
+    def _advance(self, measured: StampedInput, now: float, elapsed: float) -> RollerStep:
         """Advance trajectory time unless a roller lags; end on arrival or after a timeout."""
+        trajectory, state = self.trajectory, measured.value
         ahead, positions = min(self.time + elapsed, trajectory.duration), state.positions
         behind = trajectory.at(self.time).positions - positions
         error = trajectory.at(ahead).positions - positions
@@ -243,7 +237,7 @@ class RollerTrajectoryServo:
             violation = goal.find_violation(names, trajectory.at(trajectory.duration), state)
         near = at_end and (not violation if goal is not None else lag <= TOLERANCE)
         self._near_since = min(self._near_since, now) if near else math.inf
-        if min(measured, now) - self._near_since > REST_TIME:
+        if min(measured.time, now) - self._near_since > REST_TIME:
             return self._finish()
         if not waits and self.time < trajectory.duration:
             self.time, self._waited = ahead, 0.0

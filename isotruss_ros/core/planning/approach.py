@@ -187,13 +187,11 @@ def _take_step(
             moved = config.moved_to(config.roller_positions + 0.5**halving * move)
             there = evaluate_state(moved, closing.body)
             there.check_bounds(rigidity, room, bounds)
+            return there, min(1.0, share * (0.5**halving if halving else 2.0))
         except ConfigurationError:
             blocked = RequirementError('rigidity', 0.0, rigidity)
         except RequirementError as error:
             blocked = error
-        else:
-            larger = 2.0 * share if halving == 0 else share * 0.5**halving
-            return there, min(1.0, larger)
     raise blocked
 
 

@@ -37,7 +37,7 @@ def judge_candidate(
                 if closing.needs.carry:
                     tally.closest = None
                     grip = _check_carry(grip, closing)
-                grasp = _planned(closing.needs, opened, pressed, grip)
+                grasp = _planned(closing.needs, [*opened, *pressed], len(opened), grip)
     except IsotrussError as error:
         # A candidate without a solution is rejected; its tally is kept.
         tally.record(Violation(str(error), 0.0, 0.0))
@@ -80,13 +80,10 @@ def _check_carry(grip: ClosedGrip, closing: Closing) -> ClosedGrip:
 
 
 def _planned(
-    needs: GraspRequirements,
-    opened: list[Configuration],
-    pressed: list[Configuration],
-    grip: ClosedGrip,
+    needs: GraspRequirements, configs: list[Configuration], touch: int, grip: ClosedGrip
 ) -> PlannedGrasp:
-    """Return the planned grasp, with its path from the open grip to the contact."""
-    configs, held = (*opened, *pressed), grip.equilibrium
+    """Return the planned grasp, with the index of the first configuration in contact."""
+    held = grip.equilibrium
     path = np.array([config.roller_positions for config in configs])
     travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())
     names = held.member_names
@@ -106,6 +103,6 @@ def _planned(
         travel=travel,
         rigidity=min(shape_margins(config).rigidity for config in configs),
         path=path,
-        touch=len(opened),
+        touch=touch,
         chance=grip.chance,
     )
