@@ -51,17 +51,14 @@ def rolled_corners(contacts: Sequence[GripContact], friction: float) -> list[lis
     """Return the sets of fewer contacts of two members at which forces balance."""
     if contacts[-1].owner != 1 or len(contacts) == 2:
         return []
-    first, second = ([c for c in contacts if c.owner == owner] for owner in (0, 1))
-    choices = list(itertools.product(_choices(first), _choices(second)))[1:]  # not all contacts
+    sides = [[c for c in contacts if c.owner == owner] for owner in (0, 1)]
+    # All contacts of a member may remain, or one end of its face.
+    remaining = ([s] if len(s) == 1 else [s, s[:1], s[1:]] for s in sides)
+    choices = list(itertools.product(*remaining))[1:]  # not all contacts of both members
     ends = np.array([[(side[0].point, side[-1].point) for side in kept] for kept in choices])
-    angles = balance_angles(first[0].normal, second[0].normal, *ends.transpose(1, 2, 0))
+    angles = balance_angles(*(side[0].normal for side in sides), *ends.transpose(1, 2, 0))
     fits = angles <= math.atan(friction)
     return [one + other for (one, other), fit in zip(choices, fits.tolist(), strict=True) if fit]
-
-
-def _choices(contacts: list[GripContact]) -> list[list[GripContact]]:
-    """Return the sets of contacts that may remain at a member: all, or one end of a face."""
-    return [contacts] if len(contacts) == 1 else [contacts, contacts[:1], contacts[1:]]
 
 
 def balance_angles(

@@ -73,10 +73,7 @@ class FailureDetector:
         self._sent += step
         self._path += np.abs(step)
         self._commanded += elapsed * counts
-        self._judge(time, np.array([self._sent, positions]))
-
-    def _judge(self, time: float, travel: Array) -> None:
-        """Detect failed rollers, and restart the comparison for working rollers."""
+        travel = np.array([self._sent, positions])
         self._least, self._most = np.minimum(self._least, travel), np.maximum(self._most, travel)
         sent, moved = self._most - self._least
         timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
