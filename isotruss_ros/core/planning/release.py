@@ -89,7 +89,7 @@ def plan_release(
         turned = math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi)
         if abs(turned) > max_turn:
             raise RequirementError('turned', abs(turned), max_turn)
-        apart = len(path) - 1 if len(path) > 1 else 1
+        apart = max(len(path) - 1, 1)
         for gap in np.linspace(clearance / 5, clearance, 5):
             path.append(press(path[-1], closing, np.full(len(closing.members), -gap)))
     except RequirementError as error:
