@@ -50,7 +50,7 @@ def place_between(
     middle = complex((starts + 0.5 * spans).mean())
     turn = complex(math.cos(turned), math.sin(turned))
     skin = 0.5 * config.robot.description.tube_diameter - depth
-    grips: list[tuple[float, Grip]] = []
+    grips: list[Grip] = []
     for sides in itertools.product((1.0, -1.0), repeat=len(names)):
         normals = -1j * np.array(sides) * spans / np.abs(spans)
         reach = shape.support(normals / turn) + skin
@@ -59,20 +59,20 @@ def place_between(
         rows = normals.view(np.float64).reshape(-1, 2)
         x, y = np.linalg.lstsq(rows, gaps, rcond=ROUNDING)[0]
         place = middle + complex(x, y)
-        body = ConvexObject(shape, Pose(place.real, place.imag, float(turned)))
-        grip = Grip(names, body)
+        pose = Pose(place.real, place.imag, float(turned))
+        grip = Grip(names, ConvexObject(shape, pose))
         try:
             contacts = find_contacts(config, grip)
         except GraspError:
             continue
         if all(contact.side == sides[contact.owner] for contact in contacts):
-            grips.append((abs(place - middle), grip))
+            grips.append(grip)
     if not grips:
         raise GraspError(
             f'an object that reaches {shape.reach:g} m does not fit between the members '
             f'{", ".join(names)}; choose another shape, angle, configuration or other members'
         )
-    return min(grips, key=lambda item: item[0])[1]
+    return min(grips, key=lambda grip: abs(grip.center - middle))
 
 
 def tangent_center(
