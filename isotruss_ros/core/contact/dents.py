@@ -124,11 +124,7 @@ class DentTable:
         self._near: tuple[float, float] | None = None
 
     def __call__(self, force: float, angle: float) -> tuple[float, float, float]:
-        """
-        Return the dent's depth [m], and its derivatives by force [m/N] and angle [m/rad].
-
-        The depth is extrapolated linearly, and odd in the force.
-        """
+        """Return the depth [m], odd in the force, and derivatives by force and angle [m/rad]."""
         size = max(abs(force), 1e-9)
         place, sign = size**DEPTH_EXPONENT, force / size
         samples, near, weights = self._find_samples(place, angle)

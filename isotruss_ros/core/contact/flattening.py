@@ -66,11 +66,8 @@ class Flattening:
         self.reach = np.sqrt(self.tension / self.stiffness)
 
     def compliance(self, points: Indices, spacing: float) -> Array:
-        """
-        Return the compliances (c, c) of points on the skin, at positions in spacings [m/N].
-
-        Load and depth are averaged over pieces of tube that are one spacing long.
-        """
+        """Return the compliances (c, c) of points on the skin, numbered by spacings [m/N]."""
+        # Load and depth are averaged over pieces of tube that are one spacing long.
         apart, ratio = np.abs(points[:, None] - points), spacing / self.reach
         # Compliance of the modes for a line load, at the load.
         peak = 0.5 / np.sqrt(self.stiffness * self.tension)

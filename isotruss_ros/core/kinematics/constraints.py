@@ -61,11 +61,7 @@ class Constraints:
             self._sparse = pattern.tocsc()
 
     def residual(self, points: Points, lengths: Array) -> Array:
-        """
-        Return the residuals (5m + g,): lengths [m], bisection (3) [rad], ground [m].
-
-        The lengths (4m,) are those of the members, then of the sides AB, AC and BC of the modules.
-        """
+        """Return residuals (5m + g,): lengths (4m,) of `spans` [m], (3) [rad], ground [m]."""
         stretched = self.spans(points)
         return np.concatenate(
             [

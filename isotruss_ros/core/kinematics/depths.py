@@ -31,11 +31,7 @@ def member_depths(config: Configuration, body: ConvexObject) -> Array:
 
 
 def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
-    """
-    Return an object after it was moved out of all members that it overlaps, if this is possible.
-
-    It is repeatedly translated along the normal of the member with the deepest overlap.
-    """
+    """Return an object translated along normals, out of the members that it overlaps."""
     begin, end = member_lines(config).T
     reach = 0.5 * config.robot.description.tube_diameter
     for _ in range(200):  # a closing wedge needs many small pushes

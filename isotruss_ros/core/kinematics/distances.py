@@ -35,16 +35,13 @@ import numpy as np
 
 
 def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
-    """
-    Return distances (k,) [m], unit vectors to the points, positions along segments, 0 to 1.
-
-    The vectors are normal to the segment for a point on it.
-    """
+    """Return distances (k,) [m], unit vectors to the points, positions along segments, 0 to 1."""
     arm, along = point - start, end - start
     squares = np.maximum(along.real**2 + along.imag**2, COINCIDENCE**2)
     shares = np.clip((along.conj() * arm).real / squares, 0.0, 1.0)
     away = arm - shares * along
     distances = np.abs(away)
+    # The vector to a point on the segment is the normal of the segment.
     normals = np.where(
         distances > COINCIDENCE,
         away / np.maximum(distances, COINCIDENCE),
@@ -118,11 +115,7 @@ class CollisionModel:
     def body_distances(
         self, config: Configuration, body: ConvexObject, parts: Indices | slice = slice(None)
     ) -> tuple[Array, Array, Array]:
-        """
-        Return the distances (k,) between an object and parts [m], with their gradients.
-
-        Those (k, 2n) are by the nodes [-], those (k, 3) by the twist vx, vy [-], omega [m].
-        """
+        """Return distances (k,) of parts [m], gradients by the nodes and the object's twist."""
         starts, ends = self.part_ends(config, parts)
         nearest = segment_gaps(body, starts, ends)
         rows = self.part_rows(config, parts, nearest.shares, -nearest.normals)

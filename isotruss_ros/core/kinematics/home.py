@@ -141,11 +141,7 @@ def _misfit(
 
 
 def require_determinate(source: str, topology: Topology, matrix: Array | csc_matrix) -> None:
-    """
-    Raise RobotFileError if the matrix of (12) at home is not square and regular.
-
-    Redundant members or supports would resist the rollers.
-    """
+    """Raise RobotFileError if the matrix of (12) at home is not square and regular."""
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
     needed = 2 * joints - m
     if grounded == needed and estimate_condition(matrix) < MAX_CONDITION:

@@ -155,14 +155,10 @@ class SmoothOutline(PolygonalShape):
 
 
 def _conic_tangents(points: Points) -> Points:
-    """
-    Return the unit tangents (n,) of a closed curve at 5 or more points, x + iy.
-
-    Each is the tangent of the conic through the point and the two points on each side, found by
-    Pascal's theorem in homogeneous coordinates.
-    """
+    """Return the unit tangents (n,) of conics through each point and two points on each side."""
     size = np.abs(points - points.mean()).max()
-    # Two corners of Pascal's hexagon coincide at the point; the side between them is the tangent.
+    # Pascal's theorem in homogeneous coordinates. Two corners of the hexagon coincide at the
+    # point; the side between them is the tangent.
     hexagon = []
     for step in (0, 0, 1, -2, 2, -1):
         away = (np.roll(points, -step) - points) / size

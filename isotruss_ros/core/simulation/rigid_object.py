@@ -97,11 +97,8 @@ class RigidObject:
 
 
 def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ...]:
-    """
-    Return the names of the members that an object indents, the most indented one first.
-
-    A tube that is indented by more than its diameter passes above the object.
-    """
+    """Return the names of the members that an object indents, the most indented one first."""
+    # A tube that is indented by more than its diameter passes above the object.
     tube, depths = config.robot.description.tube_diameter, member_depths(config, body)
     order = np.argsort(-depths, kind='stable')
     return tuple(config.robot.member_names[i] for i in order if 0.0 < depths[i] <= tube)

@@ -152,11 +152,7 @@ class LoadPath(NamedTuple):
 
 
 def follow_loads(rest: Tangent, loads: Array, most: float, farthest: float = np.inf) -> LoadPath:
-    """
-    Compute the stable equilibria of a frame while its loads (n, 3) increase from zero.
-
-    The path ends at the factor `most`, or if a node is displaced by more than `farthest` [m].
-    """
+    """Follow loads (n, 3) from zero to `most` times, or to displacements of `farthest` [m]."""
     path = LoadPath([0.0], [rest], np.inf)
     step = most
     for _ in range(400):

@@ -157,11 +157,7 @@ class TubeSections:
         return SectionStiffness(*(self.scale * rigidity for rigidity in sections))
 
     def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
-        """
-        Return the derivatives of 1 / EA, 1 / EI and 1 / GA by length and by pressure, (3, k) each.
-
-        They are central differences.
-        """
+        """Return the derivatives (3, k) of 1/EA, 1/EI and 1/GA by length and by pressure."""
         # This step minimises the error, which is about step^2 + EPSILON / step.
         step = EPSILON ** (1.0 / 3.0)
         shares = step * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]

@@ -36,12 +36,7 @@ class Utilisation(NamedTuple):
 def find_utilisation(
     structure: Structure, frame: Frame, end_forces: Array, pulls: Array
 ) -> Utilisation:
-    """
-    Return the utilisation of the members of a robot under loads.
-
-    In a compressed piece the moment varies as a sine between loads, so its maximum may be inside
-    the piece. For `end_forces` (k, 6) and `pulls` (k,) see `FrameState`.
-    """
+    """Return the utilisation of members; for `end_forces` and `pulls` see `FrameState`."""
     config, topology = structure.config, structure.config.robot.topology
     pieces, member = structure.tube_parts(frame)
     radius = 0.5 * config.robot.description.tube_diameter
@@ -85,7 +80,8 @@ def evaluate_utilisation(
     """
     begin, end, moment_capacity, pull = loads
     length, flexural, shear = sections
-    # M = begin cos(k x) + sine sin(k x); without compression the largest moment is at an end.
+    # M = begin cos(k x) + sine sin(k x), whose maximum may be inside a piece; without compression
+    # the largest moment is at an end.
     wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
     turned = np.maximum(wave * length, ROUNDING)
     sine = (end - begin * np.cos(turned)) / np.sin(turned)
