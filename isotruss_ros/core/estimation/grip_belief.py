@@ -147,11 +147,6 @@ class GripBelief:
         deviation, delay = self.squeeze_deviation, self.state.delay
         return GripEstimate(self.pose, covariance, self.squeeze, deviation, delay)
 
-    def explains(self, pose: Pose) -> bool:
-        """Return whether load and errors of offsets and measurement explain a measured pose."""
-        innovation = self._even * pose_difference(pose, self.grasp.pose)
-        return self.state.explains(innovation, self.cache)
-
     @property
     def correction(self) -> Array:
         """Return the part (3,) of the pose that roller travel does not explain [m]."""
@@ -274,7 +269,7 @@ class GripBelief:
         if held.hold(math.inf) is not HoldStatus.HELD or held.sections.used.max() > limit:
             return False
         cache, before = EquilibriumCache(held, self._friction), self.cache.by_offsets.outputs
-        if not self.state.explains(self._even * pose_difference(pose, held.pose), cache):
+        if not self.state.explains(pose, cache):
             return False
         self.is_assumed, self.cache = False, cache
         self.take(held)

@@ -16,8 +16,10 @@ from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
 from isotruss_ros.core.estimation.grip_model import BIAS, DELAY, LOAD, shift_deviations, SHIFTS
 from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, SLIP_LENGTH
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
+from numpy.typing import ArrayLike
 
 #: Random walk of the unexplained pose as a fraction of the object's motion, with the correlation
 #: length `SLIP_LENGTH` [-].
@@ -73,8 +75,9 @@ class GripState(SchmidtFilter):
         self.covariance[BIAS, BIAS] += unexplained @ self.prior @ unexplained.T
         return self.condition(rates, by_offsets, np.diag(self.noise.variances))
 
-    def explains(self, off: Array, cache: EquilibriumCache) -> bool:
-        """Return whether load, offsets and noise explain a difference (3,) of poses [m]."""
+    def explains(self, pose: ArrayLike, cache: EquilibriumCache) -> bool:
+        """Return whether load, offsets and noise explain the distance of a pose from the model."""
+        off = cache.scale[:3] * pose_difference(pose, cache.grasp.pose)
         rates, give = cache.by_offsets.outputs[:3], cache.rates[:3, LOAD] * self._settings.load
         spread = rates @ self.prior @ rates.T + give @ give.T + np.diag(self.noise.variances)
         return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2

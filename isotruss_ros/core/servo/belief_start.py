@@ -79,7 +79,7 @@ class BeliefStart:
             return HoldStatus.WRINKLES
         belief = GripBelief(equilibrium, grip, prior, zero_covariance, is_assumed=self._assuming)
         hold = belief.grasp.hold(belief.largest_friction)
-        if hold is HoldStatus.HELD and not belief.explains(body.pose):
+        if hold is HoldStatus.HELD and not belief.state.explains(body.pose, belief.cache):
             hold = HoldStatus.FAR
         self._missed = hold in (HoldStatus.NO_CONTACT, HoldStatus.FAR)
         if hold is HoldStatus.HELD:
