@@ -86,8 +86,8 @@ class BeamColumns(NamedTuple):
         stiffness[1:, 1:] += slope[:, None] * steep
         stressed = np.empty((3, len(pull)), dtype=soft.dtype)
         stressed[0], stressed[1:] = pull, straight + pull * (first + bent)
-        values = stressed + stiffness[:, 0] * (nearest - pull) / soft
-        return EndForces(values.T, stiffness.T, stressed.T)
+        shift = 0.0 if given is None else stiffness[:, 0] * (nearest - pull) / soft
+        return EndForces((stressed + shift).T, stiffness.T, stressed.T)
 
 
 def _reciprocal(series: Array) -> Array:
