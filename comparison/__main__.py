@@ -16,7 +16,7 @@ from comparison.page import FOLDER, page
 from comparison.section import Section
 from comparison.sections import make, SECTIONS
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.core.planning.workers import WorkerPool
+from isotruss_ros.workers import WorkerPool
 from paper.style import save
 from paper.tables import write_csv
 from rich.console import Console

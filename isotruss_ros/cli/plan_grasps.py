@@ -29,7 +29,7 @@ from isotruss_ros.core import (
     Uncertainty,
 )
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, plan_in_words
-from isotruss_ros.core.planning.workers import Stop, WorkerPool
+from isotruss_ros.workers import Stop, WorkerPool
 from rich.console import Console
 
 #: Exit codes; a second Ctrl-C ends the process by the signal, without an exit code of this list.

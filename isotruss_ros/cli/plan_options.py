@@ -14,7 +14,7 @@ from typing import Any
 
 from isotruss_ros.core import GraspRequirements
 from isotruss_ros.core.planning.requirements import Measure
-from isotruss_ros.core.planning.workers import MAX_WORKERS
+from isotruss_ros.workers import MAX_WORKERS
 
 #: Placeholder of the value, and help text, of the option for each requirement.
 OPTIONS = {

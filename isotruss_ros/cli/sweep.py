@@ -28,7 +28,7 @@ from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.planning.grasp_plan import export_figures
 from isotruss_ros.core.planning.violations import export_violation
-from isotruss_ros.core.planning.workers import core_count
+from isotruss_ros.workers import core_count
 from rich.console import Console
 from rich.progress import Progress
 

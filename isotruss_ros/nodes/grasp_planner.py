@@ -12,7 +12,6 @@ from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import InputError
-from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -20,6 +19,7 @@ from isotruss_ros.nodes.framework.parameters import FixedSpec
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 from isotruss_ros.nodes.grasp.searcher import Answer, Searcher, SearchOutcome
+from isotruss_ros.workers import MAX_WORKERS
 
 SPECS = (
     common.OBJECT,

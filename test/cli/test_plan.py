@@ -15,7 +15,7 @@ from held_grips import BOX_FILE
 from isotruss_ros.cli import plan_grasps as command
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
 from isotruss_ros.core.planning.grasp_plan import path_times
-from isotruss_ros.core.planning.workers import core_count, WorkerPool
+from isotruss_ros.workers import core_count, WorkerPool
 import numpy as np
 from planning import workers
 import psutil

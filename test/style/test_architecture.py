@@ -42,7 +42,7 @@ NODES = [
     ['nodes'],
 ]
 REST = [
-    ['extras'],
+    ['extras', 'workers'],
     ['mujoco_plant'],
     ['calibration'],
     ['plotting'],

@@ -22,7 +22,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, plan_in_words, Progress
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
 from isotruss_ros.core.planning.requirements import GraspRequirements
-from isotruss_ros.core.planning.workers import Stop, WorkerPool
+from isotruss_ros.workers import Stop, WorkerPool
 
 
 class SearchOutcome(enum.IntEnum):

@@ -10,11 +10,11 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.errors import GraspError, SolverError, StructureError
-from isotruss_ros.core.planning import workers
+from isotruss_ros import workers
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
-from isotruss_ros.core.planning.workers import Stop
 from isotruss_ros.nodes.grasp import searcher as searching
 from isotruss_ros.nodes.grasp.searcher import Searcher, SearchOutcome
+from isotruss_ros.workers import Stop
 import pytest
 
 #: What is searched for; no search of these tests computes anything.
