@@ -8,9 +8,9 @@ import math
 import time
 from types import SimpleNamespace
 
+from isotruss_ros import workers
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.errors import GraspError, SolverError, StructureError
-from isotruss_ros import workers
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
 from isotruss_ros.nodes.grasp import searcher as searching
 from isotruss_ros.nodes.grasp.searcher import Searcher, SearchOutcome
