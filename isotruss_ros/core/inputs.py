@@ -208,7 +208,7 @@ class Timeline:
         self._known.append((time, value))
 
     def clear(self) -> None:
-        """Remove all values of the function."""
+        """Remove all values of the timeline."""
         self._known.clear()
 
     def discard_before(self, time: float) -> None:

@@ -84,8 +84,8 @@ class Uncertainty:
         """
         Return the uncertainty that files describe.
 
-        Values of the given block precede those of the object, of the robot file's block
-        `uncertainty`, and of its block `calibration`.
+        Later values replace earlier ones: block `calibration` of the robot file, its block
+        `uncertainty`, the object, the given block.
 
         :param robot: the robot.
         :param body: the object; None: unknown.

@@ -115,7 +115,7 @@ def search_contacts(
 
 
 def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
-    """Return the sets that mend the largest violation, the most likely set last; else empty."""
+    """Return sets that mend the largest violation, most likely last; empty without violation."""
     contacts, normal = grip.contacts, grip.state.normal_forces
     may_open = contacts.at_faces | (rolls and contacts.owners[-1] > 1)
     least = int(np.where(may_open, normal, np.inf).argmin())

@@ -262,7 +262,7 @@ class ContactStatics:
         reach: float = SETTLED_MOTION,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
-        Return equations and state of the equilibrium by Newton's method; None if not found.
+        Find the equilibrium by Newton's method; return its equations and state, or None.
 
         Tubes are linearised again if a node has moved by more than `reach` [m].
         """

@@ -95,7 +95,7 @@ class LoadedTubes:
         self._load(grip, bent)
 
     def _load(self, grip: HeldGrip, bent: BentTubes) -> None:
-        """Set grip and bent tubes, and derive the tubes' derivatives by section changes."""
+        """Set grip and tubes; compute the tubes' derivatives with respect to section changes."""
         self._grip, self._bent, state, statics = grip, bent, grip.state, grip.statics
         self._by_sections = bent.section_changes(self.sections)
         normal, tube = state.normal_forces, grip.config.robot.topology.tube

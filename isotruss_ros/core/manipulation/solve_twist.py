@@ -99,7 +99,7 @@ def _find_reach(
 def _carry_out(
     config: Configuration, task: Task, limits: Sequence[Limit] | None, handling: LimitHandling
 ) -> RollerCommand:
-    """Return the least-cost (11) command for a twist, or velocities of joints, under limits."""
+    """Return the least-cost (11) command under limits for a twist or joint velocities."""
     velocities, scale, status, reach = task.velocities, 1.0, task.status, task.reach
     limiting: tuple[str, ...] = ()
     limits = default_limits(config.robot) if limits is None else limits

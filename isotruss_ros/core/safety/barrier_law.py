@@ -189,7 +189,7 @@ class BarrierLimit:
         """
         Return the violation of `BarrierLaw.discrete_bound` by a motion; None if there is none.
 
-        This limit is linearised at the midpoint of the motion; `velocities` are those before it.
+        The limit is linearised at the midpoint of the motion, which `velocities` (r,) predict.
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)

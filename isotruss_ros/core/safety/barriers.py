@@ -79,7 +79,7 @@ class NeighborList:
     def find_close(
         self, config: Configuration, grip: Grip | None, measure: Callable[[Selection], Array]
     ) -> tuple[Indices, Array]:
-        """Return the close pairs' indices and distances [m], of which some are measured."""
+        """Return indices and distances [m] of close pairs; it measures those that may be close."""
         if self._others is None or not self._others.holds(config, grip):
             distances = measure(ALL_VALUES)
             self._pairs = np.flatnonzero(distances < self.listed_below)

@@ -85,7 +85,7 @@ class Frame:
         return unknowns[rows:].reshape(-1, 3, *unknowns.shape[1:])
 
     def locate(self, piece: Indices, within: Array) -> Indices:
-        """Return the parts' indices (q,) that contain points; -1 for members without parts."""
+        """Return the index (q,) of the part at each point; -1 if its member has no parts."""
         reached = (self.layout.whole == piece[:, None]) & (self.begins <= within[:, None])
         part = np.where(reached, self.begins, -1.0).argmax(axis=1)
         return np.where(reached.any(axis=1), part, -1)

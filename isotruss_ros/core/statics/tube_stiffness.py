@@ -127,8 +127,8 @@ class PowerLaw:
             raise StructureError(
                 f'stiffness laws: for {_case(length[at], pressure[at])} the transverse stiffness '
                 f'is {transverse[at]:.6g} N/m and the rotary one {rotary[at]:.6g} N m/rad, which '
-                f'no beam has: with {between[at]:.6g} m from ring to ring the rotary one must be '
-                'at least L^2/3 times the transverse one, '
+                f'no beam has: with l = {between[at]:.6g} m from ring to ring the rotary one '
+                'must be at least l^2/3 times the transverse one, '
                 f'{transverse[at] * between[at] ** 2 / 3.0:.6g} N m/rad'
             )
         # A ratio that exceeds 4 only by rounding means no shear deformation.

@@ -134,7 +134,7 @@ def test_power_law_without_a_beam_is_refused_with_the_valid_range():
     with pytest.raises(StructureError) as caught:
         model.section_stiffness(LENGTHS, PRESSURE)
     message = str(caught.value)
-    for part in ('0.508 m', '34500 Pa', '1000 N/m', '50 N m/rad', 'at least L^2/3'):
+    for part in ('0.508 m', '34500 Pa', '1000 N/m', '50 N m/rad', 'at least l^2/3'):
         assert part in message, message
     needed = float(re.findall(r'([\d.]+) N m/rad', message)[-1])
     mended = PowerLaw(Law(1e3, 0.0, 0.0), Law(1e3, 0.0, 0.0), Law(1.001 * needed, 0.0, 0.0), 0.0)
