@@ -151,7 +151,7 @@ class BentTubes:
         right = np.zeros((size, 4 * count + 1))
         columns = np.arange(3 * count).reshape(count, 1, 3)
         right[cut[:, :, None], columns] = turns / self.stiffness
-        slopes, longer, by_length = tangent.slopes(), self._longer, tangent.length_rates
+        slopes, longer, by_length = tangent.slopes, self._longer, tangent.length_rates
         rates = by_length[layout.parts, :, None] * longer[layout.parts, None]
         right[:, moving] = -tangent.sum_forces(layout.parts, rates)
         # The length of a part between two places of one member depends on both places.
@@ -321,7 +321,7 @@ class BentTubes:
         rates[chosen] = tangent.force_rates(chosen, units) @ changes[:, chosen].swapaxes(0, 1)
         carried = tangent.sum_forces(chosen, rates[chosen])
         _, moved = tangent.solve(-carried)
-        _, by_ends, by_forces, by_shear = tangent.slopes()
+        _, by_ends, by_forces, by_shear = tangent.slopes
         inclined = by_forces[:, None] @ rates[parts] + by_ends @ moved[frame.layout.places[parts]]
         shear = (by_shear / frame.section[2, parts])[:, None] * changes[3, parts]
         return frame.displacements(moved), _mean(inclined[:, 0] + shear), rates

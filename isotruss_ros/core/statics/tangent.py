@@ -117,6 +117,7 @@ class Tangent:
         size = len(self.unknowns) * count
         return np.bincount(indices.ravel(), pushed.ravel(), size).reshape(-1, count)
 
+    @cached_property
     def slopes(self) -> Slopes:
         """Return the inclinations of the bent centre lines before, then behind the cuts."""
         # Relative to the chord they are (t - Q/GA) / (1 + N/GA), with the section's rotation t and
