@@ -39,7 +39,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.numerics.tolerances import ROUNDING, SMALLEST_NORMAL
 import numpy as np
 
 #: Smallest time between two equilibria [s]. In cycles between them, (19) predicts pose and
@@ -129,15 +129,20 @@ class GripBelief:
         return math.hypot(self.geometric_deviation, self.settings.stiffness * self.squeeze)
 
     @property
-    def largest_friction(self) -> float:
+    def hold(self) -> HoldStatus:
         """
-        Return the largest required friction at which an equilibrium still counts as held [-].
+        Return the hold status of the object at the measured pose of the start.
 
         The required friction has the relative error of the squeeze, but does not depend on the
         stiffness.
         """
-        relative = 2.0 * self.geometric_deviation
-        return self._friction * (1.0 + relative / self.squeeze) if self.squeeze > 0.0 else math.inf
+        grasp, measured = self.grasp, self._given.body.pose
+        if grasp.sections.used.max() > MAX_UTILISATION and not self.is_assumed:
+            return HoldStatus.WRINKLES
+        error = 2.0 * self.geometric_deviation / max(self.squeeze, SMALLEST_NORMAL)
+        hold = grasp.hold(self._friction * (1.0 + error))
+        explained = hold is not HoldStatus.HELD or self.state.explains(measured, self.cache)
+        return hold if explained else HoldStatus.FAR
 
     @property
     def estimate(self) -> GripEstimate:
@@ -261,8 +266,8 @@ class GripBelief:
         self._searched = self.lag.time
         limit = max(MAX_UTILISATION, self.grasp.sections.used.max())
         pose, squeeze = self.pose - self.grasp.response.pose @ self.state.load, self.squeeze
+        near = self._given.moved_to(pose)
         try:
-            near = self._given.moved_to(pose)
             held = attach_model(config, near, pressures, self.settings.zero_deviation)
         except NotHeldError:
             return False

@@ -225,12 +225,11 @@ class StateEstimator:
         grip = self._grip.moved_to(pose)
         try:
             held = attach_model(self._config, grip, self._pressures, self.settings.zero_deviation)
-            if held.hold(math.inf) is not HoldStatus.HELD:
-                return None
             belief = GripBelief(held, grip, self.settings, zeros.offset_covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
             return None
-        return belief if belief.squeeze > belief.geometric_deviation else None
+        is_known = belief.squeeze > belief.geometric_deviation
+        return belief if is_known and belief.hold is HoldStatus.HELD else None
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
         """Return the joint positions (2j,) [m], and their Jacobian by the roller offsets."""

@@ -15,9 +15,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from isotruss_ros.core.estimation.grip_belief import GripBelief
-from isotruss_ros.core.estimation.grip_model import attach_model, MAX_UTILISATION
+from isotruss_ros.core.estimation.grip_model import attach_model, Pressures
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.holding.held_grip import HoldStatus, NotHeldError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_placing import place_between
@@ -33,12 +33,9 @@ class BeliefStart:
 
     If none is near the measured pose, every second call searches for one with the desired squeeze,
     which is then assumed.
-
-    :ivar belief: estimated state of the grip after the last call; None without an equilibrium.
     """
 
     def __init__(self) -> None:
-        self.belief: GripBelief | None = None
         self._missed = False  # no equilibrium near the measured pose
         self._assuming = False  # assuming an equilibrium
         self._depth = PRIOR.zero_deviation  # depth of the assumed object in the members [m]
@@ -49,47 +46,40 @@ class BeliefStart:
         grip: Grip,
         settings: SqueezeSettings,
         gripped: bool,
-        pressures: tuple[float, ...] | None,
+        pressures: Pressures,
         zero_covariance: Array | None,
-    ) -> HoldStatus:
+    ) -> GripBelief:
         """
-        Search for an equilibrium near the measured pose, or assume one; return the hold status.
+        Return the belief that starts near the measured pose, or at an assumed equilibrium.
 
         Only if the client reports that the object is gripped, an equilibrium may be assumed. For
         pressures and `zero_covariance` see `GripBelief`.
+
+        :raises NotHeldError: this search has not found an equilibrium.
         """
-        self.belief, description = None, config.robot.description
-        prior = PRIOR.calibrated(description, settings.zero_deviation)
+        prior = PRIOR.calibrated(config.robot.description, settings.zero_deviation)
         prior = replace(prior, load=settings.load or PRIOR.load)
         self._assuming = gripped and self._missed and not self._assuming
         try:
-            placed, body = grip, grip.body
+            placed = grip
             if self._assuming:  # all members have the same indentation
-                shape, angle = body.shape, body.pose.angle
+                shape, angle = grip.body.shape, grip.body.pose.angle
                 between = place_between(config, grip.members, shape, angle, self._depth)
                 placed = grip.moved_to(between.body.pose)
-            equilibrium = attach_model(config, placed, pressures, prior.zero_deviation)
+            grasp = attach_model(config, placed, pressures, prior.zero_deviation)
+            if self._assuming:
+                self._require_squeeze(grasp.squeeze, settings.force)
+            belief = GripBelief(grasp, grip, prior, zero_covariance, is_assumed=self._assuming)
+            if belief.hold is not HoldStatus.HELD:
+                raise NotHeldError(belief.hold)
         except NotHeldError as error:
-            self._missed = True
-            return error.hold
-        if self._assuming and not self._is_desired(equilibrium, settings.force):
-            return HoldStatus.NO_BALANCE
-        if not self._assuming and equilibrium.sections.used.max() > MAX_UTILISATION:
-            self._missed = True
-            return HoldStatus.WRINKLES
-        belief = GripBelief(equilibrium, grip, prior, zero_covariance, is_assumed=self._assuming)
-        hold = belief.grasp.hold(belief.largest_friction)
-        if hold is HoldStatus.HELD and not belief.state.explains(body.pose, belief.cache):
-            hold = HoldStatus.FAR
-        self._missed = hold in (HoldStatus.NO_CONTACT, HoldStatus.FAR)
-        if hold is HoldStatus.HELD:
-            self.belief = belief
-        return hold
+            self._missed = error.hold not in (HoldStatus.SLIPS, HoldStatus.OFF_MEMBER)
+            raise
+        self._missed = False
+        return belief
 
-    def _is_desired(self, equilibrium: HeldGrip, force: float) -> bool:
-        """Return whether an assumed grip has the desired squeeze; if not, correct the depth."""
-        squeeze = equilibrium.squeeze
-        if abs(squeeze - force) <= 2.0 * PRIOR.squeeze_error * force:
-            return True
-        self._depth = min(self._depth * force / squeeze, 4.0 * PRIOR.zero_deviation)
-        return False
+    def _require_squeeze(self, squeeze: float, desired: float) -> None:
+        """Correct the depth and raise NotHeldError unless an assumed squeeze is desired [N]."""
+        if abs(squeeze - desired) > 2.0 * PRIOR.squeeze_error * desired:
+            self._depth = min(self._depth * desired / squeeze, 4.0 * PRIOR.zero_deviation)
+            raise NotHeldError(HoldStatus.NO_BALANCE)

@@ -18,7 +18,7 @@ from dataclasses import replace
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
-from isotruss_ros.core.holding.held_grip import HoldStatus, MIN_RELATIVE_MARGIN
+from isotruss_ros.core.holding.held_grip import HoldStatus, MIN_RELATIVE_MARGIN, NotHeldError
 from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.inputs import StampedInput, steady_pressures, UsedReadings
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -225,19 +225,21 @@ class SqueezeControl:
     def _begin(self, config: Configuration, grip: Grip, gripped: bool) -> HoldStatus:
         """Start the belief of the grip; return the hold status of the object."""
         gripped = gripped and self.fault is None
-        hold = self._start.search(
-            config, grip, self.settings, gripped, self._pressures, self._zeros
-        )
-        if self._start.belief is not None:
-            self.belief = self._start.belief
-            least = (1.0 - 2.0 * self.belief.settings.squeeze_error) * self.belief.squeeze
-            self._excess = max(least - self.settings.force, 0.0)
-            self._choose_gain(self.belief)
-            self.swings = SwingWatch(self.frequency)
-        elif self._lost is not None:
-            self.fail(Status.HALT_NOT_HELD, f'not held: {self._lost.value}')
-        self._lost = None
-        return hold
+        try:
+            belief = self._start.search(
+                config, grip, self.settings, gripped, self._pressures, self._zeros
+            )
+        except NotHeldError as error:
+            if self._lost is not None:
+                self.fail(Status.HALT_NOT_HELD, f'not held: {self._lost.value}')
+            self._lost = None
+            return error.hold
+        self.belief, self._lost = belief, None
+        least = (1.0 - 2.0 * belief.settings.squeeze_error) * belief.squeeze
+        self._excess = max(least - self.settings.force, 0.0)
+        self._choose_gain(belief)
+        self.swings = SwingWatch(self.frequency)
+        return HoldStatus.HELD
 
     def _choose_gain(self, belief: GripBelief) -> None:
         """Choose the gain from the settings, or else from the natural frequency."""

@@ -21,6 +21,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, is_squeeze_known
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.servo import belief_start
 from isotruss_ros.core.servo.belief_start import BeliefStart
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
@@ -48,6 +49,20 @@ def measured(away):
     return Grip(MEMBERS, BODY.moved_to(Pose(x + away[0], y + away[1], angle)), 0.8)
 
 
+def search(start, grip, settings=SETTINGS, gripped=True, config=HOME):
+    """Return the hold status after one search, and the belief or None."""
+    try:
+        return HoldStatus.HELD, start.search(config, grip, settings, gripped, None, None)
+    except NotHeldError as error:
+        return error.hold, None
+
+
+def started_belief(start, grip, settings=SETTINGS):
+    """Return the belief after at most twelve searches, or None."""
+    beliefs = (search(start, grip, settings)[1] for _ in range(12))
+    return next(filter(None, beliefs), None)
+
+
 def _solve(config, grip, twist, rate):
     return solve_twist(config, grip, twist, opening_rate=rate)
 
@@ -61,36 +76,30 @@ def test_each_call_searches_at_most_one_equilibrium(away, monkeypatch):
     )
     start = BeliefStart()
     for number in range(1, 5):
-        start.search(HOME, measured(away), SETTINGS, True, None, None)
+        _, belief = search(start, measured(away))
         assert len(calls) == number
-        if start.belief is not None:
+        if belief is not None:
             break
-    assert start.belief is not None
+    assert belief is not None
 
 
 @pytest.mark.parametrize('away', OUTSIDE)
 def test_only_an_object_commanded_as_gripped_has_a_supposed_equilibrium(away):
     start = BeliefStart()
     for _ in range(6):
-        assert (
-            start.search(HOME, measured(away), SETTINGS, False, None, None) is not HoldStatus.HELD
-        )
-    assert start.belief is None
+        assert search(start, measured(away), gripped=False)[0] is not HoldStatus.HELD
 
 
 def test_an_equilibrium_far_beyond_wrinkling_starts_no_belief():
     start = BeliefStart()
     grip = measured((0.0, 0.025))
-    assert start.search(HOME, grip, SETTINGS, False, None, None) is HoldStatus.WRINKLES
-    assert start.belief is None
+    assert search(start, grip, gripped=False)[0] is HoldStatus.WRINKLES
 
 
 def test_an_unexplained_equilibrium_starts_no_belief_but_one_at_the_measured_angle():
     start = BeliefStart()
-    assert start.search(HOME, TURNED, SETTINGS, True, None, None) is HoldStatus.FAR
-    while start.belief is None:
-        start.search(HOME, TURNED, SETTINGS, True, None, None)
-    assert start.belief.pose[2] == pytest.approx(TURNED.body.pose.angle, abs=0.02)
+    assert search(start, TURNED)[0] is HoldStatus.FAR
+    assert started_belief(start, TURNED).pose[2] == pytest.approx(TURNED.body.pose.angle, abs=0.02)
 
 
 def test_the_assumed_object_is_at_most_four_deviations_of_the_offsets_deep(monkeypatch):
@@ -102,9 +111,7 @@ def test_the_assumed_object_is_at_most_four_deviations_of_the_offsets_deep(monke
 
     monkeypatch.setattr(belief_start, 'place_between', place)
     start, wanted = BeliefStart(), replace(SETTINGS, force=1e3)
-    for _ in range(12):
-        start.search(HOME, measured(OUTSIDE[0]), wanted, True, None, None)
-    assert start.belief is None
+    assert started_belief(start, measured(OUTSIDE[0]), wanted) is None
     assert depths[0] == 0.01
     assert depths[-1] == max(depths) == 0.04
 
@@ -140,33 +147,28 @@ def test_the_offsets_have_the_deviation_of_the_robot_file_unless_it_is_set(given
     zeros = dict.fromkeys(HOME.robot.roller_names, 2e-3)
     known = replace(HOME.robot.description, calibration={'zero_deviations': zeros})
     settings, start = replace(SETTINGS, zero_deviation=given), BeliefStart()
-    start.search(Robot(known).home, measured((0.0, 0.0)), settings, True, None, None)
-    assert start.belief.settings.zero_deviation == used
+    _, belief = search(start, measured((0.0, 0.0)), settings, config=Robot(known).home)
+    assert belief.settings.zero_deviation == used
 
 
 @pytest.mark.parametrize(('given', 'used'), [(0.0, EstimatorSettings().load), (5.0, 5.0)])
 def test_a_load_of_zero_stands_for_that_of_the_estimator(given, used):
     start = BeliefStart()
-    start.search(HOME, measured((0.0, 0.0)), replace(SETTINGS, load=given), True, None, None)
-    assert start.belief.settings.load == used
+    _, belief = search(start, measured((0.0, 0.0)), replace(SETTINGS, load=given))
+    assert belief.settings.load == used
 
 
 @pytest.mark.parametrize('force', [0.8, 1.3, 2.0])
 def test_an_assumed_squeeze_is_within_two_model_errors_of_the_setting(force):
     start, wanted = BeliefStart(), replace(SETTINGS, force=force * SETTINGS.force)
-    for _ in range(12):
-        start.search(HOME, measured(OUTSIDE[0]), wanted, True, None, None)
-        if start.belief is not None:
-            break
+    belief = started_belief(start, measured(OUTSIDE[0]), wanted)
     error = 2.0 * EstimatorSettings().squeeze_error
-    assert start.belief.squeeze == pytest.approx(wanted.force, rel=error)
+    assert belief.squeeze == pytest.approx(wanted.force, rel=error)
 
 
 def test_no_equilibrium_is_assumed_for_a_squeeze_of_zero():
     start, wanted = BeliefStart(), replace(SETTINGS, force=0.0)
-    for _ in range(6):
-        start.search(HOME, measured(OUTSIDE[0]), wanted, True, None, None)
-    assert start.belief is None
+    assert started_belief(start, measured(OUTSIDE[0]), wanted) is None
 
 
 def started(away):
