@@ -118,9 +118,14 @@ class GripBelief:
 
     @property
     def geometric_deviation(self) -> float:
-        """Return the deviation of the squeeze for the stiffness of the robot file [N]."""
+        """
+        Return the deviation of the squeeze for the stiffness of the robot file [N].
+
+        Poses confirm neither an assumed squeeze nor that of an object that has slipped.
+        """
         variance = self.state.spread(self.cache.rates[3], self.cache.by_offsets.outputs[3])
-        relative = 1.0 if self.is_assumed else self.settings.squeeze_error
+        is_unconfirmed = self.is_assumed or self.slipped
+        relative = 1.0 if is_unconfirmed else self.settings.squeeze_error
         return math.hypot(math.sqrt(variance), relative * self.squeeze)
 
     @property

@@ -8,6 +8,7 @@ import math
 
 from grips import gripped, MASSLESS
 from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
+from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -204,6 +205,11 @@ def test_accumulated_correction_beyond_its_noise_is_a_slip():
 
 def test_a_long_jump_of_the_pose_is_a_loss():
     assert slipped(0.1)[0].fault is Status.HALT_NOT_HELD
+
+
+def test_the_squeeze_of_a_slipped_object_is_unknown():
+    belief = slipped(0.04, 0.03)[0].belief
+    assert not is_squeeze_known(belief.squeeze, belief.squeeze_deviation)
 
 
 def test_a_slip_stays_until_a_client_acts():
