@@ -11,10 +11,9 @@ from typing import ClassVar
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
-from isotruss_ros.core.model.shapes import normalize, Shape, SurfacePoints
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDING
 import numpy as np
 import scipy
 
@@ -62,35 +61,12 @@ class Ellipse(Shape):
         """Return the largest distance of the surface from the origin [m]."""
         return max(self.semi_axes)
 
-    def support_points(self, normals: Points) -> Points:
-        """Return the points where tangents touch the surface; see `Shape.support_points`."""
-        a, b = self.semi_axes
-        x, y = a * normals.real, b * normals.imag
-        return (a * x + 1j * b * y) / np.hypot(x, y)
-
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points of the surface with given normals; see `Shape.surface_at`."""
         a, b = self.semi_axes
-        return self.support_points(normals), (a * b) ** 2 / self.support(normals) ** 3
-
-    def nearest(self, points: Points) -> SurfacePoints:
-        """Return the nearest points of the surface; see `Shape.nearest`."""
-        a, b = self.semi_axes
-        # Scaled by the long axis, rotated to x, mirrored into the first quadrant.
-        long, lying = max(a, b), a >= b
-        flat = min(a, b) / long
-        u, v = np.abs(points.real) / long, np.abs(points.imag) / long
-        if not lying:
-            u, v = v, u
-        x, y = _foot(u, v, flat)
-        normals = normalize(x + 1j * y / flat**2)
-        # Signed distance along the normal, from the difference to the foot.
-        gaps = ((u - x + 1j * (v - y)) * normals.conj()).real
-        if not lying:
-            normals = normals.imag + 1j * normals.real
-        signed = np.copysign(normals.real, points.real)
-        signed = signed + 1j * np.copysign(normals.imag, points.imag)
-        return SurfacePoints(long * gaps, signed)
+        x, y = a * normals.real, b * normals.imag
+        support = np.hypot(x, y)
+        return (a * x + 1j * b * y) / support, (a * b) ** 2 / support**3
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths from the x axis to surface points; see `Shape.unroll`."""
@@ -106,30 +82,3 @@ class Ellipse(Shape):
         count = 4 * max(4, int(np.ceil(0.5 * np.pi * self.reach / spacing)))
         along = 2.0 * np.pi * np.arange(count) / count
         return self.semi_axes[0] * np.cos(along) + 1j * self.semi_axes[1] * np.sin(along)
-
-
-def _foot(u: Array, v: Array, flat: float) -> tuple[Array, Array]:
-    """
-    Return the points of an ellipse with semi-axes 1 and b = flat nearest to points (u, v) >= 0.
-
-    It is (u / (t + 1), b^2 v / (t + b^2)) for a parameter t. The equation of the ellipse is convex
-    and decreasing in t, so Newton's method converges from below. The unknown is s = t + b^2.
-    """
-    square = flat**2
-    square_eccentricity = 1.0 - square
-    s = np.maximum(flat * v, u - square_eccentricity)
-    tiny = 1e-15 * square
-    # Inside near the long axis no root exists: the foot is above or below the point.
-    deep = s <= tiny
-    s = np.where(deep, 1.0, s)
-    for _ in range(MAX_NEWTON_ITERATIONS):
-        across, along = (flat * v / s) ** 2, (u / (s + square_eccentricity)) ** 2
-        slope = 2.0 * (along / (s + square_eccentricity) + across / s)
-        # Both terms may vanish deep inside, where no step is needed.
-        step = np.where(deep, 0.0, (along + across - 1.0) / np.where(deep, 1.0, slope))
-        s = s + step
-        if (np.abs(step) <= ROUNDING * s).all():
-            break
-    x = np.where(deep, u / max(square_eccentricity, tiny), u / (s + square_eccentricity))
-    y = np.where(deep, flat * np.sqrt(np.maximum(0.0, 1.0 - x**2)), square * v / s)
-    return np.minimum(x, 1.0), y

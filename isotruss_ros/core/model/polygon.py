@@ -125,16 +125,11 @@ class Polygon(PolygonalShape):
 
     def support_points(self, normals: Points) -> Points:
         """Return the points where tangents touch the surface; see `Shape.support_points`."""
-        at = self._corner_of(normals)
-        return self.arc_centers[at] + self.radii[at] * normals
+        return self.surface_at(self._corner_of(normals), normals)[0]
 
     def corner_at(self, normal: complex) -> int:
         """Return the farthest corner along a normal; see `Shape.corner_at`."""
         return int(self._corner_of(np.array([normal]))[0])
-
-    def point_at(self, corner: int, normal: complex) -> complex:
-        """Return the point of a corner's arc with a given normal; see `Shape.point_at`."""
-        return complex(self.arc_centers[corner] + self.radii[corner] * normal)
 
     def faces_at(self, corner: int) -> tuple[Face, ...]:
         """Return the faces at a corner; see `Shape.faces_at`."""

@@ -20,11 +20,17 @@ from typing import ClassVar, NamedTuple
 
 from isotruss_ros.core.model.pose import check_range, MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
+from isotruss_ros.core.numerics.tolerances import (
+    COINCIDENCE,
+    MAX_NEWTON_ITERATIONS,
+    NEGLIGIBLE_SHARE,
+)
 import numpy as np
 
 #: Indentation that is assumed for an object that does not indent a tube yet, in tube radii [-].
 PLANNED_DEPTH = 0.02
+#: Number of normals from which the search for the nearest surface point starts, about [-].
+NORMAL_SAMPLES = 64
 
 
 class SurfacePoints(NamedTuple):
@@ -95,15 +101,15 @@ class Shape(ABC):
         """
         return (self.support_points(normals) * normals.conj()).real
 
-    @abstractmethod
     def support_points(self, normals: Points) -> Points:
         """
         Return the points (c,) x + iy where given tangents touch the surface [m].
 
         On a tangent along a face, the point is one end of the face.
 
-        :param normals: (c,) outward unit normals of the tangents, x + iy, or a single normal.
+        :param normals: (c,) outward unit normals of the tangents, x + iy.
         """
+        return self.surface_at(np.zeros(len(normals), dtype=np.intp), normals)[0]
 
     def corner_at(self, normal: complex) -> int:
         """
@@ -120,7 +126,7 @@ class Shape(ABC):
         :param corner: index of the corner in contact, see `corner_at`.
         :param normal: outward unit normal of the tangent, x + iy.
         """
-        return complex(self.support_points(normal))
+        return complex(self.surface_at(np.array([corner]), np.array([normal]))[0][0])
 
     def faces_at(self, corner: int) -> tuple[Face, ...]:
         """
@@ -199,13 +205,41 @@ class Shape(ABC):
         :param corners: (k,) indices of the corners in contact, see `corner_at`.
         """
 
-    @abstractmethod
+    @cached_property
+    def _sampled_angles(self) -> Array:
+        """Return the angles (k,) of normals around the surface, ascending by one turn [rad]."""
+        samples = self.outline(self.perimeter / NORMAL_SAMPLES)
+        chords = np.roll(samples, -1) - np.roll(samples, 1)
+        return np.unwrap(np.angle(-1j * chords))
+
     def nearest(self, points: Points) -> SurfacePoints:
         """
         Return the points of the surface nearest to given points.
 
         :param points: (c,) points x + iy, outside or inside [m].
         """
+        # The tangent at the nearest point has the largest distance of all tangents.
+        sampled = self._sampled_angles
+        tangents = np.exp(1j * sampled)
+        distances = (points[:, None] * tangents.conj()).real - self.support(tangents)
+        best = distances.argmax(axis=1)
+        bounds = np.append(sampled[-1] - 2.0 * np.pi, np.append(sampled, sampled[0] + 2.0 * np.pi))
+        angles, low, high = sampled[best], bounds[best], bounds[best + 2]
+        corners = np.zeros(len(points), dtype=np.intp)
+        for _ in range(MAX_NEWTON_ITERATIONS):
+            normals = np.exp(1j * angles)
+            feet, radii = self.surface_at(corners, normals)
+            away = (points - feet) * normals.conj()
+            # The imaginary part is the derivative of the distance by the angle.
+            low, high = np.where(away.imag > 0.0, [angles, high], [low, angles])
+            # Newton's method, or bisection where it leaves the bounds.
+            newton = angles + away.imag / np.maximum(away.real + radii, COINCIDENCE)
+            inside = (newton >= low) & (newton <= high)
+            step = np.where(inside, newton, 0.5 * (low + high)) - angles
+            if (np.abs(step) <= COINCIDENCE).all():
+                break
+            angles = angles + step
+        return SurfacePoints(away.real, normals)
 
     def smoothed(self, length: float) -> Shape:
         """
@@ -260,10 +294,6 @@ class Disc(Shape):
         """Return the largest distance of the surface from the origin [m]."""
         return 0.5 * self.diameter
 
-    def support_points(self, normals: Points) -> Points:
-        """Return the points where tangents touch the surface; see `Shape.support_points`."""
-        return 0.5 * self.diameter * normals
-
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points of the surface with given normals; see `Shape.surface_at`."""
         radius = 0.5 * self.diameter
@@ -271,7 +301,9 @@ class Disc(Shape):
 
     def nearest(self, points: Points) -> SurfacePoints:
         """Return the nearest points of the surface; see `Shape.nearest`."""
-        return SurfacePoints(np.abs(points) - 0.5 * self.diameter, normalize(points))
+        sizes = np.abs(points)
+        normals = np.where(sizes > 0.0, points, 1j) / np.where(sizes > 0.0, sizes, 1.0)
+        return SurfacePoints(sizes - 0.5 * self.diameter, normals)
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths to points with given normals; see `Shape.unroll`."""
@@ -281,11 +313,3 @@ class Disc(Shape):
         """Return points along the surface; see `Shape.outline`."""
         count = max(8, int(np.ceil(self.perimeter / spacing)))
         return 0.5 * self.diameter * np.exp(2j * np.pi * np.arange(count) / count)
-
-
-def normalize(vectors: Points) -> Points:
-    """Return unit vectors (c,); the zero vector becomes i."""
-    sizes = np.abs(vectors)
-    if sizes.all():
-        return vectors / sizes
-    return np.where(sizes > 0.0, vectors / np.where(sizes > 0.0, sizes, 1.0), 1.0j)

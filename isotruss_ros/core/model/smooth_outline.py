@@ -16,9 +16,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from isotruss_ros.core.model.outline_checks import polygon_moments
-from isotruss_ros.core.model.shapes import Shape, SurfacePoints
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERATIONS
 import numpy as np
 import scipy
 
@@ -112,11 +111,6 @@ class SmoothOutline(PolygonalShape):
         angles = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
         return np.array([function(angles) for function in self._functions])
 
-    def support_points(self, normals: Points) -> Points:
-        """Return the points where tangents touch the surface; see `Shape.support_points`."""
-        values = self._around(np.angle(np.atleast_1d(normals))).reshape(4, *np.shape(normals))
-        return self.centroid + (values[1] + 1j * values[2]) * normals
-
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points of the surface with given normals; see `Shape.surface_at`."""
         _, value, slope, curve = self._around(np.angle(normals))
@@ -127,23 +121,6 @@ class SmoothOutline(PolygonalShape):
         values = self._around(angles)
         turns = np.floor((angles - self._angles[0]) / (2.0 * np.pi))
         return np.asarray(values[0] + values[2] + self.perimeter * turns)
-
-    def nearest(self, points: Points) -> SurfacePoints:
-        """Return the nearest points of the surface; see `Shape.nearest`."""
-        away, sampled = points - self.centroid, self._sampled
-        heights = (away[:, None] * np.exp(-1j * sampled)).real
-        angles = sampled[(heights - self._around(sampled)[1]).argmax(axis=1)]
-        widest = 0.5 * np.diff(self._angles).max()
-        for _ in range(MAX_NEWTON_ITERATIONS):
-            # The distance from the tangent at the foot is the largest of all.
-            local, values = away * np.exp(-1j * angles), self._around(angles)
-            bend = np.maximum(local.real + values[3], COINCIDENCE)
-            step = np.clip((local.imag - values[2]) / bend, -widest, widest)
-            angles = angles + step
-            if (np.abs(step) <= COINCIDENCE).all():
-                break
-        normals = np.exp(1j * angles)
-        return SurfacePoints((away * normals.conj()).real - self._around(angles)[1], normals)
 
     def outline(self, spacing: float) -> Points:
         """Return points along the surface; see `Shape.outline`."""

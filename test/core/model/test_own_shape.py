@@ -18,7 +18,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.model import object_file
-from isotruss_ros.core.model.shapes import normalize, Shape, SurfacePoints
+from isotruss_ros.core.model.shapes import Shape
 import numpy as np
 import pytest
 
@@ -61,28 +61,18 @@ class Cam(Shape):
         """Return the distance of tangents from the origin [m]."""
         return self.radius + self.offset * normals.real
 
-    def support_points(self, normals):
-        """Return points of the surface on tangents [m]."""
-        return self.offset + self.radius * normals
-
     def surface_at(self, corners, normals):
         """Return points of the surface with given normals, and radii of curvature [m]."""
-        return self.support_points(normals), np.full(len(normals), self.radius)
+        return self.offset + self.radius * normals, np.full(len(normals), self.radius)
 
     def unroll(self, angles, corners):
         """Return the arcs to points with given normals [m]."""
         return self.radius * angles
 
-    def nearest(self, points):
-        """Return what is nearest on the surface."""
-        away = points - self.offset
-        gaps = np.abs(away) - self.radius
-        return SurfacePoints(gaps, normalize(away))
-
     def outline(self, spacing):
         """Return points along the surface [m]."""
         count = max(8, int(np.ceil(self.perimeter / spacing)))
-        return self.support_points(np.exp(2j * np.pi * np.arange(count) / count))
+        return self.offset + self.radius * np.exp(2j * np.pi * np.arange(count) / count)
 
 
 CAM = Cam(0.15, 0.05)
@@ -125,7 +115,7 @@ def test_the_cam_keeps_the_contract_of_shapes(shape):
 FAULTS = {
     'unroll': lambda self, angles, corners: 1.01 * self.radius * angles,
     'surface_at': lambda self, corners, normals: (
-        self.support_points(normals),
+        self.offset + self.radius * normals,
         np.full(len(normals), 1.01 * self.radius),
     ),
     'support_points': lambda self, normals: self.offset + 1.01 * self.radius * normals,
