@@ -134,7 +134,7 @@ def root_by_hybr(near: core.Configuration, travel: Array) -> Array | None:
 
 def task_rows(config: core.Configuration, grip: core.Grip) -> tuple[Array, float]:
     """Return the rows (14) to (16) of node velocities (4, 2 n), and (17) of the rollers."""
-    nodes, points = find_members(config.robot, grip.members), config.points
+    nodes, points = find_members(config.robot.topology, grip.members), config.points
     (b, c_prev), (b_next, c) = nodes.lines.T
     rows = np.zeros((4, len(points)), dtype=np.complex128)
     ahead, back = points[b_next] - points[b], points[c_prev] - points[c]
@@ -170,7 +170,7 @@ class PaperProgram:
         dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
         lengths, fixed = np.split(dense, [topology.n_modules])
         task, rolling = task_rows(config, state.grip)
-        module = find_members(self.robot, state.grip.members).members[0]
+        module = find_members(self.robot.topology, state.grip.members).members[0]
         roller = topology.driven.searchsorted(module)
         task[2] += rolling * (self.rollers_by_lengths[roller] @ lengths)
         equality = np.vstack([self.tubes @ lengths, fixed, task])

@@ -36,7 +36,7 @@ def sides(config: Configuration, module: str = MODULE) -> tuple[Points, Points]:
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.
     """
-    nodes = find_members(config.robot, members_at(config.robot, module))
+    nodes = find_members(config.robot.topology, members_at(config.robot, module))
     # The member ahead starts at the module's B, the one behind ends at its C.
     ahead, behind = config.points[nodes.lines]
     near, far = np.stack([ahead, behind[::-1]], axis=1)

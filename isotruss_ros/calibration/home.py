@@ -14,8 +14,8 @@ from isotruss_ros.calibration.home_mistakes import find_mistake
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.solve_twist import check_joint
 from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
@@ -58,8 +58,7 @@ def calibrate_home(
     joints = [place for posture in postures for place in posture.joints.values()]
     finite_rows(joints, 2, 'measured joints (x, y) [m]', MeasurementError, MAX_MAGNITUDE)
     measured = {name for posture in postures for name in posture.joints}
-    for name in measured:
-        check_joint(robot, name)
+    check_names('joint', measured, robot.topology.joint_names, robot.name)
     if len(measured) < MIN_JOINTS:
         raise MeasurementError(
             f'joints {", ".join(sorted(measured)) or "none"}: must be {MIN_JOINTS} or more'

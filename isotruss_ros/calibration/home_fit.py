@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.solve_twist import check_joint
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 import scipy
@@ -142,7 +142,6 @@ def _places(posture: Posture) -> Array:
 
 def _numbers(robot: Robot, posture: Posture) -> Indices:
     """Return the indices of the measured joints."""
-    for name in posture.joints:
-        check_joint(robot, name)
     names = robot.topology.joint_names
+    check_names('joint', posture.joints, names, robot.name)
     return np.array([names.index(name) for name in posture.joints], dtype=np.intp)

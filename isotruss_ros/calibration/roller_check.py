@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.solve_twist import check_joint
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import finite_array, finite_rows, MAX_MAGNITUDE
 import numpy as np
 
@@ -67,8 +67,7 @@ def _identify_roller(
     names = robot.topology.joint_names
     if not moved:
         raise MeasurementError(f'no joint was measured: must be some of {", ".join(names)}')
-    for name in moved:
-        check_joint(robot, name)
+    check_names('joint', moved, names, robot.name)
     places = [names.index(name) for name in moved]
     count = len(robot.roller_names)
     rows = config.node_jacobian.reshape(-1, 2, count)[places].reshape(-1, count)

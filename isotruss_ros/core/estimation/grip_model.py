@@ -40,7 +40,7 @@ def attach_model(
 
     For the deviation of the roller offsets [m] see `lay_faces`.
     """
-    members = find_members(config.robot, grip.members).members
+    members = find_members(config.robot.topology, grip.members).members
     grasp = attach_grip(config, grip.body, members, pressure=pressures, quick=True)
     grasp = lay_faces(grasp, grip.friction, zero_deviation)
     if grasp.response is None:

@@ -62,7 +62,7 @@ class StateEstimator:
     def grip(self, grip: Grip | None) -> None:
         """Set the grip that may hold an object, with the object at any pose; None: no grip."""
         if grip is not None:
-            find_members(self._robot, grip.members)
+            find_members(self._robot.topology, grip.members)
         self._grip, self.belief, self._record = grip, None, None
 
     def take_encoders(self, time: float, readings: Array) -> None:

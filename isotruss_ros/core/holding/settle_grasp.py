@@ -62,7 +62,7 @@ def settle_grasp(
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     numbers = None
     if members is not None:
-        numbers = find_members(config.robot, Grip(tuple(members), body).members).members
+        numbers = find_members(config.robot.topology, Grip(tuple(members), body).members).members
     try:
         grip = attach_grip(config, body, numbers, wrench, pressure)
     except NotHeldError as error:

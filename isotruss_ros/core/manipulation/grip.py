@@ -24,7 +24,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
-from isotruss_ros.core.model.topology import Topology
+from isotruss_ros.core.model.topology import check_names, Topology
 from isotruss_ros.core.numerics.arrays import Indices
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
@@ -122,11 +122,7 @@ def check_member_names(members: Sequence[str]) -> tuple[str, ...]:
 
 def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
     """Return the names of the two members that meet at a module; the first begins there."""
-    if module not in robot.module_names:
-        raise GraspError(
-            f'module {quote(str(module))}: robot {robot.name} has no such module; '
-            f'its modules are {", ".join(robot.module_names)}'
-        )
+    check_names('module', [module], robot.module_names, robot.name)
     number, names = robot.module_names.index(module), robot.member_names
     return names[number], names[int(robot.topology.previous[number])]
 
@@ -140,19 +136,10 @@ class MemberNodes(NamedTuple):
     rollers: Indices  #: (d,) indices of the rollers of these modules
 
 
-def find_members(robot: Mechanism, names: tuple[str, ...]) -> MemberNodes:
-    """Return the indices of members `t/j-k`, of their end nodes and of their rollers."""
-    unknown = [name for name in names if name not in robot.member_names]
-    if unknown:
-        raise GraspError(
-            f'members {quote(", ".join(map(str, unknown)))}: robot {robot.name} has no such '
-            f'members; its members are {", ".join(robot.member_names)}'
-        )
-    return _find_nodes(robot.topology, names)
-
-
 @functools.lru_cache(maxsize=256)
-def _find_nodes(topology: Topology, names: tuple[str, ...]) -> MemberNodes:
+def find_members(topology: Topology, names: tuple[str, ...]) -> MemberNodes:
+    """Return the indices of members `t/j-k`, of their end nodes and of their rollers; cached."""
+    check_names('members', names, topology.member_names, topology.robot)
     members = np.array([topology.member_names.index(name) for name in names], dtype=np.intp)
     driven = np.flatnonzero(np.isin(members, topology.driven))
     lines = np.stack([topology.b[members], topology.c[topology.following[members]]], axis=1)
@@ -177,7 +164,7 @@ class GripContact(NamedTuple):
 @functools.lru_cache(maxsize=8)
 def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     """Return the contacts of each member, one or both ends of a face, in their order; cached."""
-    nodes = find_members(config.robot, grip.members)
+    nodes = find_members(config.robot.topology, grip.members)
     tube = config.robot.description.tube_diameter
     body, shape = grip.body, grip.body.shape.smoothed(0.5 * tube)
     inside, back = body.center + body.turn * shape.centroid, body.turn.conjugate()

@@ -66,7 +66,7 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
 
     Rows are vx, vy of the tube's material at the start [-], and angular velocity (16) [1/m].
     """
-    nodes, points = find_members(config.robot, names), config.points
+    nodes, points = find_members(config.robot.topology, names), config.points
     by_node = np.zeros((len(names), 3, len(points)), dtype=np.complex128)
     spans: list[complex] = []
     for member, (start, end) in zip(by_node, nodes.lines.tolist(), strict=True):

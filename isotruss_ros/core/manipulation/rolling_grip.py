@@ -171,7 +171,7 @@ class RollingGrip:
 
     def _lines(self, config: Configuration) -> _Lines:
         """Return the members' centre lines in a configuration."""
-        nodes = find_members(config.robot, self.grip.members)
+        nodes = find_members(config.robot.topology, self.grip.members)
         starts, ends = config.points[nodes.lines.T]
         spans = ends - starts
         axes = spans / np.abs(spans)

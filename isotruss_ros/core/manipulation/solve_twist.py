@@ -14,7 +14,6 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
-from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import apply_limits, LimitHandling
@@ -23,6 +22,7 @@ from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.manipulation.task import find_task, Reach, Task, working_rollers
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -168,16 +168,6 @@ def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] 
     return _find_reach(config, grip_jacobian(config, grip), weights, failed).directions / weights
 
 
-def check_joint(robot: Mechanism, name: str) -> None:
-    """Raise GraspError if a robot has no such joint."""
-    names = robot.topology.joint_names
-    if name not in names:
-        raise GraspError(
-            f'joint {name!r}: robot {robot.name} has no such joint; '
-            f'its joints are {", ".join(names)}'
-        )
-
-
 @single_threaded
 def solve_joint_velocity(
     config: Configuration,
@@ -210,8 +200,7 @@ def solve_joint_velocity(
     names = config.robot.topology.joint_names
     if not velocities:
         raise GraspError(f'velocities: none; give one or more, of the joints {", ".join(names)}')
-    for joint in velocities:
-        check_joint(config.robot, joint)
+    check_names('joint', velocities, names, config.robot.name)
     desired = np.concatenate(
         [
             finite_array(velocity, 2, f'the velocity (vx, vy) [m/s] of joint {joint}', GraspError)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.topology import check_roller_names, Topology
+from isotruss_ros.core.model.topology import check_names, Topology
 from isotruss_ros.core.numerics.arrays import Array, covariance_matrix, Indices, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING, SMALLEST_NORMAL
 import numpy as np
@@ -65,7 +65,7 @@ class WorkingRollers:
 @functools.lru_cache(maxsize=16)
 def working_rollers(topology: Topology, failed: frozenset[str]) -> WorkingRollers:
     """Return the working rollers of a robot."""
-    check_roller_names('failed rollers', failed, topology.roller_names)
+    check_names('failed rollers', failed, topology.roller_names, topology.robot)
     indices = np.array(
         [i for i, name in enumerate(topology.roller_names) if name not in failed], dtype=int
     )

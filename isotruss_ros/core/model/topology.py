@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from isotruss_ros.core.errors import GraspError, quote
+from isotruss_ros.core.errors import GraspError, IsotrussError, quote
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
@@ -24,6 +24,7 @@ class Topology:
     modules have the same indices.
     """
 
+    robot: str  #: name of the robot
     joint_names: tuple[str, ...]  #: names of the joints, in the order of the robot file
     module_names: tuple[str, ...]  #: names t/j of the modules, tube by tube
     #: names of the kinematic nodes: joints, then t/j/B and t/j/C of each module
@@ -65,6 +66,7 @@ def make_topology(description: RobotDescription) -> Topology:
     ]
     coordinates = np.array(list(description.joints.values())).ravel()
     return Topology(
+        robot=description.name,
         joint_names=joints,
         module_names=modules,
         node_names=(*joints, *(f'{module}/{node}' for module in modules for node in 'BC')),
@@ -86,12 +88,19 @@ def make_topology(description: RobotDescription) -> Topology:
     )
 
 
-def check_roller_names(what: str, names: Iterable[str], roller_names: Sequence[str]) -> None:
-    """Raise GraspError if names do not belong to rollers."""
-    unknown = frozenset(names) - frozenset(roller_names)
+def check_names(
+    what: str,
+    names: Iterable[str],
+    valid: Iterable[str],
+    robot: str = '',
+    error: type[IsotrussError] = GraspError,
+) -> None:
+    """Raise an error if a robot has no parts of these names; `what` ends with their kind."""
+    kind = what.split()[-1]
+    unknown = sorted({str(name) for name in names if name not in valid})
     if unknown:
-        listed = quote(', '.join(sorted(map(str, unknown))))
-        raise GraspError(
-            f'{what}: {listed}: the robot has no such rollers; '
-            f'its rollers are {", ".join(roller_names)}'
+        owner = f'robot {robot}' if robot else 'the robot'
+        raise error(
+            f'{what} {quote(", ".join(unknown))}: {owner} has no such {kind}; '
+            f'its {kind.removesuffix("s")}s are {", ".join(valid)}'
         )

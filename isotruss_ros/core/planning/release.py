@@ -78,7 +78,7 @@ def plan_release(
             f'clearance {clearance:.6g} m: must be positive, at most {longest:.6g} m, as long as '
             'all tubes together'
         )
-    numbers = find_members(config.robot, Grip(tuple(members), body).members).members
+    numbers = find_members(config.robot.topology, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
     held = None if record is None else record.restore(config, body)
     if held is not None:  # the pose in the model

@@ -82,7 +82,7 @@ def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[in
     names = needs.members or ()
     if needs.module is not None:
         names = members_at(robot, needs.module)
-    return frozenset(find_members(robot, names).members.tolist())
+    return frozenset(find_members(robot.topology, names).members.tolist())
 
 
 def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:

@@ -71,7 +71,7 @@ def object_distances(
 @functools.lru_cache(maxsize=64)
 def _left_out(robot: Robot, members: tuple[str, ...]) -> Array:
     """Return a mask (3m,) of the parts that `object_distances` excludes."""
-    topology, grasping = robot.topology, find_members(robot, members).members
+    topology, grasping = robot.topology, find_members(robot.topology, members).members
     held = np.zeros((3, topology.n_modules), dtype=bool)
     held[0, grasping] = True
     # The next member begins at the end of a member.

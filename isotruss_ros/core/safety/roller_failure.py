@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 import math
 
-from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 
@@ -54,7 +54,7 @@ class FailureDetector:
     def reset(self, names: Collection[str] | None = None) -> None:
         """Regard some or all rollers as working again, and restart the comparison for all."""
         cleared = frozenset(self._names if names is None else names)
-        check_roller_names('rollers', cleared, self._names)
+        check_names('rollers', cleared, self._names)
         self.failed -= cleared
         self._time = math.nan
 

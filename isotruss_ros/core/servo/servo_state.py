@@ -21,9 +21,9 @@ from isotruss_ros.core.inputs import (
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.limits import default_limits
-from isotruss_ros.core.manipulation.solve_twist import check_joint
 from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.model.convex_object import EXTERNAL_WRENCH
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, load_array
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
@@ -67,7 +67,8 @@ class ServoState:
         :raises GraspError: the robot has no such joint; then the old settings remain.
         """
         if settings.joint is not None:
-            check_joint(self.robot, settings.joint)
+            joints = self.robot.topology.joint_names
+            check_names('joint', [settings.joint], joints, self.robot.name)
         if settings.joint != self.settings.joint:
             self.inputs.twist = None
             if self.squeeze is not None:

@@ -12,7 +12,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,7 +50,7 @@ class DrivenRollers:
 
     def __init__(self, robot: Mechanism, faults: RollerFaults, seed: int = 0) -> None:
         names = robot.roller_names
-        check_roller_names('stuck rollers', faults.stuck, names)
+        check_names('stuck rollers', faults.stuck, names, robot.name)
         if not 0.0 <= faults.slip <= 0.5:
             raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to 0.5')
         self._robot, self._faults = robot, faults

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import SolverError, StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array, load_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -135,12 +136,14 @@ def deform(
     structure = structure_of(config, pressure)
     robot = config.robot
     frame, loads = _load_tubes(structure, tube_loads or {})
+    joints = robot.topology.joint_names
+    check_names('joint', joint_loads, joints, robot.name, StructureError)
     for joint, force in joint_loads.items():
-        _check_name('joint', joint, robot.topology.joint_names, robot.name)
         what = f'the load (fx, fy) [N] on joint {joint}'
         loads[structure.node(joint), :2] += load_array(force, 2, what, StructureError)
-    for module, load in (module_loads or {}).items():
-        _check_name('module', module, robot.module_names, robot.name)
+    module_loads = module_loads or {}
+    check_names('module', module_loads, robot.module_names, robot.name, StructureError)
+    for module, load in module_loads.items():
         what = f'the load (fx, fy, m) [N, N m] on module {module}'
         half = 0.5 * load_array(load, 3, what, StructureError)
         for node in 'BC':
@@ -160,8 +163,8 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
     """Return the frame with nodes at the loads on tubes, and the loads (n, 3) on all nodes."""
     config, rows, members = structure.config, [], []
     names = config.robot.member_names
+    check_names('member', tube_loads, names, config.robot.name, StructureError)
     for member, given in tube_loads.items():
-        _check_name('member', member, names, config.robot.name)
         number = names.index(member)
         for load in np.reshape(np.asarray(given, dtype=float), (-1, 4)):
             what = f'the load (place, fx, fy, m) [m, N, N m] on member {member}'
@@ -200,15 +203,6 @@ def _bend(rest: Tangent, loads: Array) -> FrameState:
             f'{path.factors[-1]:.4g} times these loads; must be smaller'
         )
     return state_under(path.tangents[-1], loads)
-
-
-def _check_name(kind: str, name: str, names: Iterable[str], robot: str) -> None:
-    """Raise StructureError if the robot has no part of this name."""
-    if name not in names:
-        raise StructureError(
-            f'{kind} {name!r}: robot {robot} has no such {kind}; '
-            f'its {kind}s are {", ".join(names)}'
-        )
 
 
 class Sag(NamedTuple):

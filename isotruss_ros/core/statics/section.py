@@ -22,6 +22,7 @@ from isotruss_ros.core.model.inflated_section import (
     MEMBRANE_SHEAR_MODULUS,
     SectionStiffness,
 )
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 import numpy as np
 from numpy.typing import ArrayLike
@@ -127,12 +128,7 @@ def tube_pressures(
     if pressure is None:
         return tuple(pressures.values())
     if isinstance(pressure, Mapping):
-        for tube in pressure:
-            if tube not in pressures:
-                raise StructureError(
-                    f'pressure of tube {tube!r}: robot {description.name} has no such tube; '
-                    f'its tubes are {", ".join(pressures)}'
-                )
+        check_names('pressure of tube', pressure, pressures, description.name, StructureError)
         pressures |= pressure
     else:
         # As an array of objects; values that are not numbers are refused below for each tube.

@@ -96,7 +96,7 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
     if values.get('grip_module'):
         members_at(robot, values['grip_module'])  # type: ignore[arg-type]
     if names := named_members(values.get('grip', [])):
-        find_members(robot, Grip(names, ConvexObject(Disc(1.0))).members)
+        find_members(robot.topology, Grip(names, ConvexObject(Disc(1.0))).members)
 
 
 def named_members(value: Value) -> tuple[str, ...]:

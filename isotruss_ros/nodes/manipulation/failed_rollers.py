@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from isotruss_ros.core import IsotrussError, reachable_twists, Robot, TwistServo
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import StampedInput
-from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
@@ -44,7 +44,7 @@ class FailedRollers:
         if self._unknown is not None:
             return self._unknown
         try:
-            check_roller_names(f'the topic {NAME}', self.named, robot.roller_names)
+            check_names(f'the topic {NAME}: rollers', self.named, robot.roller_names)
         except GraspError as error:
             return str(error)
         return None

@@ -8,8 +8,7 @@ from __future__ import annotations
 from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core import Status, TwistServo
 from isotruss_ros.core.inputs import RejectedInput, StampedInput
-from isotruss_ros.core.manipulation.solve_twist import check_joint
-from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
 from isotruss_ros.nodes.framework import common_parameters as common
@@ -194,12 +193,15 @@ class Manipulation(ManagedNode):
         """Check the parameters of grip, rollers and mode."""
         common.check_grip(self.robot, new)
         failed = set(new.get('failed_rollers', ())) - {''}  # type: ignore[arg-type]
-        check_roller_names('parameter failed_rollers', failed, self.robot.roller_names)
+        check_names(
+            'parameter failed_rollers: rollers', failed, self.robot.roller_names, self.robot.name
+        )
         mode, joint = (new.get(name, getattr(self.values, name)) for name in ('mode', 'joint'))
         if mode not in MODES:
             raise ParameterError(f'parameter mode: {mode!r}: must be one of {MODES}')
         if joint or mode == 'joint':
-            check_joint(self.robot, joint)
+            joints = self.robot.topology.joint_names
+            check_names('joint', [joint], joints, self.robot.name)
 
     def _apply(self) -> None:
         """Use new parameter values from the next cycle on."""

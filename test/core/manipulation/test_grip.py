@@ -139,7 +139,7 @@ def test_contacts_are_the_points_of_the_surface_farthest_toward_the_members(data
 
 def between(*members):
     """Return a configuration with two members in given places, whatever that does to others."""
-    nodes, points = find_members(ROBOT, NAMES), ROBOT.home.points.copy()
+    nodes, points = find_members(ROBOT.topology, NAMES), ROBOT.home.points.copy()
     for number, (start, end) in enumerate(members):
         points[nodes.lines[number]] = start, end
     return Configuration(ROBOT, ROBOT.home.roller_positions.copy(), points)

@@ -159,7 +159,7 @@ def test_only_somebody_who_says_so_makes_a_roller_work_again():
     assert run(watched, rollers, steady([0.05] * 4, 5.0), start=112.0) == {}
     rollers.works[3] = 0.0
     assert set(run(watched, rollers, steady([0.05] * 4, 3.0), start=117.0)) == {'d'}
-    with pytest.raises(GraspError, match="rollers: 'z': the robot has no such rollers"):
+    with pytest.raises(GraspError, match="rollers 'z': the robot has no such rollers"):
         watched.reset(['z'])
 
 

@@ -116,7 +116,7 @@ def test_a_force_at_an_end_of_a_tube_is_that_of_a_place_nearby(end):
     ('loads', 'complaint'),
     [
         ({'joint_loads': {'W': (0.0, -1.0)}}, "joint 'W': robot triangle .*L, R, T"),
-        ({'joint_loads': {None: (0.0, -1.0)}}, 'joint None'),
+        ({'joint_loads': {None: (0.0, -1.0)}}, "joint 'None': robot triangle"),
         ({'joint_loads': {'T': (np.nan, 0.0)}}, 'joint T.*must be 2 finite numbers'),
         ({'joint_loads': {'T': (1.7e308, 0.0)}}, r'joint T: .*at most 1e\+06'),
         ({'module_loads': {'main/W': (0.0, 0.0, 1.0)}}, "module 'main/W'.*main/L, main/R, main/T"),
