@@ -12,7 +12,7 @@ from typing import NamedTuple
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject, EXTERNAL_WRENCH
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, load_array
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, MAX_LOAD
 from isotruss_ros.mujoco_plant.mjcf import ARMATURE_FACTOR, export_mjcf, spring_damping
 from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.springs import springs_of
@@ -126,7 +126,7 @@ class MujocoPlant:
         :param wrench: wrench (fx, fy, m) about the object's centre, robot frame [N, N m].
         :raises PlantError: the wrench is not three finite numbers within range.
         """
-        pulling = load_array(wrench, 3, EXTERNAL_WRENCH, PlantError)
+        pulling = finite_array(wrench, 3, EXTERNAL_WRENCH, PlantError, MAX_LOAD)
         self.data.qfrc_applied[self._object_dofs] = pulling
 
     def load_joint(self, joint: str, force: ArrayLike) -> None:
@@ -138,7 +138,7 @@ class MujocoPlant:
         :raises PlantError: the force is not two finite numbers within range.
         """
         body, what = self._find_body(joint), f'the load (fx, fy) [N] on joint {joint}'
-        self.data.xfrc_applied[body, :2] = load_array(force, 2, what, PlantError)
+        self.data.xfrc_applied[body, :2] = finite_array(force, 2, what, PlantError, MAX_LOAD)
 
     def set_friction(self, friction: float) -> None:
         """

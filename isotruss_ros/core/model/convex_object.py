@@ -15,13 +15,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import check_range, MAX_FRICTION, MAX_MASS, Pose, pose_fault
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
-from isotruss_ros.core.numerics.arrays import (
-    Array,
-    finite_array,
-    load_array,
-    MAX_MAGNITUDE,
-    Points,
-)
+from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD, MAX_MAGNITUDE, Points
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING
 import numpy as np
@@ -200,7 +194,7 @@ def check_load(
 ) -> tuple[float, Array]:
     """Return the friction, see `ConvexObject.friction_or`, and the external wrench, checked."""
     mu = check_friction(body.friction_or(friction))
-    return mu, load_array(external_wrench, 3, EXTERNAL_WRENCH, GraspError)
+    return mu, finite_array(external_wrench, 3, EXTERNAL_WRENCH, GraspError, MAX_LOAD)
 
 
 class SegmentGaps(NamedTuple):

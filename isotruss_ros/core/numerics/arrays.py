@@ -26,43 +26,14 @@ MAX_ENTRIES = 1000
 
 
 def finite_array(
-    values: ArrayLike, count: int, what: str, error: type[IsotrussError], most: float = np.inf
+    values: ArrayLike,
+    size: int | tuple[int, ...],
+    what: str,
+    error: type[IsotrussError],
+    most: float = np.inf,
 ) -> NDArray[np.float64]:
-    """Return a copy of `count` finite real numbers as an array (count,)."""
-    return _finite(values, (count,), what, error, most)
-
-
-def load_array(
-    values: ArrayLike, count: int, what: str, error: type[IsotrussError]
-) -> NDArray[np.float64]:
-    """Return a copy of `count` forces and moments, at most `MAX_LOAD` each; see `finite_array`."""
-    return finite_array(values, count, what, error, MAX_LOAD)
-
-
-def finite_rows(
-    values: ArrayLike, columns: int, what: str, error: type[IsotrussError], most: float = np.inf
-) -> NDArray[np.float64]:
-    """Return a copy of rows of finite real numbers as an array (n, columns)."""
-    rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
-    return _finite(values, (*rows, columns), what, error, most)
-
-
-def covariance_matrix(
-    values: ArrayLike, count: int, what: str, error: type[IsotrussError]
-) -> NDArray[np.float64]:
-    """Return a copy of a covariance matrix (count, count)."""
-    matrix = _finite(values, (count, count), what, error, np.inf)
-    bound = ROUNDING * np.abs(matrix).max()
-    symmetric = (np.abs(matrix - matrix.T) <= bound).all()
-    if not symmetric or np.linalg.eigvalsh(matrix)[0] < -bound:
-        raise error(f'{what}: must be symmetric and positive semidefinite')
-    return matrix
-
-
-def _finite(
-    values: ArrayLike, shape: tuple[int, ...], what: str, error: type[IsotrussError], most: float
-) -> NDArray[np.float64]:
-    """Return finite numbers as an array of any shape; see `finite_array`."""
+    """Return a copy of finite numbers of magnitudes up to `most` as an array of this size."""
+    shape = (size,) if isinstance(size, int) else size
     try:
         array = np.asarray(values)
     except ValueError:
@@ -72,14 +43,34 @@ def _finite(
         return np.zeros(shape)
     fits = array.dtype.kind in 'iuf' and array.shape == shape and np.isfinite(array).all()
     if not fits or (np.abs(array) > most).any():
-        given = repr(values.tolist() if hasattr(values, 'tolist') else values)
-        given = given if len(given) <= 80 else given[:77] + '...'
+        text = repr(values.tolist() if hasattr(values, 'tolist') else values)
+        shown = text if len(text) <= 80 else text[:77] + '...'
         count = ' x '.join(map(str, shape)) + ' finite numbers'
         if shape == (1,):
-            given, count = given.removeprefix('[').removesuffix(']'), 'a finite number'
+            shown, count = shown.removeprefix('[').removesuffix(']'), 'a finite number'
         bound = '' if most == np.inf else f', at most {most:g}'
-        raise error(f'{what}: {given}: must be {count}{bound}')
+        raise error(f'{what}: {shown}: must be {count}{bound}')
     return array.astype(np.float64)
+
+
+def finite_rows(
+    values: ArrayLike, columns: int, what: str, error: type[IsotrussError], most: float = np.inf
+) -> NDArray[np.float64]:
+    """Return a copy of rows of finite real numbers as an array (n, columns)."""
+    rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
+    return finite_array(values, (*rows, columns), what, error, most)
+
+
+def covariance_matrix(
+    values: ArrayLike, count: int, what: str, error: type[IsotrussError]
+) -> NDArray[np.float64]:
+    """Return a copy of a covariance matrix (count, count)."""
+    matrix = finite_array(values, (count, count), what, error)
+    bound = ROUNDING * np.abs(matrix).max()
+    symmetric = (np.abs(matrix - matrix.T) <= bound).all()
+    if not symmetric or np.linalg.eigvalsh(matrix)[0] < -bound:
+        raise error(f'{what}: must be symmetric and positive semidefinite')
+    return matrix
 
 
 def as_xy(vectors: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -24,7 +24,7 @@ from isotruss_ros.core.manipulation.limits import default_limits
 from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.model.convex_object import EXTERNAL_WRENCH
 from isotruss_ros.core.model.topology import check_names
-from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, load_array
+from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, MAX_LOAD
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
 from isotruss_ros.core.servo.servo_settings import ServoSettings
@@ -118,7 +118,7 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
         if name in ('twist', 'pose'):
             finite_array(value, 3, words, GraspError)
         elif name == 'wrench':
-            load_array(value, 3, EXTERNAL_WRENCH, GraspError)
+            finite_array(value, 3, EXTERNAL_WRENCH, GraspError, MAX_LOAD)
         elif name == 'pressures':
             tube_pressures(robot.description, value)
         elif name == 'rollers':

@@ -16,7 +16,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, push_out
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject, EXTERNAL_WRENCH
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, finite_array, load_array
+from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
@@ -68,7 +68,7 @@ class ElasticObject:
 
         :raises GraspError: the wrench is not three finite numbers within range.
         """
-        self._wrench = load_array(wrench, 3, EXTERNAL_WRENCH, GraspError)
+        self._wrench = finite_array(wrench, 3, EXTERNAL_WRENCH, GraspError, MAX_LOAD)
         self._followed = None
 
     @property

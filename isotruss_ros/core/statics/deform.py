@@ -13,7 +13,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import SolverError, StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.model.topology import check_names
-from isotruss_ros.core.numerics.arrays import Array, load_array
+from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.equilibrium import (
@@ -140,12 +140,12 @@ def deform(
     check_names('joint', joint_loads, joints, robot.name, StructureError)
     for joint, force in joint_loads.items():
         what = f'the load (fx, fy) [N] on joint {joint}'
-        loads[structure.node(joint), :2] += load_array(force, 2, what, StructureError)
+        loads[structure.node(joint), :2] += finite_array(force, 2, what, StructureError, MAX_LOAD)
     module_loads = module_loads or {}
     check_names('module', module_loads, robot.module_names, robot.name, StructureError)
     for module, load in module_loads.items():
         what = f'the load (fx, fy, m) [N, N m] on module {module}'
-        half = 0.5 * load_array(load, 3, what, StructureError)
+        half = 0.5 * finite_array(load, 3, what, StructureError, MAX_LOAD)
         for node in 'BC':
             loads[structure.node(f'{module}/{node}')] += half
     rest = _unloaded(structure, frame)
@@ -168,7 +168,7 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
         number = names.index(member)
         for load in np.reshape(np.asarray(given, dtype=float), (-1, 4)):
             what = f'the load (place, fx, fy, m) [m, N, N m] on member {member}'
-            rows.append(load_array(load, 4, what, StructureError))
+            rows.append(finite_array(load, 4, what, StructureError, MAX_LOAD))
             length = float(config.member_lengths[number])
             if not 0.0 < load[0] < length:
                 raise StructureError(

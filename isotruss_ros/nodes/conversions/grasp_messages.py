@@ -15,7 +15,7 @@ from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import ConvexObject
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.held_shape import contact_points
-from isotruss_ros.core.numerics.arrays import load_array
+from isotruss_ros.core.numerics.arrays import finite_array, MAX_LOAD
 from isotruss_ros.nodes.conversions.messages import (
     ALIGNED_OBJECT,
     check_frame,
@@ -52,7 +52,7 @@ def read_external_wrench(
     """
     wrench = _planar(message.wrench)
     what = 'external wrench (force.x, force.y [N], torque.z [N m])'
-    load_array(wrench, 3, what, MessageError)
+    finite_array(wrench, 3, what, MessageError, MAX_LOAD)
     if frame and message.header.frame_id == name_frame(frame, OBJECT) and angle is not None:
         fx, fy, m = wrench
         force = complex(fx, fy) * cmath.rect(1.0, angle)
