@@ -17,6 +17,7 @@ pinned, the moment at its start.
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -43,8 +44,6 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
     frame, count = structure.frame, len(members)
     piece, within, _ = structure.locate(members, positions)
     pieces, number = np.unique(piece, return_inverse=True)
-    node = np.stack([frame.layout.start[pieces], frame.layout.end[pieces]], axis=1)
-    ends = (3 * node[:, :, None] + np.arange(3)).ravel()
     section, pinned = frame.section[:, piece], frame.layout.pinned[piece]
     local, along, across = clamped_pieces(frame.length[piece], section, within, pinned)
     x, y = xy = np.array([frame.axis[piece].real, frame.axis[piece].imag])
@@ -55,20 +54,26 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
     )
     shapes = np.zeros((2, count, len(pieces), 6))
     shapes[:, np.arange(count), number] = turned.real.T, turned.imag.T
-    unit = np.zeros((3 * len(frame.points), len(ends)))
-    unit[ends, np.arange(len(ends))] = 1.0
-    rows = frame.layout.numbering.rows
-    response = structure.rest.respond(unit)[rows:]
+    ends, response = _respond(structure, tuple(pieces.tolist()))
     spread = shapes.reshape(2 * count, len(ends))
     compliance = spread @ response[ends] @ spread.T
     together = number[:, None] == number
     across, softer = np.where(together, (across, along - across), 0.0)
-    inside = compliance.reshape(2, count, 2, count)
-    for i, j in np.ndindex(2, 2):
-        inside[i, :, j] += softer * (xy[i] * xy[j])[:, None]
-    inside[0, :, 0] += across
-    inside[1, :, 1] += across
+    compliance += np.tile(softer, (2, 2)) * np.outer(xy, xy)
+    compliance[:count, :count] += across
+    compliance[count:, count:] += across
     return StraightPoints(structure, pieces, number, within, spread, response, compliance)
+
+
+@functools.lru_cache(maxsize=16)
+def _respond(structure: Structure, pieces: tuple[int, ...]) -> tuple[Indices, Array]:
+    """Return the coordinates (6 p,) of pieces' ends, and the nodes' motion (3 n, 6 p) by them."""
+    layout = structure.frame.layout
+    nodes = np.stack([layout.start[list(pieces)], layout.end[list(pieces)]], axis=1)
+    ends = (3 * nodes[:, :, None] + np.arange(3)).ravel()
+    loads = np.zeros((3 * len(structure.frame.points), len(ends)))
+    loads[ends, np.arange(len(ends))] = 1.0
+    return ends, structure.rest.respond(loads)[layout.numbering.rows :]
 
 
 def clamped_pieces(
