@@ -56,8 +56,6 @@ class RobotDescription:
     local_stiffness: float = 1.0
     stiffness_scale: float = 1.0  #: ratio of the tubes' true stiffness to the modelled one [-]
     tube_mass: float = 0.1  #: mass of the tubes per length [kg/m]
-    #: damping ratio of the vibration mode with the lowest frequency [-]
-    damping_ratio: float = 0.1
     #: block `calibration` of the file, with the standard deviations of roller offsets and
     #: stiffness
     calibration: Mapping[str, Any] = field(default_factory=dict)

@@ -23,7 +23,6 @@ TUBE_KEYS = {
     'stiffness_scale': 'stiffness_scale',
     'local_stiffness': 'local_stiffness',
     'mass_per_length': 'tube_mass',
-    'damping_ratio': 'damping_ratio',
 }
 
 
