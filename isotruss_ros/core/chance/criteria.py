@@ -52,7 +52,7 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
     if any(grip.response is None for grip in (first, *critical)):
         raise GraspError('the equilibrium is neutral: it must resist every motion')
     change, tubes = find_unknown_rates(first)
-    parts = [_criteria(first, friction, tubes, change), _near(first, tubes, change)]
+    parts = [_criteria(first, friction, tubes, change), _bound_displacement(first, tubes, change)]
     rolling = first.statics.rolling_rows(first.state.unknowns, first.state.normals)
     anchors = rolling @ change + _rolled(first, tubes)
     for grip in critical:
@@ -92,22 +92,23 @@ def _equation_rates(grip: HeldGrip, tubes: LoadedTubes, sticks: bool = False) ->
     return rates
 
 
-def _near(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Criteria:
-    """Return four conditions that bound the object's displacement from the given pose."""
-    body, given, normals = grip.body, grip.statics.body, grip.state.normals
-    turned = 1j * normals[:, None] * (tubes.spins + change[grip.state.places.inclinations])
-    chord, swung = normals[0] - normals[-1], turned[0] - turned[-1]
-    shift, moved = body.middle - given.middle, change[0] + 1j * change[1]
-    moved = moved + 1j * (body.middle - body.center) * change[ANGLE]
-    given_moved = 1.0, 1.0j, 1j * (given.middle - given.center)
-    moved[GraspParameters.of(grip.config).place] -= given_moved
+def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Criteria:
+    """Return four conditions that bound the object's displacement from its measured pose."""
+    body, measured, normals = grip.body, grip.statics.body, grip.state.normals
+    normal_rates = 1j * normals[:, None] * (tubes.spins + change[grip.state.places.inclinations])
     # Along and across the chord of the normals, which turns.
+    chord = normals[0] - normals[-1]
+    chord_rates = normal_rates[0] - normal_rates[-1]
     axis = chord / abs(chord)
-    away, rates = shift / axis, (moved - 1j * (swung / chord).imag * shift) / axis
+    displacement = (body.middle - measured.middle) / axis
+    rates = change[0] + 1j * change[1] + 1j * (body.middle - body.center) * change[ANGLE]
+    place = GraspParameters.of(grip.config).place
+    rates[place] -= 1.0, 1.0j, 1j * (measured.middle - measured.center)
+    rates = rates / axis - 1j * (chord_rates / chord).imag * displacement
+    both = np.vstack([np.append(displacement, rates).real, np.append(displacement, rates).imag])
+    signed = np.concatenate([-both, both])
     limit = MAX_DISPLACEMENT * grip.config.robot.description.tube_diameter
-    values = limit - np.array([away.real, away.imag, -away.real, -away.imag])
-    rates = -np.array([rates.real, rates.imag, -rates.real, -rates.imag])
-    return Criteria(4 * ('far from the given pose',), values, rates)
+    return Criteria(4 * ('far from the given pose',), limit + signed[:, 0], signed[:, 1:])
 
 
 def _rolled(grip: HeldGrip, tubes: LoadedTubes) -> Array:

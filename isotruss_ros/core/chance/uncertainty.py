@@ -92,18 +92,21 @@ class Uncertainty:
         :param block: keys and values, or a YAML text with them.
         :raises GraspError: a key is unknown, or a value is out of range.
         """
-        known, given, values = robot.description.calibration, block, dict[str, Any]()
+        calibration = robot.description.calibration
+        given = block
         if isinstance(given, str):
             given = parse_yaml('uncertainty', given or '{}', 'uncertainties', GraspError)
-        if 'stiffness_deviation' in known:
-            values['stiffness'] = known['stiffness_deviation']
+        values: dict[str, Any] = {}
+        if 'stiffness_deviation' in calibration:
+            values['stiffness'] = calibration['stiffness_deviation']
         for source in (robot.description.uncertainty, body and body.uncertainty, given):
             for fault in find_faults(source or {}, 'uncertainty'):  # also unknown keys
                 raise GraspError(f'uncertainty: {fault}')
             values.update(source or {})
-        if 'zero_deviations' in known and 'roller_offset' not in values:
-            zeros = [known['zero_deviations'].get(name, 0.0) for name in robot.roller_names]
-            values['offset_covariance'] = np.diag(np.square(zeros))
+        if 'zero_deviations' in calibration and 'roller_offset' not in values:
+            by_roller = calibration['zero_deviations']
+            deviations = [by_roller.get(name, 0.0) for name in robot.roller_names]
+            values['offset_covariance'] = np.diag(np.square(deviations))
         return cls(**values)
 
     def covariance(self, grip: HeldGrip) -> Array:
@@ -117,14 +120,18 @@ class Uncertainty:
         spread[columns.rollers] = self.roller_offset
         spread[columns.place] = self.position, self.position, self.angle
         spread[columns.pressures] = self.pressure * np.array(grip.pressures)
-        spread[columns.friction], spread[columns.stiffness] = self.friction, self.stiffness
+        spread[columns.friction] = self.friction
+        spread[columns.stiffness] = self.stiffness
         spread[columns.wrench] = self.force, self.force, self.moment
         spread[-1] = self.size
         covariance = np.diag(spread**2)
         if self.offset_covariance is not None:
-            given, count = self.offset_covariance, columns.rollers.stop
-            given = covariance_matrix(given, count, 'offset_covariance [m^2]', GraspError)
-            covariance[columns.rollers, columns.rollers] = given
+            covariance[columns.rollers, columns.rollers] = covariance_matrix(
+                self.offset_covariance,
+                columns.rollers.stop,
+                'offset_covariance [m^2]',
+                GraspError,
+            )
         weight = self.mass * grip.wrench * (1.0, 1.0, grip.arm)
         covariance[columns.wrench, columns.wrench] += np.outer(weight, weight)
         return covariance
@@ -177,13 +184,15 @@ class Uncertainty:
         :param gradient: derivatives of the grasp.
         """
         grip, friction = gradient.settled.equilibrium, gradient.settled.friction
-        rates, column = np.zeros(gradient.parameters.size + 1), gradient.parameters.friction
+        column = gradient.parameters.friction
+        rates = np.zeros(gradient.parameters.size + 1)
         if grip is None:
             return rates
         steps = STEP * np.maximum(np.sqrt(np.diag(self.covariance(grip))), 1e-3)
         for k, step in enumerate(np.diag(steps)):
             for change in (step, -step):
-                there = changed_grip(grip, change)
-                chance = find_chance([there], friction + change[column], self.covariance(there))
+                changed = changed_grip(grip, change)
+                covariance = self.covariance(changed)
+                chance = find_chance([changed], friction + change[column], covariance)
                 rates[k] += chance.probability / (2.0 * change[k])
         return rates
