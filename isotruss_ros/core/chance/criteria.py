@@ -53,8 +53,8 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
         raise GraspError('the equilibrium is neutral: it must resist every motion')
     change, tubes = find_unknown_rates(first)
     parts = [_criteria(first, friction, tubes, change), _bound_displacement(first, tubes, change)]
-    rolling = first.statics.rolling_rows(first.state.unknowns, first.state.normals)
-    anchors = rolling @ change + _rolled(first, tubes)
+    anchors = _rolled(first, tubes)
+    anchors += first.statics.rolling_rows(first.state.unknowns, first.state.normals) @ change
     for grip in critical:
         old, new = first.contacts, grip.contacts
         same = (new.members[:, None] == old.members) & (new.corners[:, None] == old.corners)
@@ -97,18 +97,17 @@ def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Cr
     body, measured, normals = grip.body, grip.statics.body, grip.state.normals
     normal_rates = 1j * normals[:, None] * (tubes.spins + change[grip.state.places.inclinations])
     # Along and across the chord of the normals, which turns.
-    chord = normals[0] - normals[-1]
-    chord_rates = normal_rates[0] - normal_rates[-1]
+    chord, chord_rates = normals[0] - normals[-1], normal_rates[0] - normal_rates[-1]
     axis = chord / abs(chord)
     displacement = (body.middle - measured.middle) / axis
     rates = change[0] + 1j * change[1] + 1j * (body.middle - body.center) * change[ANGLE]
-    place = GraspParameters.of(grip.config).place
-    rates[place] -= 1.0, 1.0j, 1j * (measured.middle - measured.center)
+    measured_rates = 1.0, 1.0j, 1j * (measured.middle - measured.center)
+    rates[GraspParameters.of(grip.config).place] -= measured_rates
     rates = rates / axis - 1j * (chord_rates / chord).imag * displacement
-    both = np.vstack([np.append(displacement, rates).real, np.append(displacement, rates).imag])
-    signed = np.concatenate([-both, both])
-    limit = MAX_DISPLACEMENT * grip.config.robot.description.tube_diameter
-    return Criteria(4 * ('far from the given pose',), limit + signed[:, 0], signed[:, 1:])
+    along = np.append(displacement, rates)
+    values = np.array([-along.real, -along.imag, along.real, along.imag])
+    values[:, 0] += MAX_DISPLACEMENT * grip.config.robot.description.tube_diameter
+    return Criteria(4 * ('far from the given pose',), values[:, 0], values[:, 1:])
 
 
 def _rolled(grip: HeldGrip, tubes: LoadedTubes) -> Array:

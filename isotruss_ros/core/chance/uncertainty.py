@@ -28,6 +28,7 @@ import scipy
 
 #: Step of the differences of the probability, in standard deviations [-].
 STEP = 3e-4
+COVARIANCE = 'offset_covariance [m^2]'
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ class Uncertainty:
         for fault in find_faults(values, 'uncertainty'):
             raise GraspError(f'uncertainty: {fault}')
         if offsets is not None:
-            covariance_matrix(offsets, len(offsets), 'offset_covariance [m^2]', GraspError)
+            covariance_matrix(offsets, len(offsets), COVARIANCE, GraspError)
 
     @classmethod
     def of(
@@ -104,9 +105,9 @@ class Uncertainty:
                 raise GraspError(f'uncertainty: {fault}')
             values.update(source or {})
         if 'zero_deviations' in calibration and 'roller_offset' not in values:
-            by_roller = calibration['zero_deviations']
-            deviations = [by_roller.get(name, 0.0) for name in robot.roller_names]
-            values['offset_covariance'] = np.diag(np.square(deviations))
+            zeros = calibration['zero_deviations']
+            variances = [zeros.get(name, 0.0) ** 2 for name in robot.roller_names]
+            values['offset_covariance'] = np.diag(variances)
         return cls(**values)
 
     def covariance(self, grip: HeldGrip) -> Array:
@@ -120,18 +121,14 @@ class Uncertainty:
         spread[columns.rollers] = self.roller_offset
         spread[columns.place] = self.position, self.position, self.angle
         spread[columns.pressures] = self.pressure * np.array(grip.pressures)
-        spread[columns.friction] = self.friction
-        spread[columns.stiffness] = self.stiffness
+        spread[columns.friction], spread[columns.stiffness] = self.friction, self.stiffness
         spread[columns.wrench] = self.force, self.force, self.moment
         spread[-1] = self.size
         covariance = np.diag(spread**2)
         if self.offset_covariance is not None:
-            covariance[columns.rollers, columns.rollers] = covariance_matrix(
-                self.offset_covariance,
-                columns.rollers.stop,
-                'offset_covariance [m^2]',
-                GraspError,
-            )
+            size = columns.rollers.stop
+            offsets = covariance_matrix(self.offset_covariance, size, COVARIANCE, GraspError)
+            covariance[columns.rollers, columns.rollers] = offsets
         weight = self.mass * grip.wrench * (1.0, 1.0, grip.arm)
         covariance[columns.wrench, columns.wrench] += np.outer(weight, weight)
         return covariance
@@ -183,16 +180,15 @@ class Uncertainty:
 
         :param gradient: derivatives of the grasp.
         """
-        grip, friction = gradient.settled.equilibrium, gradient.settled.friction
-        column = gradient.parameters.friction
-        rates = np.zeros(gradient.parameters.size + 1)
+        grip, columns = gradient.settled.equilibrium, gradient.parameters
+        rates = np.zeros(columns.size + 1)
         if grip is None:
             return rates
         steps = STEP * np.maximum(np.sqrt(np.diag(self.covariance(grip))), 1e-3)
         for k, step in enumerate(np.diag(steps)):
             for change in (step, -step):
-                changed = changed_grip(grip, change)
-                covariance = self.covariance(changed)
-                chance = find_chance([changed], friction + change[column], covariance)
+                moved = changed_grip(grip, change)
+                friction = gradient.settled.friction + change[columns.friction]
+                chance = find_chance([moved], friction, self.covariance(moved))
                 rates[k] += chance.probability / (2.0 * change[k])
         return rates
