@@ -97,9 +97,8 @@ class Uncertainty:
         given = block
         if isinstance(given, str):
             given = parse_yaml('uncertainty', given or '{}', 'uncertainties', GraspError)
-        values: dict[str, Any] = {}
-        if 'stiffness_deviation' in calibration:
-            values['stiffness'] = calibration['stiffness_deviation']
+        stiffness = calibration.get('stiffness_deviation', cls.stiffness)
+        values: dict[str, Any] = {'stiffness': stiffness}
         for source in (robot.description.uncertainty, body and body.uncertainty, given):
             for fault in find_faults(source or {}, 'uncertainty'):  # also unknown keys
                 raise GraspError(f'uncertainty: {fault}')
