@@ -131,7 +131,7 @@ class _Loop(Regulated):
         self.estimator = StateEstimator(
             robot, EstimatorSettings(zero_deviation=ZEROS, stiffness=MEASURED)
         )
-        self.estimator.grip = self.servo.settings.grip.moved_to(self.plant.object_pose())
+        self.estimator.set_grip(self.servo.settings.grip.moved_to(self.plant.object_pose()))
         self.joints = robot.topology.joint_names
         self.offsets = np.zeros(len(robot.roller_names))
         self.squeezes: list[float] = []

@@ -144,7 +144,7 @@ class StateEstimatorNode(ManagedNode):
         body = common.make_body(values, common.read_described(values))
         grip = Grip(common.select_grip(self.robot, values), body)
         if grip != self._estimator.grip:
-            self._estimator.grip = grip
+            self._estimator.set_grip(grip)
 
     def _take_pose(self, given: StampedInput) -> None:
         values, estimator = self.values, self._estimator

@@ -324,7 +324,7 @@ def grasp_gradient(world):
 def estimate(world):
     """Let the estimator take readings and a pose."""
     estimator = StateEstimator(world.robot)
-    estimator.grip = world.grip
+    estimator.set_grip(world.grip)
     estimator.take_encoders(1.0, world.config.roller_positions)
     estimator.take_pose(1.0, world.body.pose, world.rng.uniform(1e-4, 1e-3, 3))
     estimator.take_encoders(1.1, world.config.roller_positions + world.travel(0.001))

@@ -20,13 +20,14 @@ import math
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
-from isotruss_ros.core.estimation.grip_model import attach_model, SHIFTS
+from isotruss_ros.core.estimation.grip_model import attach_model, Pressures, SHIFTS
 from isotruss_ros.core.estimation.offset_filter import OffsetFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.inputs import HISTORY_DURATION, steady_pressures, Timeline, UsedReadings
+from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.pose import Pose
@@ -41,29 +42,22 @@ class StateEstimator:
     """Kalman filters of roller offsets and grip; the belief is None without an object."""
 
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
-        self.settings = given = settings or EstimatorSettings()
-        self._robot = robot
-        self._grip: Grip | None = None
-        self._zeros, self._config = OffsetFilter(robot, given), robot.home
+        self.settings = settings or EstimatorSettings()
+        self.grip: Grip | None = None
+        self._robot, self._tracker = robot, ConfigurationTracker(robot.home)
+        self._zeros = OffsetFilter(robot, self.settings)
         self.belief: GripBelief | None = None
         self._record: GripRecord | None = None  # last grip of the control loop
         self._held: HeldGrip | None = None  # its equilibrium
         self._readings, self._measured = Timeline(), UsedReadings()
-        self._pressures: tuple[float, ...] | None = None
+        self._pressures: Pressures = None
         self._rolled = 0.0
         self._used_offsets = self._zeros.offsets  # roller offsets in the equilibrium of the grip
 
-    @property
-    def grip(self) -> Grip | None:
-        """Return the grip that may hold an object; None if there is none."""
-        return self._grip
-
-    @grip.setter
-    def grip(self, grip: Grip | None) -> None:
-        """Set the grip that may hold an object, with the object at any pose; None: no grip."""
-        if grip is not None:
-            find_members(self._robot.topology, grip.members)
-        self._grip, self.belief, self._record = grip, None, None
+    def set_grip(self, grip: Grip) -> None:
+        """Set the grip that may hold an object, with the object at any pose."""
+        find_members(self._robot.topology, grip.members)
+        self.grip, self.belief, self._record = grip, None, None
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """Advance to encoder readings (r,), travel minus offset [m]; skip older readings."""
@@ -77,7 +71,7 @@ class StateEstimator:
         self._readings.add(time, readings)
         self._readings.discard_before(time - HISTORY_DURATION)
 
-    def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
+    def take_pressures(self, pressures: Pressures) -> None:
         """Use gauge pressures (t,) [Pa], or those of the robot file; see `steady_pressures`."""
         if pressures is not None:
             pressures = tube_pressures(self._robot.description, pressures)
@@ -93,15 +87,16 @@ class StateEstimator:
         :raises GraspError: the object has no such corners, or the tubes are of another structure.
         """
         before, self._record = self._record, record
-        if record is before or self._grip is None:
+        if record is before or self.grip is None:
             return
         if record is None:
             self.belief = None
             return
-        held = self._held = record.restore(self._config, self._grip.body)
+        config = self._tracker.configuration(record.travel)
+        held = self._held = record.restore(config, self.grip.body)
         self._used_offsets = self._zeros.offsets
         if before is None:
-            grip, covariance = self._grip.moved_to(held.pose), self._zeros.offset_covariance
+            grip, covariance = self.grip.moved_to(held.pose), self._zeros.offset_covariance
             self.belief = GripBelief(held, grip, self.settings, covariance, is_assumed=True)
 
     @single_threaded
@@ -116,7 +111,7 @@ class StateEstimator:
         what = "the object's pose (x, y, angle) [m, rad]"
         pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE).tolist())
         deviations = _positive(deviations, 3, 'deviations of the pose [m, rad]')
-        if self._grip is None or self._record is not None or not self._in_time(time):
+        if self.grip is None or self._record is not None or not self._in_time(time):
             return False
         if not self._measured.use('pose', time, pose):
             return False
@@ -125,7 +120,17 @@ class StateEstimator:
             self.belief.observe(pose, self._rolled - time)
             if self.belief.state.jump <= JUMP_LENGTH and not self.belief.slipped:
                 return True
-        self.belief = self._attach(pose, deviations)
+        self._used_offsets = self._zeros.offsets
+        config = self._tracker.configuration(self._readings.last[1] + self._used_offsets)
+        grip, covariance = self.grip.moved_to(pose), self._zeros.offset_covariance
+        try:
+            grasp = attach_model(config, grip, self._pressures, self.settings.zero_deviation)
+            belief = GripBelief(grasp, grip, self.settings, covariance, deviations)
+        except (ConfigurationError, GraspError, StructureError):
+            self.belief = None
+        else:
+            is_known = belief.squeeze > belief.geometric_deviation
+            self.belief = belief if is_known and belief.hold is HoldStatus.HELD else None
         return self.belief is not None
 
     @single_threaded
@@ -218,23 +223,10 @@ class StateEstimator:
         except (ConfigurationError, GraspError, StructureError):
             self.belief = None
 
-    def _attach(self, pose: Pose, deviations: Array) -> GripBelief | None:
-        """Return the belief of an object at its measured pose; None if it cannot be held."""
-        zeros, self._used_offsets = self._zeros, self._zeros.offsets
-        self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
-        grip = self._grip.moved_to(pose)
-        try:
-            held = attach_model(self._config, grip, self._pressures, self.settings.zero_deviation)
-            belief = GripBelief(held, grip, self.settings, zeros.offset_covariance, deviations)
-        except (ConfigurationError, GraspError, StructureError):
-            return None
-        is_known = belief.squeeze > belief.geometric_deviation
-        return belief if is_known and belief.hold is HoldStatus.HELD else None
-
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
         """Return the joint positions (2j,) [m], and their Jacobian by the roller offsets."""
         count, belief = 2 * len(self._robot.topology.joint_names), self.belief
-        config = self._config = self._config.moved_to(readings + offsets)
+        config = self._tracker.configuration(readings + offsets)
         positions, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
         if belief is None:
             return positions, rates

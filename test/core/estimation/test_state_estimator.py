@@ -73,7 +73,7 @@ class DrawnRobot:
             self.wrench = settings.load * rng.normal(size=3)
             found = attach_grip(self.config, there)
             self.grip = self._roll(found)
-            self.estimator.grip = Grip(members, replace(there, friction=FRICTION), FRICTION)
+            self.estimator.set_grip(Grip(members, replace(there, friction=FRICTION), FRICTION))
         self.estimator.take_encoders(0.0, self.readings)
 
     def _roll(self, grip):

@@ -239,7 +239,8 @@ def test_an_object_at_rest_is_held_with_markers_in_a_turned_frame(degrees):
         CONFIG.robot, ServoSettings(grip, PERIOD, 0.2, squeeze=squeeze, bounds=None)
     )
     estimator = StateEstimator(CONFIG.robot, EstimatorSettings(stiffness=0.0))
-    estimator.grip, turn = grip, np.exp(1j * np.radians(degrees))
+    estimator.set_grip(grip)
+    turn = np.exp(1j * np.radians(degrees))
     for number in range(20):
         now, readings = number * PERIOD, plant.roller_positions
         estimator.take_encoders(now, readings)

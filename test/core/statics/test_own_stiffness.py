@@ -92,7 +92,7 @@ def test_user_defined_stiffness_supports_gradient_planner_and_estimator(listed):
     free = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3, -0.1), 0.3)
     assert plan_grasps(robot.home, free, GraspRequirements(count=1, friction=0.8))
     estimator = StateEstimator(robot)
-    estimator.grip = Grip.at_module(robot, 'north/Z', body, 0.8)
+    estimator.set_grip(Grip.at_module(robot, 'north/Z', body, 0.8))
     estimator.take_encoders(0.0, np.zeros(len(robot.roller_names)))
     estimator.take_pose(0.0, body.pose, np.array([1e-3, 1e-3, 0.01]))
     assert np.isfinite(estimator.estimate().squeeze)
