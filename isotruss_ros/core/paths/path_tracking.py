@@ -104,15 +104,14 @@ class PathClock:
 
     :ivar ramp_time: time in which the rate changes from 0 to 1, or back [s].
     :ivar waited: time since the last progress [s].
+    :param timeout: largest time without progress [s].
     """
 
-    def __init__(
-        self, duration: float, ramp_time: float, progress_timeout: float, period: float
-    ) -> None:
+    def __init__(self, duration: float, ramp_time: float, timeout: float, period: float) -> None:
         self.time = self.rate = self.waited = 0.0
         self._duration, self.ramp_time = duration, ramp_time
         # Progress at half of the smallest rate under limits counts as none.
-        self._least_progress = 0.5 * MIN_LIMITED_RATE * progress_timeout
+        self._least_progress = 0.5 * MIN_LIMITED_RATE * timeout
         self._mark = self._now = 0.0
         self.period = period
         self._known = Timeline()
@@ -135,32 +134,30 @@ class PathClock:
         """Return the path time `elapsed` - `age` after the last call of `advance` [s]."""
         return self._known.at(self._now + elapsed - age)
 
-    def step(self, elapsed: float) -> float:
-        """Return an elapsed time of at most two periods, so that a late cycle causes no jump."""
-        return min(max(elapsed, 0.0), 2.0 * self.period)
-
-    def advance(self, elapsed: float, room: float, scale: float, held: bool) -> None:
+    def advance(self, elapsed: float, room: float, scale: float, held: bool) -> float:
         """
-        Advance path time by one cycle of the control loop.
+        Advance path time by one cycle of the control loop; return the counted time of the cycle.
 
-        A rate above `room`, the largest that the robot's lag admits, is reduced at once. The rate
-        approaches `scale` along a ramp, because this feedback on limits is some cycles late.
+        At most two periods are counted, so that a late cycle causes no jump. A rate above `room`,
+        the largest that the robot's lag admits, is reduced at once. The rate approaches `scale`
+        along a ramp, because this feedback on limits is some cycles late.
         """
-        self._now += max(elapsed, 0.0)
+        self._now += elapsed
+        self.waited += elapsed
         if self._now > self._known.last[0]:
             self._known.add(self._now, self.time)
         self._known.discard_before(self._now - MAX_TIMEOUT)
-        step = self.step(elapsed)
+        counted = min(elapsed, 2.0 * self.period)
         wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_LIMITED_RATE)
-        most = step / self.ramp_time
+        most = counted / self.ramp_time
         rate = min(max(wanted, self.rate - most), self.rate + most)
         remaining = self._duration - self.time
         self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * remaining / self.ramp_time))
-        self.time = min(self.time + self.rate * step, self._duration)
+        self.time = min(self.time + self.rate * counted, self._duration)
         self._known.add(self._now + self.period, self.time)
-        self.waited += max(elapsed, 0.0)
         if self.time - self._mark > self._least_progress:
             self.waited, self._mark = 0.0, self.time
+        return counted
 
 
 class PathTracker:
@@ -223,40 +220,33 @@ class PathTracker:
             measured, 3, 'the measured pose (x, y, angle) [m, rad]', PathError, MAX_MAGNITUDE
         )
         age, elapsed = max(age, 0.0), max(elapsed, 0.0)
-        error = pose_difference(self.path.pose(self.clock.time_then(elapsed, age)), measured)
+        clock, settings = self.clock, self.settings
+        error = pose_difference(self.path.pose(clock.time_then(elapsed, age)), measured)
         position_error, angle_error = math.hypot(error[0], error[1]), abs(float(error[2]))
-        step = self.clock.step(elapsed)
-        self.max_position_error = max(self.max_position_error, position_error)
-        self.max_angle_error = max(self.max_angle_error, angle_error)
-        self._watched += step
-        self._squares += step * position_error * position_error  # ** would raise for large errors
         share = max(
-            position_error / self.settings.position_tolerance,
-            angle_error / self.settings.angle_tolerance,
+            position_error / settings.position_tolerance, angle_error / settings.angle_tolerance
         )
         room = min(max((STOPPING_SHARE - share) / (STOPPING_SHARE - SLOWING_SHARE), 0.0), 1.0)
-        here, over = self.path.pose(self.clock.time), self.clock.at_end
-        self.clock.advance(elapsed, room, scale, held)
-        phase = self._phase(share, over, min(room, scale), held)
-        twist = np.zeros(3)
-        if phase not in FINISHED and phase is not PathPhase.HELD:
-            # The mean velocity over the step is exact also at corners and at the end.
-            ahead = (self.path.pose(self.clock.time) - here) / max(step, COINCIDENCE)
-            twist = ahead + self._feedback(error, age)
-        message = ''
+        here, was_at_end = self.path.pose(clock.time), clock.at_end
+        counted = clock.advance(elapsed, room, scale, held)
+        self.max_position_error = max(self.max_position_error, position_error)
+        self.max_angle_error = max(self.max_angle_error, angle_error)
+        self._watched += counted
+        self._squares += counted * position_error * position_error  # ** would raise if large
+        phase = self._phase(share, was_at_end, min(room, scale), held)
+        twist, message = np.zeros(3), ''
         if phase in FINISHED:
-            where = 'the end of the path' if self.clock.at_end else 'the path'
+            where = 'the end of the path' if clock.at_end else 'the path'
             message = f'{1e3 * position_error:.3g} mm and {angle_error:.3g} rad off {where}'
-        if phase is PathPhase.STUCK:
-            message = f'no progress for {self.clock.waited:.3g} s, {message}'
+            if phase is PathPhase.STUCK:
+                message = f'no progress for {clock.waited:.3g} s, {message}'
+        elif phase is not PathPhase.HELD:
+            # The mean velocity over the cycle is exact also at corners and at the end.
+            velocity = (self.path.pose(clock.time) - here) / max(counted, COINCIDENCE)
+            twist = velocity + self._feedback(error, age)
+        progress = clock.time / self.path.duration
         return Tracking(
-            phase,
-            twist,
-            position_error,
-            angle_error,
-            self.clock.time / self.path.duration,
-            self.clock.time_left,
-            message,
+            phase, twist, position_error, angle_error, progress, clock.time_left, message
         )
 
     def _feedback(self, error: Array, age: float) -> Array:
@@ -270,23 +260,23 @@ class PathTracker:
         twist[2] *= min(1.0, MAX_FEEDBACK_SHARE * path.turn_rate / max(turn, COINCIDENCE))
         return twist
 
-    def _phase(self, share: float, over: bool, pace: float, held: bool) -> PathPhase:
+    def _phase(self, share: float, was_at_end: bool, pace: float, held: bool) -> PathPhase:
         """
         Return the phase of path following.
 
         :param share: error divided by its tolerance [-].
-        :param over: whether path time had reached its end when the pose was measured.
+        :param was_at_end: whether path time had reached its end when the pose was measured.
         :param pace: rate of path time that the robot's lag and limits admit.
         """
         if share > 1.0:
             return PathPhase.OFF_PATH
         # At the end of the path, half of the tolerances applies.
-        if over and not held and share <= 0.5:
+        if was_at_end and not held and share <= 0.5:
             return PathPhase.REACHED
         if self.clock.waited > self.settings.progress_timeout:
-            return PathPhase.OFF_PATH if over and not held else PathPhase.STUCK
+            return PathPhase.OFF_PATH if was_at_end and not held else PathPhase.STUCK
         if held:
             return PathPhase.HELD
-        if over:
+        if was_at_end:
             return PathPhase.SETTLING
         return PathPhase.SLOWED if pace < 1.0 else PathPhase.FOLLOWING
