@@ -96,8 +96,8 @@ class ActiveValues(NamedTuple):
     indices: Indices  #: (k,) indices of the values among the barrier's values
     values: Array  #: (k,) values of the barrier function
     node_rows: Array  #: (k, 2n) derivatives of the values with respect to node coordinates
-    #: (k, r) derivatives of the values with respect to roller travel with fixed nodes; None: zero
-    roller_rows: Array | None = None
+    #: (k, r) derivatives of the values with respect to roller travel with fixed nodes, or zero
+    roller_rows: Array | float = 0.0
 
 
 NO_ACTIVE_VALUES = ActiveValues(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, 0)))
@@ -106,21 +106,10 @@ NO_ACTIVE_VALUES = ActiveValues(np.zeros(0, dtype=np.intp), np.zeros(0), np.zero
 class Barrier(Protocol):
     """Protocol of barriers, each a lower bound on one or more functions of the configuration."""
 
-    @property
-    def status(self) -> Status:
-        """Return the status code of a command that this barrier reduces."""
-
-    @property
-    def needs_object(self) -> bool:
-        """
-        Return whether the barrier's values depend on a held object.
-
-        Such a barrier applies only while an object is held.
-        """
-
-    @property
-    def law(self) -> BarrierLaw:
-        """Return the law: bound of the values, and bound of their rate of decrease."""
+    status: Status  #: status code of a command that this barrier reduces
+    #: whether the values depend on a held object; then the barrier applies only with an object
+    needs_object: bool
+    law: BarrierLaw  #: bound of the values, and bound of their rate of decrease
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """
@@ -160,12 +149,14 @@ class BarrierLimit:
     Limit on roller speeds due to those values of one barrier that are close to its bound.
 
     :ivar matrix: (k, r) derivatives of the values with respect to roller travel.
+    :param rows: (k, r) derivatives with respect to roller travel by the motion of the nodes.
     """
 
     can_slide = True
 
-    def __init__(self, barrier: Barrier, active: ActiveValues, matrix: Array) -> None:
-        self.barrier, self.indices, self.matrix = barrier, active.indices, matrix
+    def __init__(self, barrier: Barrier, active: ActiveValues, rows: Array) -> None:
+        self.barrier, self.indices = barrier, active.indices
+        self.matrix = rows + active.roller_rows
         self.margins = active.values - barrier.law.bound  #: (k,) margins of the values
         self.status = barrier.status  #: status of a command that this limit reduces
 
@@ -179,22 +170,17 @@ class BarrierLimit:
         return tuple(self.barrier.names(self.indices))
 
     def violation(
-        self,
-        end: Configuration,
-        grip: Grip | None,
-        travel: Array,
-        velocities: Array,
-        duration: float,
+        self, end: Configuration, grip: Grip | None, travel: Array, speeds: Array, duration: float
     ) -> BarrierViolation | None:
         """
         Return the violation of `BarrierLaw.discrete_bound` by a motion; None if there is none.
 
-        The limit is linearised at the midpoint of the motion, which `velocities` (r,) predict.
+        The limit is linearised at the midpoint of the motion, which roller `speeds` (r,) predict.
         """
         law = self.barrier.law
-        before = self.margins - 0.5 * duration * (self.matrix @ velocities)
+        before = self.margins - 0.5 * duration * (self.matrix @ speeds)
         after = self.barrier.values(end, grip, self.indices) - law.bound
-        longest = max(float(np.abs(travel).max()), duration * float(np.abs(velocities).max()))
+        longest = max(float(np.abs(travel).max()), duration * float(np.abs(speeds).max()))
         bound = law.discrete_bound(before, duration, longest)
         below = np.flatnonzero(after < bound)
         if not len(below):

@@ -51,10 +51,8 @@ def _moved(grip: Grip | None, then: Grip | None) -> float:
     """Return an upper bound of the object's displacement [m]; infinite for another object."""
     if grip is then:
         return 0.0
-    if grip is None or then is None or grip.members != then.members:
-        return math.inf
     body, before = grip.body, then.body
-    if body.shape != before.shape:
+    if grip.members != then.members or body.shape != before.shape:
         return math.inf
     return abs(body.center - before.center) + abs(body.turn - before.turn) * body.shape.reach
 

@@ -120,22 +120,15 @@ class ShapeGuard:
         :raises GraspError: see `find_contacts`.
         """
         barriers = tuple(b for b in self._barriers if grip is not None or not b.needs_object)
-        active_values = [
-            (barrier, active)
-            for barrier in barriers
-            if len((active := barrier.active(config, grip)).indices)
-        ]
-        limits: list[BarrierLimit] = []
-        if active_values:
-            # One solution for the rows of all barriers.
-            node_rows = np.concatenate([active.node_rows for _, active in active_values])
-            rows = config.roller_rows(node_rows)
-            for barrier, active in active_values:
-                count = len(active.indices)
-                matrix, rows = rows[:count], rows[count:]
-                if active.roller_rows is not None:
-                    matrix = matrix + active.roller_rows
-                limits.append(BarrierLimit(barrier, active, matrix))
+        evaluated = [(barrier, barrier.active(config, grip)) for barrier in barriers]
+        bounded = [(barrier, active) for barrier, active in evaluated if len(active.indices)]
+        if not bounded:
+            return Watch(config, grip, barriers, ())
+        # One solution for the rows of all barriers.
+        rows = config.roller_rows(np.concatenate([active.node_rows for _, active in bounded]))
+        ends = np.cumsum([len(active.indices) for _, active in bounded])
+        pairs = zip(bounded, np.split(rows, ends[:-1]), strict=True)
+        limits = (BarrierLimit(barrier, active, part) for (barrier, active), part in pairs)
         return Watch(config, grip, barriers, tuple(limits))
 
 

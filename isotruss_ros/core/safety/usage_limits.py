@@ -46,18 +46,16 @@ class UsageLimits:
         self, command: RollerCommand, period: float, most: float
     ) -> RollerCommand:
         """Return the command, slowed if the utilisation approaches its bound `most` too fast."""
-        allowance = period * UTILISATION_RATE * (most - self._used)
-        share = self._share(0, command, allowance, period)
+        room = period * UTILISATION_RATE * (most - self._used)
+        share = self._share(0, command, room, period)
         if share == 1.0:
             return command
         return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
 
-    def _share(
-        self, quantity: int, command: RollerCommand, allowance: float, period: float
-    ) -> float:
-        """Return the largest factor, 0 to 1, at which a quantity grows by at most `allowance`."""
-        more = float(self._rates[quantity] @ (period * command.roller_velocities))
-        return 1.0 if more <= max(allowance, 0.0) else max(allowance, 0.0) / more
+    def _share(self, quantity: int, command: RollerCommand, room: float, period: float) -> float:
+        """Return the largest factor, 0 to 1, at which a quantity grows by at most `room`."""
+        increase = float(self._rates[quantity] @ (period * command.roller_velocities))
+        return 1.0 if increase <= max(room, 0.0) else max(room, 0.0) / increase
 
     def _take(self, grasp: HeldGrip) -> None:
         """Store the name of the member with the largest utilisation, and this utilisation."""
