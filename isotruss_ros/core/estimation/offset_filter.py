@@ -25,6 +25,8 @@ MAX_OFFSET_DEVIATION = 0.05
 #: Number of successive messages without a consistent marker after which the roller offsets are
 #: regarded as unknown [-].
 MAX_INCONSISTENT_MESSAGES = 5
+#: Function that returns the joint positions (2j,) [m] and their Jacobian for roller offsets (r,).
+JointModel = Callable[[Array], tuple[Array, Array]]
 
 
 class OffsetFilter:
@@ -93,21 +95,13 @@ class OffsetFilter:
         added[: self._count] = np.minimum(variances, room)
         self._prior, self.covariance = self._prior + added, self.covariance + np.diag(added)
 
-    def expect(
-        self, joints: Callable[[Array], tuple[Array, Array]], rows: Indices, mean: Array
-    ) -> tuple[Array, Array]:
+    def expect(self, joints: JointModel, rows: Indices, mean: Array) -> tuple[Array, Array]:
         """Return coordinates (m,) of the markers in `rows`, and their Jacobian, at a state."""
         (offsets, errors), constant = np.split(mean, [self._count]), self._constant[rows]
         values, rates = joints(offsets)
         return values[rows] + constant @ errors, np.hstack([rates[rows], constant])
 
-    def update(
-        self,
-        measured: Array,
-        noise: Array,
-        rows: Indices,
-        joints: Callable[[Array], tuple[Array, Array]],
-    ) -> None:
+    def update(self, measured: Array, noise: Array, rows: Indices, joints: JointModel) -> None:
         """Update the state with coordinates (m,) in `rows` by Gauss-Newton steps."""
         prior = mean = self.mean
         covariance = self.covariance
@@ -128,16 +122,16 @@ class OffsetFilter:
         deviation: float,
         readings: Array,
         reach: Array,
-        place: Callable[[Array], tuple[Array, Array]],
+        joints: JointModel,
     ) -> bool:
         """
         Update the offsets with a message of markers; return whether at least one was used.
 
         The encoder readings (r,) are those at that time, `reach` (r,) is the range of the stored
-        ones [m]; for `place` see `update`.
+        ones [m].
         """
         rows = np.array([2 * self._names.index(name) + i for name in markers for i in (0, 1)])
-        expected, slopes = self.expect(place, rows, self.mean)
+        expected, slopes = self.expect(joints, rows, self.mean)
         rates = slopes[:, : self._count]
         measured = np.array(list(markers.values()), dtype=float).ravel()
         encoders = self._settings.encoders**2 * rates @ rates.T
@@ -158,7 +152,7 @@ class OffsetFilter:
         chosen = np.flatnonzero(np.repeat(used, 2))
         if not len(chosen):
             return False
-        self.update(measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen], place)
+        self.update(measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen], joints)
         variances = np.diag(self.offset_covariance) + self._settings.joint_error**2
         self._slips.add(time, readings, self.offsets, variances)
         self.slipping = tuple(self._rollers[self._slips.slipping].tolist())
