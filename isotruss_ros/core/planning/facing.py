@@ -7,7 +7,7 @@ Directions of members around an object that admit force closure.
 Two balanced forces act along one line. The required friction coefficient is the tangent of the
 angle between this line and the normals, for the best line through both contacts. A face can be in
 contact at any of its points, see `Shape.contact_patch`. Three members have force closure if forces
-within their friction cones balance.
+within their friction cones balance. The `radius` is that of the tubes [m].
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ TURN_WEIGHT = 0.3
 ROUNDED_DIGITS = 9
 
 
-def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tuple[Points, Points]:
+def contact_ends(body: ConvexObject, normals: Points, radius: float) -> tuple[Points, Points]:
     """
     Return both ends (s,) of each contact with straight members, the clockwise end first [m].
 
     Normals (s,) point to the members; ends are relative to the object's origin, in robot axes.
     """
-    shape, facing = body.shape.smoothed(tube_radius), normals * body.turn.conjugate()
+    shape, facing = body.shape.smoothed(radius), normals * body.turn.conjugate()
     if not shape.faces_at(0):
         points = body.turn * shape.support_points(facing)
         return points, points
-    patches = [shape.contact_patch(normal, tube_radius) for normal in facing.tolist()]
+    patches = [shape.contact_patch(normal, radius) for normal in facing.tolist()]
     first, last = (body.turn * np.array([patch[i].point for patch in patches]) for i in (0, -1))
     return first, last
 
 
 @functools.lru_cache(maxsize=16)
-def _pairs(shape: Shape, tube_radius: float) -> tuple[Points, Points, Array]:
+def _pairs(shape: Shape, radius: float) -> tuple[Points, Points, Array]:
     """Return candidates of two directions in the object's frame, with their friction angles."""
     firsts, corner = np.exp(2j * np.pi * np.arange(72) / 72).tolist(), 0
-    smooth = shape.smoothed(tube_radius)
+    smooth = shape.smoothed(radius)
     while faces := smooth.faces_at(corner):
         firsts.append(faces[-1].normal)
         corner = faces[-1].corner
@@ -59,20 +59,18 @@ def _pairs(shape: Shape, tube_radius: float) -> tuple[Points, Points, Array]:
     directions, wedges = np.meshgrid(firsts, np.linspace(-0.8, 0.8, 17))
     normals = directions.ravel()
     others = -normals * np.exp(1j * wedges.ravel())
-    return normals, others, friction_angles(ConvexObject(shape), normals, others, tube_radius)
+    return normals, others, friction_angles(ConvexObject(shape), normals, others, radius)
 
 
-def friction_angles(
-    body: ConvexObject, normals: Points, others: Points, tube_radius: float
-) -> Array:
+def friction_angles(body: ConvexObject, normals: Points, others: Points, radius: float) -> Array:
     """Return the smallest friction angles (s,) at which the forces of s pairs balance [rad]."""
-    ends, other_ends = (contact_ends(body, n, tube_radius) for n in (normals, others))
+    ends, other_ends = (contact_ends(body, n, radius) for n in (normals, others))
     return balance_angles(normals, others, np.array(ends), np.array(other_ends))
 
 
-def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: float) -> bool:
+def balances(body: ConvexObject, normals: Points, angle: float, radius: float) -> bool:
     """Return whether forces within friction cones of a half angle [rad] can balance an object."""
-    ends = contact_ends(body, normals, tube_radius)
+    ends = contact_ends(body, normals, radius)
     arms = np.concatenate([*ends, *ends]) - (body.middle - body.center)
     turned = np.concatenate([-normals * np.exp(1j * sign * angle) for sign in (1, 1, -1, -1)])
     moments = (arms.conj() * turned).imag / body.arm
@@ -82,18 +80,14 @@ def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: flo
 
 
 def find_facing(
-    body: ConvexObject,
-    normals: Points,
-    angle: float,
-    tube_radius: float,
-    turning: float = TURN_WEIGHT,
+    body: ConvexObject, normals: Points, angle: float, radius: float, turning: float = TURN_WEIGHT
 ) -> Points | None:
     """
     Return directions (2,) of two members that admit force closure, near the current ones, or None.
 
     They minimise a weighted sum of required friction angle and rotation.
     """
-    firsts, others, used = _pairs(body.shape, tube_radius)
+    firsts, others, used = _pairs(body.shape, radius)
     firsts, others = firsts * body.turn, others * body.turn
     turns = np.abs(np.angle([firsts / normals[0], others / normals[1]]))
     price = np.where(used <= angle, used + turning * turns.sum(axis=0), math.inf)

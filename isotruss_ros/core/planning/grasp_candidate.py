@@ -21,12 +21,13 @@ from isotruss_ros.core.planning.violations import RequirementError, SearchTally,
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 
+#: Grasp of a candidate, None if it violates a requirement, and tally of the candidate.
+Judgement = tuple[PlannedGrasp | None, SearchTally]
+
 
 @single_threaded  # also in the processes of an executor
-def judge_candidate(
-    config: Configuration, closing: Closing
-) -> tuple[PlannedGrasp | None, SearchTally]:
-    """Return the grasp of a candidate, None if it violates a requirement, and its tally."""
+def judge_candidate(config: Configuration, closing: Closing) -> Judgement:
+    """Return the grasp of a candidate, if it is admissible, and its tally."""
     grasp, tally = None, closing.tally
     try:
         with tally.recording():

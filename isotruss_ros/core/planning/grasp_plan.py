@@ -140,15 +140,13 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
     """
     numbers = [field.name for field in fields(grasp) if field.type == 'float']
     chance = {} if grasp.chance is None else {'chance': grasp.chance.probability}
-    return (
-        {
-            'module': grasp.module or '',
-            'members': list(grasp.members),
-            'roller_positions': grasp.roller_positions.tolist(),
-        }
-        | {name: getattr(grasp, name) for name in numbers}
-        | chance
-    )
+    return {
+        'module': grasp.module or '',
+        'members': list(grasp.members),
+        'roller_positions': grasp.roller_positions.tolist(),
+        **{name: getattr(grasp, name) for name in numbers},
+        **chance,
+    }
 
 
 def export_path(grasp: PlannedGrasp) -> dict[str, Any]:

@@ -65,12 +65,18 @@ REFINEMENT = 0.34
 def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
     """Return the equilibrium of an object between given members, from which it can roll."""
     try:
-        grasp = roll_grip(attach_grip(config, closing.body, closing.members), config)
+        attached = attach_grip(config, closing.body, closing.members)
     except NotHeldError:
-        grasp = None
-    if grasp is None or len(grasp.members) != len(closing.members):
+        raise RequirementError('held', 0.0, 1.0) from None
+    return roll_between(attached, config, closing)
+
+
+def roll_between(grasp: HeldGrip, config: Configuration, closing: Closing) -> HeldGrip:
+    """Return the grasp rolled to a configuration; raise RequirementError if a member lets go."""
+    rolled = roll_grip(grasp, config)
+    if rolled is None or len(rolled.members) != len(closing.members):
         raise RequirementError('held', 0.0, 1.0)
-    return grasp
+    return rolled
 
 
 def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:
@@ -125,10 +131,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
             config = grasp.config.moved_to(grasp.config.roller_positions + travel)
         except ConfigurationError:
             raise RequirementError('rigidity', 0.0, closing.needs.min_rigidity) from None
-        moved = roll_grip(grasp, config)
-        if moved is None or len(moved.members) != len(grasp.members):
-            raise RequirementError('held', 0.0, 1.0)
-        grasp = moved
+        grasp = roll_between(grasp, config, closing)
     raise RequirementError('squeeze', grasp.squeeze, force)
 
 

@@ -25,7 +25,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.planning.approach import Closing
-from isotruss_ros.core.planning.grasp_candidate import judge_candidate
+from isotruss_ros.core.planning.grasp_candidate import judge_candidate, Judgement
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.seeds import find_seeds, required_members
@@ -162,9 +162,7 @@ class _Search:
                 distinct.append(grasp)
         return distinct[: self.needs.count]
 
-    def _judge_each(
-        self, closings: list[Closing]
-    ) -> Iterator[tuple[PlannedGrasp | None, SearchTally]]:
+    def _judge_each(self, closings: list[Closing]) -> Iterator[Judgement]:
         """Yield the results of the seeds in their order, until the search is stopped."""
         if self.executor is None:
             for closing in closings:

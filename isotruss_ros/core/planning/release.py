@@ -17,7 +17,6 @@ import math
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -34,7 +33,7 @@ from isotruss_ros.core.planning.approach import (
     GAP_TOLERANCE,
     press,
 )
-from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
+from isotruss_ros.core.planning.motion_in_place import hold_between, roll_between, squeeze_in_place
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
@@ -118,10 +117,9 @@ def _unload(
     end = squeeze_in_place(grasp, remaining, closing).config.roller_positions
     for pieces in range(UNLOADING_STEPS, 1, -1):
         start = grasp.config.roller_positions
-        moved = roll_grip(grasp, grasp.config.moved_to(start + (end - start) / pieces))
-        if moved is None:
-            raise RequirementError('held', 0.0, 1.0)
-        grasp = squeeze_in_place(moved, moved.squeeze, closing)
+        target = grasp.config.moved_to(start + (end - start) / pieces)
+        rolled = roll_between(grasp, target, closing)
+        grasp = squeeze_in_place(rolled, rolled.squeeze, closing)
         path.append(grasp.config)
     grasp = squeeze_in_place(grasp, remaining, closing)
     path.append(grasp.config)
