@@ -25,6 +25,7 @@ from isotruss_ros.core.paths.object_path import MAX_DURATION
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 import numpy as np
 from numpy.typing import ArrayLike
+import scipy
 
 #: Decay rate of errors of the roller positions [1/s].
 POSITION_GAIN = 5.0
@@ -85,23 +86,21 @@ class RollerTrajectory:
             )
         halves = 0.5 * changes / most  # half of each blend's duration [s]
         given = given + max(halves[0] - given[0], 0.0)
-        # Velocities are linear between the times at which blends begin and end.
-        self._times = np.stack([given - halves, given + halves], axis=1).ravel()
-        self._velocities = np.repeat(slopes, 2, axis=0)[1:-1]
-        means = 0.5 * (self._velocities[1:] + self._velocities[:-1])
-        travel = np.cumsum(means * np.diff(self._times)[:, None], axis=0)
-        self._positions = np.vstack([rows[:1], rows[0] + travel])
-        self.duration = float(self._times[-1])
+        # Velocities are linear between the times at which blends begin and end. Blends may overlap
+        # by the tolerance of the acceleration.
+        ends = np.stack([given - halves, given + halves], axis=1).ravel()
+        ends = np.maximum.accumulate(ends)
+        velocities = np.repeat(slopes, 2, axis=0)[1:-1]
+        lasting = np.maximum(np.diff(ends), SMALLEST_NORMAL)[:, None]
+        accelerations = np.diff(velocities, axis=0) / lasting
+        self._velocity = scipy.interpolate.PPoly([accelerations, velocities[:-1]], ends)
+        self._start, self._travel = rows[0], self._velocity.antiderivative()
+        self.duration = float(ends[-1])
 
     def at(self, time: float) -> RollerState:
         """Return the desired roller state; rollers rest before the start and after the end."""
-        times, velocities = self._times, self._velocities
-        last = int(np.searchsorted(times[1:-1], time, side='right'))
-        begin, end = times[last : last + 2]  # noqa: E203
-        since = min(max(time, begin), end) - begin
-        slope = (velocities[last + 1] - velocities[last]) / max(end - begin, SMALLEST_NORMAL)
-        now = velocities[last] + since * slope
-        return RollerState(self._positions[last] + 0.5 * since * (velocities[last] + now), now)
+        within = min(max(time, self._velocity.x[0]), self.duration)
+        return RollerState(self._start + self._travel(within), self._velocity(within))
 
 
 class Tolerance(NamedTuple):

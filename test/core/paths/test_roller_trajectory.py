@@ -85,6 +85,15 @@ def test_speed_changes_within_the_acceleration_of_the_rollers(rng):
         assert np.abs(change).max() <= MAX_ACCELERATION * step * (1.0 + 1e-6) + 1e-12
 
 
+def test_blends_may_overlap_by_the_tolerance_of_the_acceleration():
+    speed = 0.5 * MAX_SPEED
+    step = (1.0 - 5e-7) * speed / MAX_ACCELERATION
+    end = np.full(N, speed * step)
+    path = RollerTrajectory(ROBOT, [ORIGIN, end], [1.0, 1.0 + step])
+    assert path.at(path.duration).positions == pytest.approx(end, rel=1e-6)
+    assert path.at(1.0 + 0.5 * step).velocities == pytest.approx(speed, rel=1e-6)
+
+
 def test_refuses_more_acceleration_than_the_rollers_have():
     quick = [ORIGIN, [0.009] * N, ORIGIN]
     with pytest.raises(ConfigurationError, match=r'1\.35 m/s\^2 from point 0 to 1; must be at mo'):
