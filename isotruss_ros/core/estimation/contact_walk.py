@@ -119,8 +119,3 @@ class PoseNoise:
         mean = self.variances + self._weight * (squares - self.variances)
         self.variances = np.maximum(mean, MODEL_ERROR**2)
         self._weight = max(self._weight / (1.0 + self._weight), MIN_WEIGHT)
-
-    @property
-    def deviation(self) -> float:
-        """Return the largest standard deviation of x, y and the angle times a radius [m]."""
-        return float(np.sqrt(self.variances.max()))

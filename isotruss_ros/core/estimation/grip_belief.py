@@ -165,7 +165,7 @@ class GripBelief:
     @property
     def regulated(self) -> Array:
         """Return pose and squeeze (4,) for control, with corrections smoothed by two filters."""
-        return self.outputs - self.lag.waiting
+        return self.outputs - self.lag.filters.sum(axis=0)
 
     @property
     def slip_margin(self) -> float:

@@ -23,6 +23,8 @@ class InputLag:
     Poses by roller travel alone, and corrections that the control does not contain yet.
 
     :ivar way: poses (3,) by roller travel alone over time [m, m, rad].
+    :ivar filters: (2, 4) corrections of pose [m, m, rad] and squeeze [N] that are still in the two
+        low-pass filters in series.
     :ivar travelled: (3,) pose by roller travel alone at the last equilibrium [m, m, rad].
     """
 
@@ -31,13 +33,7 @@ class InputLag:
         self._measured = 0.0, pose  # time of the last measured rollers, and pose then
         self.way = Timeline()
         self.way.add(*self._measured)
-        # Corrections of pose [m, m, rad] and squeeze [N] in the two low-pass filters in series.
-        self._filters = np.zeros((2, 4))
-
-    @property
-    def waiting(self) -> Array:
-        """Return the corrections (4,) of pose and squeeze that have not passed the filters."""
-        return self._filters.sum(axis=0)
+        self.filters = np.zeros((2, 4))
 
     def record(self, pose: Array, since: Array, age: float) -> None:
         """Store the pose (3,) now, and the pose `age` [s] ago, smaller by `since` (3,)."""
@@ -50,10 +46,10 @@ class InputLag:
 
     def hold_back(self, correction: Array) -> None:
         """Put a correction (4,) of pose and squeeze into the first filter."""
-        self._filters[0] += correction
+        self.filters[0] += correction
 
     def advance(self, elapsed: float, filter_time: float) -> None:
         """Advance the two filters with a time constant [s]."""
         remaining = math.exp(-elapsed / filter_time)
-        self._filters[1] += (1.0 - remaining) * self._filters[0]
-        self._filters *= remaining
+        self.filters[1] += (1.0 - remaining) * self.filters[0]
+        self.filters *= remaining

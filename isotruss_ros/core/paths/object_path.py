@@ -140,15 +140,13 @@ def _distinct(poses: Array) -> Array:
 
 def _smoothed(poses: Array, durations: Array) -> Array:
     """Return samples of the centripetal Catmull-Rom spline with durations as knot intervals."""
-    spans = np.sqrt(durations)
-    knots = np.concatenate([[0.0], np.cumsum(spans)])
+    knots = np.concatenate([[0.0], np.cumsum(np.sqrt(durations))])
     # Tangents of the parabola through each pose and its neighbours.
     tangents = np.gradient(poses, knots, axis=0, edge_order=2 if len(poses) > 2 else 1)
     steps = np.diff(poses, axis=0)
     wanted = np.maximum(np.hypot(*steps[:, :2].T) / PIECE, np.abs(steps[:, 2]) / PIECE_TURN)
     wanted *= min(1.0, MAX_POSES / wanted.sum())
     counts = np.ceil(wanted).clip(1).astype(int)
-    span = np.repeat(np.arange(len(counts)), counts)
-    share = (np.arange(len(span)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[span]
-    cut = np.append(knots[span] + share * spans[span], knots[-1])
-    return scipy.interpolate.CubicHermiteSpline(knots, poses, tangents)(cut)
+    ends = np.concatenate([[0], np.cumsum(counts)])
+    samples = np.interp(np.arange(ends[-1] + 1), ends, knots)
+    return scipy.interpolate.CubicHermiteSpline(knots, poses, tangents)(samples)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+import math
 
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
@@ -280,7 +281,8 @@ class SqueezeControl:
             if self._rest <= 0.0:
                 self.fault = None
                 self.swings.forget()
-        swings = self.swings.update(belief.correction, state.noise.deviation, elapsed, travel)
+        noise = math.sqrt(state.noise.variances.max())
+        swings = self.swings.update(belief.correction, noise, elapsed, travel)
         if self.fault is None and swings:
             self.fault = Status.HALT_OSCILLATES
             self._rest, self.softening = REST_TIME, 0.5 * self.softening

@@ -143,8 +143,7 @@ class TwistServo(ServoState):
             return
         state, commanded = rollers.value, np.zeros(len(self.robot.roller_names))
         if elapsed > 0.0:
-            travel = self._history.travel(self._detected, rollers.time, commanded)
-            commanded = travel / elapsed
+            commanded = self._history.travel(self._detected, rollers.time, commanded) / elapsed
         self._detected = rollers.time
         # A correction of an offset is not travel of a roller.
         self.detector.update(state.positions - state.offsets, rollers.time, commanded)
@@ -154,43 +153,38 @@ class TwistServo(ServoState):
     ) -> RollerCommand:
         """Return the command for the configuration predicted at the cycle's midpoint."""
         config, grip, last = self._predict(rollers, pose, now)
-        failed, squeeze = self.failed, None if grip is None else self.squeeze
+        squeeze, contacts = None if grip is None else self.squeeze, grip
         if squeeze is not None:
             hold = self._follow(squeeze, config, grip, (rollers, pose), now, gripped=True)
             if squeeze.belief is None:
                 reasons = f'the object is not held: {hold.value}', squeeze.note()
                 raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, reasons)))
-            grip = squeeze.belief.grip.moved_to(squeeze.belief.pose)
+            contacts = squeeze.belief.grip
+            grip = contacts.moved_to(squeeze.belief.pose)
         watch = None if self._guard is None else self._guard.watch(config, grip)
         period = self.settings.period
         limits = self._limits if watch is None else (*self._limits, *watch.limits)
         handling = LimitHandling(self.settings.slide_along_limits, True, LOOP_SOFT_RANK)
 
+        def solve(twist: Array, opening_rate: float = 0.0) -> RollerCommand:
+            options = self.failed, limits, handling, opening_rate
+            return solve_twist(config, contacts, twist, *options)
+
         if grip is None:
-            command = self._solve_joint(config, twist, limits, handling)
-        elif squeeze is None:
-            command = solve_twist(config, grip, twist, failed, limits, handling)
+            desired = self._solve_joint(config, twist, limits, handling)
         else:
-            contacts = squeeze.belief.grip
-            command = squeeze.solve(
-                twist,
-                period,
-                lambda twist, opening_rate: solve_twist(
-                    config, contacts, twist, failed, limits, handling, opening_rate
-                ),
-            )
-        asked = command
-        if command.status < Status.HALT_NO_TWIST:
-            change = self._largest_change(now)
+            desired = solve(twist) if squeeze is None else squeeze.solve(twist, period, solve)
+        command = desired
+        if desired.status < Status.HALT_NO_TWIST:
+            change, step = self._largest_change(now), self._history.step
             arm = None if grip is None else grip.body.arm
-            step = self._history.step
             command = limit_acceleration(
-                command, last, step, change, lambda: stack_rows(config, limits), arm
+                desired, last, step, change, lambda: stack_rows(config, limits), arm
             )
         if watch is not None:
             command = watch.keep(command, last, period)
         if squeeze is not None:
-            squeeze.advance(twist, asked, asked.achieved_twist - command.achieved_twist)
+            squeeze.advance(twist, desired, desired.achieved_twist - command.achieved_twist)
         return command
 
     def _largest_change(self, now: float) -> float:
@@ -263,13 +257,12 @@ class TwistServo(ServoState):
         gripped: bool = False,
     ) -> HoldStatus:
         """Propagate the belief of the held object to the midpoint of the cycle."""
-        (rollers, pose), settings, estimate = inputs, self.settings, self.inputs.estimate
-        offsets = rollers.value.offsets
+        (rollers, pose), settings = inputs, self.settings
+        estimate, pressures = self.inputs.estimate, self.inputs.pressures
+        covariance = stamp = None
         if isinstance(estimate, StampedInput):
-            squeeze.take_offsets(offsets, estimate.value.covariance, estimate.time)
-        else:
-            squeeze.take_offsets(offsets, None)
-        pressures = self.inputs.pressures
+            covariance, stamp = estimate.value.covariance, estimate.time
+        squeeze.take_offsets(rollers.value.offsets, covariance, stamp)
         squeeze.take_pressures(fresh_pressures(now, settings.pressure_timeout, pressures))
         # In a late loop, commands are valid for longer than the period.
         before, self._regulated = self._regulated, now

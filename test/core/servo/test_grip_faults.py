@@ -6,6 +6,7 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core import Status
+from isotruss_ros.core.estimation.contact_walk import PoseNoise
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from isotruss_ros.core.servo.swing_watch import SwingWatch
@@ -25,7 +26,7 @@ def faults():
 def belief(correction=0.0, walked=0.0, jump=0.0, slipped=False):
     """Return a belief of a grip with a correction of the pose along x [m]."""
     state = SimpleNamespace(
-        noise=SimpleNamespace(deviation=0.0), walk=SimpleNamespace(length=walked), jump=jump
+        noise=PoseNoise(np.zeros(3)), walk=SimpleNamespace(length=walked), jump=jump
     )
     return SimpleNamespace(
         correction=np.array([correction, 0.0, 0.0]),
