@@ -194,19 +194,13 @@ class StateEstimator:
         )
         if belief is None:
             return estimate
+        grip = belief.estimate if self._record is None else self._record.estimate
         errors = self.settings.pose_error / np.array([1.0, 1.0, belief.grasp.arm])
-        state = belief.estimate if self._record is None else self._record.estimate
-        return replace(
-            estimate,
-            pose=state.pose,
-            pose_covariance=state.pose_covariance + np.diag(errors**2),
-            squeeze=state.squeeze,
-            # If errors that are not in the model move the joints, the squeeze is unknown.
-            squeeze_deviation=math.hypot(
-                state.squeeze_deviation, zeros.is_improbable * state.squeeze
-            ),
-            delay=state.delay,
-        )
+        covariance = grip.pose_covariance + np.diag(errors**2)
+        # If errors that are not in the model move the joints, the squeeze is unknown.
+        deviation = math.hypot(grip.squeeze_deviation, zeros.is_improbable * grip.squeeze)
+        grip = grip._replace(pose_covariance=covariance, squeeze_deviation=deviation)
+        return replace(estimate, **grip._asdict())
 
     def _roll(self) -> None:
         """Roll the held object to the last encoder reading; without equilibrium, release it."""
