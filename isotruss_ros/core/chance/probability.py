@@ -94,7 +94,7 @@ def changed_grip(grip: HeldGrip, change: Array, near: Sequence[Start] = ()) -> H
     config = grip.config.moved_to(grip.config.roller_positions + change[columns.rollers])
     wrench = grip.wrench * (1.0, 1.0, grip.arm) + change[columns.wrench]
     near = near or [(grip, grip.state.unknowns)]
-    return attach_grip(config, body, grip.members, wrench, pressures, stiffness, near=near)
+    return attach_grip(config, body, grip.members, wrench, pressures, stiffness, starts=near)
 
 
 def sample_friction(

@@ -11,15 +11,16 @@ equilibrium determines the pose; in the others, the measured pose is taken.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from isotruss_ros.core.holding.contact_search import (
+    add_corner,
     ContactSet,
     ContactSolver,
-    free_corners,
+    find_free_corners,
     search_contacts,
-    with_corner,
 )
 from isotruss_ros.core.holding.contact_statics import (
     build_statics,
@@ -28,7 +29,7 @@ from isotruss_ros.core.holding.contact_statics import (
     FRICTION_COMPLIANCE,
 )
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, scaled_wrench
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, find_pressed, POSE
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, find_pressed, POSE, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
@@ -55,7 +56,7 @@ def attach_grip(
     pressure: Pressure | None = None,
     stiffness: float = 1.0,
     quick: bool = False,
-    near: Sequence[Start] = (),
+    starts: Sequence[Start] = (),
 ) -> HeldGrip:
     """
     Find the equilibrium of an object near its measured pose, with unknown contact history.
@@ -63,8 +64,8 @@ def attach_grip(
     The grasping members are given by their indices (m,), or are those that the object overlaps; if
     it overlaps fewer than two, the two nearest. The wrench (fx, fy, m) is about the origin of the
     object's frame [N, N m], the stiffness relative to the modelled one [-]. A `quick` search fits
-    in a control cycle. The iteration starts at the first of `near` that has the same contacts, if
-    any, and is then as accurate as that of `roll_grip`.
+    in a control cycle. The iteration begins at the first of `starts` that has the same contacts,
+    if any, and is then as accurate as that of `roll_grip`.
     """
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
@@ -77,10 +78,11 @@ def attach_grip(
     if depths[members].min() <= -config.robot.description.tube_diameter:
         raise NotHeldError(HoldStatus.NO_CONTACT)
     wrench = scaled_wrench(external_wrench, body.arm)
-    limit, steps = MAX_SEARCH_STEPS, MAX_NEWTON_ITERATIONS
-    if quick:
-        limit, steps = QUICK_SETS, MAX_SEARCH_STEPS
-    solve = _rest_solver(config, body, wrench, (pressure, stiffness), steps, near)
+    build = partial(build_statics, config, body, pressure=pressure, stiffness=stiffness)
+    solve = _contact_solver(
+        build, wrench, MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS, starts
+    )
+    limit = QUICK_SETS if quick else MAX_SEARCH_STEPS
     attached = search_contacts(solve, find_pressed(config, body, members), limit=limit)
     if attached is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
@@ -96,36 +98,42 @@ def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
     if grip.required_friction <= friction:
         return grip
-    body, tubes = grip.statics.body, (grip.pressures, grip.statics.bent.stiffness)
-    solve = _rest_solver(grip.config, body, grip.wrench, tubes, MAX_SEARCH_STEPS)
-    for free in sorted(free_corners(grip, gap), reverse=True):
-        pair = with_corner(grip, free, rolls=False)[-1].contacts
-        laid = search_contacts(solve, pair, limit=QUICK_SETS)
+    build = partial(
+        build_statics,
+        grip.config,
+        grip.statics.body,
+        pressure=grip.pressures,
+        stiffness=grip.statics.bent.stiffness,
+    )
+    solve = _contact_solver(build, grip.wrench, MAX_SEARCH_STEPS)
+    for corner in sorted(find_free_corners(grip, gap), reverse=True):
+        whole_face = add_corner(grip, corner, rolls=False)[-1].contacts
+        laid = search_contacts(solve, whole_face, limit=QUICK_SETS)
         if laid is not None and laid.required_friction <= friction:
             return laid
     return grip
 
 
-def _rest_solver(
-    config: Configuration,
-    body: ConvexObject,
+def _contact_solver(
+    build: Callable[[PressedContacts], ContactStatics],
     wrench: Array,
-    tubes: tuple[Pressure | None, float],
     steps: int,
-    near: Sequence[Start] = (),
+    starts: Sequence[Start] = (),
 ) -> ContactSolver:
     """Return the solver of equilibria near the measured pose, with unknown contact history."""
 
     def solve(chosen: ContactSet, _: HeldGrip | None) -> HeldGrip | None:
-        contacts = chosen.contacts
-        statics = build_statics(config, body, contacts, *tubes)
-        conditions, solution = rest(statics, chosen.grazing), None
-        for grip, start in near:
-            if np.array_equal(grip.contacts.corners, contacts.corners):
-                bent, feet = grip.statics.bent, start[statics.places.feet]
-                bent = bent.update(grip.statics.loads(start), feet, statics.bent.structure)
-                close = replace(statics, bent=replace(bent, stiffness=tubes[1]))
-                solution = close.settle(start, wrench, conditions, steps, FOLLOWED_MOTION)
+        statics = build(chosen.contacts)
+        conditions = least_friction_conditions(statics, chosen.grazing)
+        solution = None
+        for grip, unknowns in starts:
+            if np.array_equal(grip.contacts.corners, chosen.contacts.corners):
+                loads, feet = grip.statics.loads(unknowns), unknowns[statics.places.feet]
+                bent = grip.statics.bent.update(loads, feet, statics.bent.structure)
+                bent = replace(bent, stiffness=statics.bent.stiffness)
+                solution = replace(statics, bent=bent).settle(
+                    unknowns, wrench, conditions, steps, FOLLOWED_MOTION
+                )
                 break
         if solution is None:
             solution = statics.settle(statics.start(), wrench, conditions, steps)
@@ -134,7 +142,9 @@ def _rest_solver(
     return solve
 
 
-def rest(statics: ContactStatics, grazing: int | None = None) -> ContactConditions:
+def least_friction_conditions(
+    statics: ContactStatics, grazing: int | None = None
+) -> ContactConditions:
     """
     Return the conditions that replace rolling conditions if the contact history is unknown.
 
@@ -149,55 +159,62 @@ def rest(statics: ContactStatics, grazing: int | None = None) -> ContactConditio
     - If an end of a face grazes (its index is `grazing`), its N is zero. This takes the place of
       the measured angle; apart from that, the conditions are those without a face contact.
     """
-    contacts, indices, count = statics.contacts, statics.places, len(statics.sides)
-    body = statics.body
-    ends, owners, pressing = contacts.ends, contacts.owners, slice(indices.normal.start, None)
-    pairs = [(pair[:1], pair[1:], -1.0) for pair in ends if len(pair) == 2]
-    faces, across = bool(pairs), len(ends) == 2
-    even = faces and grazing is None
-    if even and across:
+    places, body, owners = statics.places, statics.body, statics.contacts.owners
+    ends = statics.contacts.ends
+    count = len(owners)
+    faces = [pair for pair in ends if len(pair) == 2]
+    is_face_pressed = bool(faces) and grazing is None
+    has_two_members = len(ends) == 2
+    # Groups of contacts with equal |T| / N, and the sign of T / N of the second relative to the
+    # first, negated.
+    pairs = [(pair[:1], pair[1:], -1.0) for pair in faces]
+    if is_face_pressed and has_two_members:
         pairs.append((ends[0], ends[1], 1.0))
     # Quadratic forms T_one N_other + sign T_other N_one, which are zero if |T| / N is equal.
-    alike = np.zeros((len(pairs), 2 * count, 2 * count))
-    for form, (one, other, sign) in zip(alike, pairs, strict=True):
+    ratio_forms = np.zeros((len(pairs), 2 * count, 2 * count))
+    for form, (one, other, sign) in zip(ratio_forms, pairs, strict=True):
         form[np.ix_(count + one, other)] = 1.0
         form[np.ix_(count + other, one)] = sign
-    alike += alike.transpose(0, 2, 1)
-    first = len(pairs) + across
+    ratio_forms += ratio_forms.transpose(0, 2, 1)
+    # The rows are the ratios, the position between two members, and linear conditions.
+    position_row = len(pairs)
+    linear_row = position_row + has_two_members
     # The chord is the mean of the first member's normals minus that of the second member's.
-    shares = np.where(owners == 0, 1.0, -1.0) / np.bincount(owners)[owners]
-    linear, given = np.zeros((count, indices.size)), np.zeros(count)
+    chord_shares = np.where(owners == 0, 1.0, -1.0) / np.bincount(owners)[owners]
+    linear, constant = np.zeros((count, places.size)), np.zeros(count)
     if grazing is not None:
-        linear[first, indices.normal.start + grazing] = 1.0
+        linear[linear_row, places.normal.start + grazing] = 1.0
     elif not faces:
-        linear[first, ANGLE], given[first] = body.arm, body.arm * body.pose.angle
-    if not across:
+        linear[linear_row, ANGLE] = body.arm
+        constant[linear_row] = body.arm * body.pose.angle
+    if not has_two_members:
         # Friction forces of the members, or differences of them, that are zero.
-        signs = np.eye(len(ends))[: count - first - (not even)]
-        signs = signs if even else signs - np.roll(signs, 1, axis=1)
-        rubbing = slice(first + (not even), None)
-        linear[rubbing, indices.friction] = FRICTION_COMPLIANCE * signs[:, owners]
+        members = np.eye(len(ends))
+        signs = members if is_face_pressed else (members - np.roll(members, 1, axis=1))[:-1]
+        linear[-len(signs) :, places.friction] = FRICTION_COMPLIANCE * signs[:, owners]
 
-    def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        residual, derivative = linear @ unknowns - given, linear.copy()
+    def conditions(unknowns: Array, normals: Points) -> tuple[Array, Array]:
+        residual = linear @ unknowns - constant
+        derivative = linear.copy()
         if faces:
-            forces = unknowns[pressing]
+            forces = unknowns[places.forces]
             squeeze = max(float(np.abs(forces[:count]).sum()), 1e-3)
-            slopes = alike @ forces * FRICTION_COMPLIANCE / squeeze
-            residual[: len(pairs)] = 0.5 * slopes @ forces
-            derivative[: len(pairs), pressing] = slopes
-        if across:
+            slopes = ratio_forms @ forces * FRICTION_COMPLIANCE / squeeze
+            residual[:position_row] = 0.5 * slopes @ forces
+            derivative[:position_row, places.forces] = slopes
+        if has_two_members:
             # Displacement of the object's centroid across the chord, which turns with the tubes.
-            row, chord = derivative[first - 1], complex(shares @ normals)
-            arm = cmath.rect(1.0, unknowns[ANGLE]) * body.shape.centroid
-            away = complex(unknowns[0], unknowns[1]) + arm - body.middle
+            chord = complex(chord_shares @ normals)
             size = max(abs(chord), 1e-9)
-            along = 1j * chord / size
-            lever = (along.conjugate() * -1j * away).real / size**2
-            residual[first - 1] = (along.conjugate() * away).real
-            row[:POSE] = along.real, along.imag, (along.conjugate() * 1j * arm).real
-            turned = (chord.conjugate() * 1j * normals).imag * lever
-            row[indices.inclinations] = turned * shares
+            across = 1j * chord / size
+            arm = cmath.rect(1.0, unknowns[ANGLE]) * body.shape.centroid
+            displacement = complex(unknowns[0], unknowns[1]) + arm - body.middle
+            residual[position_row] = (across.conjugate() * displacement).real
+            row = derivative[position_row]
+            row[:POSE] = across.real, across.imag, (across.conjugate() * 1j * arm).real
+            by_chord_angle = (across.conjugate() * -1j * displacement).real / size**2
+            turned = (chord.conjugate() * 1j * normals).imag * by_chord_angle
+            row[places.inclinations] = turned * chord_shares
         return residual, derivative
 
-    return rows
+    return conditions

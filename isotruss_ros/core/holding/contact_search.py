@@ -53,11 +53,19 @@ class ContactSet(NamedTuple):
         arrays = contacts.members, contacts.corners, is_new
         return *(array.tobytes() for array in arrays), self.grazing
 
-    def without(self, dropped: int) -> ContactSet:
-        """Return the set without one of its contacts."""
-        arrays = self.contacts.members, self.contacts.corners, self.origins
-        members, corners, origins = (np.delete(array, dropped) for array in arrays)
-        return ContactSet(PressedContacts(members, corners), origins)
+    def without(self, dropped: int | Indices) -> ContactSet:
+        """Return the set without one or more of its contacts."""
+        members = np.delete(self.contacts.members, dropped)
+        corners = np.delete(self.contacts.corners, dropped)
+        return ContactSet(PressedContacts(members, corners), np.delete(self.origins, dropped))
+
+    def with_contact(self, index: int, member: int, corner: int, origin: int = -1) -> ContactSet:
+        """Return the set with another contact, inserted at an index."""
+        members = np.insert(self.contacts.members, index, member)
+        corners = np.insert(self.contacts.corners, index, corner)
+        return ContactSet(
+            PressedContacts(members, corners), np.insert(self.origins, index, origin)
+        )
 
 
 class FreeCorner(NamedTuple):
@@ -66,7 +74,7 @@ class FreeCorner(NamedTuple):
     depth: float  #: depth in the skin, or height above a contact nearer than a tube radius [m]
     contact: int  #: index of the nearest contact of the same member
     corner: int  #: index of the corner
-    along: float  #: distance from this contact along the faces, counter-clockwise [m]
+    face_distance: float  #: distance from this contact along faces, counter-clockwise [m]
 
 
 #: Returns the equilibrium of a set that follows from another equilibrium (None: the first one).
@@ -88,80 +96,81 @@ def search_contacts(
     waiting: list[tuple[ContactSet, HeldGrip | None]] = [(ContactSet.of(contacts), None)]
     tried: set[tuple[object, ...]] = set()
     pressing: list[HeldGrip] = []
-    solved = 0
-    while waiting and solved < limit:
-        chosen, before = waiting.pop()
+    while waiting and len(tried) < limit:
+        chosen, previous = waiting.pop()
         if chosen.key in tried:
             continue
         tried.add(chosen.key)
-        solved += 1
-        grip = solve(chosen, before)
+        grip = solve(chosen, previous)
         if grip is None:  # without one end of a face
-            ends = np.flatnonzero(chosen.contacts.at_faces)
-            mended = [chosen.without(k) for k in ends.tolist()]
+            face_ends = np.flatnonzero(chosen.contacts.at_faces)
+            proposed = [chosen.without(k) for k in face_ends.tolist()]
         else:
-            mended = _mend(grip, rolls)
-        if grip is not None and not mended:
+            proposed = _mend(grip, rolls)
+        if grip is not None and not proposed:
             pressing.append(grip)
             # Without a history, the other sets that followed from the same equilibrium compete.
-            siblings = [item for item in waiting if item[1] is before and not rolls]
+            siblings = [item for item in waiting if item[1] is previous and not rolls]
             waiting = [item for item in siblings if item[0].grazing is None]
         elif not pressing:
-            follows = grip or before
-            waiting += [(item, follows) for item in mended if item.grazing is None]
-            waiting[:0] = [(item, follows) for item in mended if item.grazing is not None]
+            origin = grip or previous
+            waiting += [(item, origin) for item in proposed if item.grazing is None]
+            waiting[:0] = [(item, origin) for item in proposed if item.grazing is not None]
     # The nearest to the measured or previous place.
     return min(pressing, key=lambda g: abs(g.body.middle - g.statics.body.middle), default=None)
 
 
 def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
     """Return sets that mend the largest violation, most likely last; empty without violation."""
-    contacts, normal = grip.contacts, grip.state.normal_forces
+    contacts, forces = grip.contacts, grip.state.normal_forces
     may_open = contacts.at_faces | (rolls and contacts.owners[-1] > 1)
-    least = int(np.where(may_open, normal, np.inf).argmin())
-    if may_open[least] and normal[least] < -ROUNDING * np.abs(normal).sum():
+    weakest = int(np.where(may_open, forces, np.inf).argmin())
+    if may_open[weakest] and forces[weakest] < -ROUNDING * np.abs(forces).sum():
         current = ContactSet.of(contacts)
-        opened = current.without(least)
-        return [opened] if rolls else [current._replace(grazing=least), opened]
-    corner = max(free_corners(grip), default=None)
-    if corner is not None:
-        return with_corner(grip, corner, rolls)
-    return _with_third(grip) if rolls else []
+        opened = current.without(weakest)
+        return [opened] if rolls else [current._replace(grazing=weakest), opened]
+    deepest = max(find_free_corners(grip), default=None)
+    if deepest is not None:
+        return add_corner(grip, deepest, rolls)
+    return _add_third_member(grip) if rolls else []
 
 
-def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[FreeCorner]:
+def find_free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[FreeCorner]:
     """
     Return the corners without contact that penetrate a grasping member, or are within a gap [m].
 
     A corner that is nearer to a contact than a tube radius belongs to the dent of the contact; it
     penetrates the tube if it is higher than the corner in contact.
     """
-    contacts, statics, body = grip.contacts, grip.statics, grip.body
+    statics, body, radius = grip.statics, grip.body, grip.statics.tube_radius
     penetrating: list[FreeCorner] = []
-    along = _distances_along_faces(body.shape)
-    for ends in contacts.ends if len(along) else ():
-        touching, straight = contacts.corners[ends], complex(statics.straight_normals[ends[0]])
-        skin = ((complex(statics.bent.lines.start[ends[0]]) - body.center) / straight).real
-        least = skin - (1.0 + 2.0 * MAX_DISPLACEMENT) * statics.tube_radius
-        numbers = np.flatnonzero(_heights(body, np.arange(len(along) - 1), straight) > least)
-        numbers = np.setdiff1d(numbers, touching)
-        away = along[numbers, None] - along[touching]
-        away -= along[-1] * np.round(away / along[-1])
-        nearest = np.abs(away).argmin(axis=1)
-        distances, beside = away[np.arange(len(numbers)), nearest], ends[nearest]
-        is_near, normals = np.abs(distances) < statics.tube_radius, grip.state.normals[beside]
-        higher = _heights(body, numbers, normals) - _heights(body, touching[nearest], normals)
-        depths = higher
-        if not is_near.all():
-            members = np.full(len(numbers), contacts.members[ends[0]])
-            depths = np.where(is_near, higher, skin_depths(grip, members, numbers))
-        chosen = depths > np.where(is_near, SKIN_TOLERANCE, -gap)
-        columns = depths, beside, numbers, distances
-        penetrating += map(FreeCorner, *(values[chosen].tolist() for values in columns))
+    outline = _corner_distances(body.shape)
+    for of_member in grip.contacts.ends if len(outline) else ():
+        touching, member = grip.contacts.corners[of_member], grip.contacts.members[of_member[0]]
+        normal = complex(statics.straight_normals[of_member[0]])
+        start = complex(statics.bent.lines.start[of_member[0]])
+        line_height = ((start - body.center) / normal).real
+        least_height = line_height - (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
+        is_high = _heights(body, np.arange(len(outline) - 1), normal) > least_height
+        corners = np.setdiff1d(np.flatnonzero(is_high), touching)
+        # From each contact to each corner by the shorter way around the outline.
+        distances = outline[corners, None] - outline[touching]
+        distances -= outline[-1] * np.round(distances / outline[-1])
+        nearest = np.abs(distances).argmin(axis=1)
+        distance = distances[np.arange(len(corners)), nearest]
+        contacts, in_dent = of_member[nearest], np.abs(distance) < radius
+        normals = grip.state.normals[contacts]
+        depths = _heights(body, corners, normals) - _heights(body, touching[nearest], normals)
+        if not in_dent.all():
+            skin = skin_depths(grip, np.full(len(corners), member), corners)
+            depths = np.where(in_dent, depths, skin)
+        is_chosen = depths > np.where(in_dent, SKIN_TOLERANCE, -gap)
+        columns = depths, contacts, corners, distance
+        penetrating += map(FreeCorner, *(values[is_chosen].tolist() for values in columns))
     return penetrating
 
 
-def _distances_along_faces(shape: Shape) -> Array:
+def _corner_distances(shape: Shape) -> Array:
     """Return the distances (c + 1,) of the corners along the faces, and the sum; else empty."""
     distances, corner = [0.0], 0
     while faces := shape.faces_at(corner):
@@ -181,10 +190,10 @@ def _heights(body: ConvexObject, corners: Indices, normals: Points | complex) ->
 def _corner_points(shape: Shape, corners: Indices, normals: Points) -> Points:
     """Return the points (c,) of corners' arcs that are farthest along normals, x + iy [m]."""
     sides = [face.normal for corner in corners.tolist() for face in shape.faces_at(corner)]
-    before, after = np.array(sides, dtype=np.complex128).reshape(-1, 2).T
-    within = np.where((normals / after).imag > 0.0, after, normals)
-    within = np.where((before / normals).imag > 0.0, before, within)
-    return shape.surface_at(corners, within)[0]
+    before, behind = np.array(sides, dtype=np.complex128).reshape(-1, 2).T
+    on_arc = np.where((normals / behind).imag > 0.0, behind, normals)
+    on_arc = np.where((before / normals).imag > 0.0, before, on_arc)
+    return shape.surface_at(corners, on_arc)[0]
 
 
 def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
@@ -194,72 +203,66 @@ def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
     spans = member_lines(grip.config)[members, 1] - starts
     length, axis = np.abs(spans), spans / np.abs(spans)
 
-    def away_from(lines: Points, normals: Points) -> Points:
+    def offsets(lines: Points, normals: Points) -> Points:
+        """Return the corners relative to points of the members, along + i across."""
         points = _corner_points(body.shape, corners, normals / body.turn)
         return (body.center + body.turn * points - lines) / axis
 
-    straight = away_from(starts, normals).real
+    straight = offsets(starts, normals).real
     positions = straight
-    for _ in range(2):  # the second place is at the foot on the bent line, to second order
-        lines, turned = grip.bent_lines(members, positions)
-        away = away_from(lines, normals * turned) / turned
-        positions = positions + away.real
-    depths = radius + (away * axis / normals).real
+    for _ in range(2):  # the second position is at the foot on the bent line, to second order
+        lines, rotations = grip.bent_lines(members, positions)
+        from_line = offsets(lines, normals * rotations) / rotations
+        positions = positions + from_line.real
+    depths = radius + (from_line * axis / normals).real
     return np.where((straight >= 0.0) & (straight <= length), depths, -np.inf)
 
 
 def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
     """Return the other members near the object, and its depths in these bent members [m]."""
     starts, ends = member_lines(grip.config).T
-    near = segment_gaps(grip.body, starts, ends)
-    radius = grip.statics.tube_radius
-    reach = (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
-    is_near = near.gaps < reach
+    straight, radius = segment_gaps(grip.body, starts, ends), grip.statics.tube_radius
+    is_near = straight.gaps < (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
     is_near[grip.members] = False
     members = np.flatnonzero(is_near)
     if not len(members):
         return members, np.zeros(0)
-    spans, shares = (ends - starts)[members], near.shares[members]
-    lines, _ = grip.bent_lines(members, shares * np.abs(spans))
-    moved = lines - starts[members] - shares * spans
-    return members, radius - near.gaps[members] - (moved / near.normals[members]).real
+    spans = (ends - starts)[members]
+    nearest = straight.shares[members] * spans
+    lines, _ = grip.bent_lines(members, np.abs(nearest))
+    moved = (lines - starts[members] - nearest) / straight.normals[members]
+    return members, radius - straight.gaps[members] - moved.real
 
 
-def with_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSet]:
+def add_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSet]:
     """Return the sets with a corner in contact, the most likely set last."""
-    contacts, shape, k = grip.contacts, grip.body.shape, free.contact
-    radius = grip.statics.tube_radius
-    normal = complex(grip.state.normals[k]) / grip.body.turn
-    member, corners = contacts.members[k], contacts.corners.copy()
-    corners[k] = free.corner
-    owners, index = contacts.members == member, np.arange(len(contacts.members))
-    kept = index[~owners | (index == k)]
-    rolled = ContactSet(PressedContacts(contacts.members[kept], corners[kept]), kept)
-    if abs(free.along) < radius:
-        facing = [shape.point_at(corner, normal) for corner in corners[owners].tolist()]
-        if abs(facing[0] - facing[-1]) < radius:
-            return [rolled]
-        return [rolled, ContactSet(PressedContacts(contacts.members, corners), index)]
-    new = int(np.searchsorted(kept, k)) + (free.along > 0.0)
-    members = np.insert(contacts.members[kept], new, member)
-    corners = np.insert(contacts.corners[kept], new, free.corner)
-    origins = np.insert(kept, new, -1 if rolls else k)
-    pair = ContactSet(PressedContacts(members, corners), origins)
-    return [rolled, pair] if rolls else [pair._replace(grazing=new), rolled, pair]
+    contacts, shape, radius = grip.contacts, grip.body.shape, grip.statics.tube_radius
+    member = contacts.members[free.contact]
+    on_member = contacts.members == member
+    is_nearest = np.arange(len(on_member)) == free.contact
+    others = np.flatnonzero(on_member & ~is_nearest)
+    corners = np.where(is_nearest, free.corner, contacts.corners)
+    moved = ContactSet.of(PressedContacts(contacts.members, corners))
+    rolled = moved.without(others)
+    if abs(free.face_distance) < radius:
+        normal = complex(grip.state.normals[free.contact]) / grip.body.turn
+        points = [shape.point_at(corner, normal) for corner in corners[on_member].tolist()]
+        return [rolled] if abs(points[0] - points[-1]) < radius else [rolled, moved]
+    alone = ContactSet.of(contacts).without(others)
+    index = int(np.searchsorted(alone.origins, free.contact)) + (free.face_distance > 0.0)
+    pair = alone.with_contact(index, member, free.corner, -1 if rolls else free.contact)
+    return [rolled, pair] if rolls else [pair._replace(grazing=index), rolled, pair]
 
 
-def _with_third(grip: HeldGrip) -> list[ContactSet]:
+def _add_third_member(grip: HeldGrip) -> list[ContactSet]:
     """Return the set with a contact at a third member that the object penetrates; else empty."""
     if len(grip.members) >= GRIP_SIZES[-1]:
         return []
     members, depths = depths_in_others(grip)
     if depths.max(initial=0.0) <= SKIN_TOLERANCE:
         return []
-    contacts, member = grip.contacts, members[depths.argmax()]
-    normal = facing_lines(grip.config, grip.body, np.array([member]))[1][0] / grip.body.turn
-    new = int(np.searchsorted(contacts.members, member))
+    member = int(members[depths.argmax()])
+    (normal,) = facing_lines(grip.config, grip.body, np.array([member]))[1] / grip.body.turn
+    index = int(np.searchsorted(grip.contacts.members, member))
     corner = grip.body.shape.corner_at(complex(normal))
-    more = PressedContacts(
-        np.insert(contacts.members, new, member), np.insert(contacts.corners, new, corner)
-    )
-    return [ContactSet(more, np.insert(np.arange(len(contacts.members)), new, -1))]
+    return [ContactSet.of(grip.contacts).with_contact(index, member, corner)]

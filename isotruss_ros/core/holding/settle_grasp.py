@@ -42,7 +42,7 @@ def settle_grasp(
     The object is free, friction acts on the tubes, and the contact history (how the contacts
     rolled before) is unknown. For a disc between two members, statics determines the friction
     forces and the position across the members' bisector. The measured position along the bisector
-    determines the squeeze. For other shapes and for three members see `attach_grip.rest`.
+    determines the squeeze. For other shapes and for three members see `least_friction_conditions`.
 
     :param config: configuration of the robot, with rollers at rest.
     :param body: the object at its measured pose.

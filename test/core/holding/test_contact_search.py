@@ -19,7 +19,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.holding import contact_search
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_search import ContactSet, free_corners, search_contacts
+from isotruss_ros.core.holding.contact_search import ContactSet, find_free_corners, search_contacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.holding.roll_grip import roll_contacts
@@ -106,7 +106,7 @@ def test_corners_of_a_thin_plate_are_reached_the_shorter_way_round():
     one = PressedContacts(grip.members[:1], np.array([2]))
     state = replace(grip.state, unknowns=np.append(body.pose, grip.state.unknowns[3:]))
     beside = replace(grip, state=state, statics=replace(statics, body=body, contacts=one))
-    along = {corner.corner: corner.along for corner in free_corners(beside, np.inf)}
+    along = {corner.corner: corner.face_distance for corner in find_free_corners(beside, np.inf)}
     assert along == pytest.approx({3: 0.18, 0: 0.18 + math.hypot(0.02, 0.02)})
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from grips import gripped
 from held_grips import BOX, held, NINE
 from isotruss_ros.core import HoldStatus, place_between, Polygon
-from isotruss_ros.core.holding.attach_grip import attach_grip, rest
+from isotruss_ros.core.holding.attach_grip import attach_grip, least_friction_conditions
 from isotruss_ros.core.holding.contact_statics import build_statics
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, CENTER
 from isotruss_ros.core.holding.roll_grip import stick
@@ -28,7 +28,7 @@ def statics():
 
 
 def test_attached_pose_along_the_bisector_is_the_given_one(statics):
-    _, state = statics.settle(statics.start(), UNLOADED, rest(statics))
+    _, state = statics.settle(statics.start(), UNLOADED, least_friction_conditions(statics))
     along = 1j * (state.normals[0] - state.normals[1])
     moved = complex(*state.unknowns[CENTER]) - DISC.center
     assert abs(moved) > 1e-3
@@ -50,7 +50,9 @@ def test_box_with_one_face_in_contact_is_at_its_given_position_across_the_chord(
 
 def test_rolling_conditions_hold_at_rest_and_follow_the_tube(statics):
     turned = DISC.moved_to((*DISC.pose[:2], 0.3))
-    _, state = statics.settle(statics.start(), UNLOADED, rest(replace(statics, body=turned)))
+    _, state = statics.settle(
+        statics.start(), UNLOADED, least_friction_conditions(replace(statics, body=turned))
+    )
     angles = np.angle(state.normals) - 0.3
     anchors = statics.anchors(state.unknowns, state.normals, angles)
     closure = stick(statics, anchors, angles, NOTHING)

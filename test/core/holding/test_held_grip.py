@@ -23,7 +23,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.contact.dents import dent_table
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.holding.attach_grip import attach_grip, rest
+from isotruss_ros.core.holding.attach_grip import attach_grip, least_friction_conditions
 from isotruss_ros.core.holding.contact_search import depths_in_others
 from isotruss_ros.core.holding.contact_statics import build_statics
 from isotruss_ros.core.holding.held_grip import NotHeldError
@@ -65,7 +65,9 @@ def test_jacobian_agrees_with_finite_differences(shape, angle, members, count):
     state = grip.state.unknowns + 1e-3 * rng.normal(size=len(grip.state.unknowns))
     x, y, turn = grip.pose
     for closure in (
-        rest(replace(statics, body=grip.body.moved_to((x + 0.001, y, turn + 0.01)))),
+        least_friction_conditions(
+            replace(statics, body=grip.body.moved_to((x + 0.001, y, turn + 0.01)))
+        ),
         stick(statics, grip.anchors, grip.angles, NOTHING),
         stick(statics, grip.anchors, grip.angles, np.array([1])),
     ):
@@ -353,7 +355,9 @@ def test_frictionless_forces_agree_with_analyze_grasp(shape):
     statics = build_statics(home, body, attach_grip(home, body, numbers(LOOP)).contacts)
     unknowns = statics.start()
     for _ in range(3):  # tubes that are not linearised again are linear
-        _, state = statics.settle(unknowns, np.zeros(3), rest(statics), reach=np.inf)
+        _, state = statics.settle(
+            unknowns, np.zeros(3), least_friction_conditions(statics), reach=np.inf
+        )
         unknowns, bent = state.unknowns, statics.bent
         straight = BentTubes.of(bent.structure, bent.members, state.feet)
         statics = replace(statics, bent=straight)

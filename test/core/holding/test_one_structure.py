@@ -6,7 +6,7 @@
 from dataclasses import replace
 
 from isotruss_ros.core import deform, Disc, load_robot, place_between, Polygon
-from isotruss_ros.core.holding.attach_grip import attach_grip, rest
+from isotruss_ros.core.holding.attach_grip import attach_grip, least_friction_conditions
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.statics.bent_tubes import BentTubes
@@ -74,7 +74,9 @@ def test_nonlinearity_is_the_increase_over_the_forces_of_linear_tubes(shape, dep
     bent, force = grip.statics.bent, grip.state.normal_forces.sum()
     tubes = BentTubes.of(bent.structure, bent.members, bent.places)
     statics = replace(grip.statics, bent=tubes)
-    _, linear = statics.settle(grip.state.unknowns, grip.wrench, rest(statics), reach=np.inf)
+    _, linear = statics.settle(
+        grip.state.unknowns, grip.wrench, least_friction_conditions(statics), reach=np.inf
+    )
     increase = force / linear.normal_forces.sum() - 1.0
     assert increase > 1e-3
     assert grip.nonlinearity == pytest.approx(increase, rel=0.05)
