@@ -64,8 +64,8 @@ class GripResponse:
     @property
     def stable(self) -> bool:
         """Return whether the object's stiffness is positive definite."""
-        even = self.pose * np.array([[1.0], [1.0], [self.arm]])
-        return not lapack.dpotrf(0.5 * (even + even.T))[1]
+        compliance = self.pose * np.array([[1.0], [1.0], [self.arm]])
+        return not lapack.dpotrf(0.5 * (compliance + compliance.T))[1]
 
     @property
     def about_middle(self) -> Array:
@@ -100,31 +100,35 @@ class SlipPlanes(NamedTuple):
     @property
     def direction(self) -> Array:
         """Return the wrench of `margin` divided by its norm about the centroid, (3,)."""
-        nearest, turn = int((self.reserve / self.size).argmin()), self.about_middle
-        return -turn @ turn.T @ self.slope[nearest] / self.size[nearest]
+        nearest, to_middle = int((self.reserve / self.size).argmin()), self.about_middle
+        return -to_middle @ to_middle.T @ self.slope[nearest] / self.size[nearest]
 
 
 @functools.lru_cache(maxsize=8)
 def slip_planes(response: GripResponse, friction: float) -> SlipPlanes:
     """Return the slip conditions of a held object for a coefficient of friction, cached."""
-    turn, forces = response.about_middle, response.state.forces
+    to_middle, forces = response.about_middle, response.state.forces
 
     def planes(rows: Array) -> tuple[Array, Array, Array]:
+        """Return reserve, slope and size of conditions with factors `rows` on the forces."""
         slope = rows @ response.forces
         # np.hypot, because for very large friction the squares may overflow.
-        return rows @ forces, slope, np.hypot.reduce(slope @ turn, axis=1)
+        return rows @ forces, slope, np.hypot.reduce(slope @ to_middle, axis=1)
 
-    members = np.eye(response.owners[-1] + 1)[response.owners].T
-    presses, rubs = np.zeros((2, 2, len(members), 2, len(response.owners)))
-    presses[:, :, 0], rubs[0, :, 1], rubs[1, :, 1] = members, members, -members
-    presses, rubs = (matrix.reshape(-1, len(forces)) for matrix in (presses, rubs))
-    rows, rates = [friction * presses - rubs], [presses]
+    on_member = np.eye(response.owners[-1] + 1)[response.owners].T
+    other_kind = np.zeros_like(on_member)
+    presses = np.tile(np.hstack([on_member, other_kind]), (2, 1))
+    rubs = np.hstack([other_kind, on_member])
+    slip = friction * presses - np.vstack([rubs, -rubs])
+    rows, friction_rates = [slip], [presses]
     for opening, end in zip(response.opening, response.ends.tolist(), strict=True):
         opens = np.eye(1, len(forces), end)
-        without = rows[0] + np.outer(rows[0] @ opening, opens)
-        (reserve, _, size), (gap, _, span) = planes(without), planes(opens)
-        farther = (reserve / size > gap / span)[:, None]
-        rows.append(np.where(farther, without, opens))
-        rates.append(np.where(farther, presses + np.outer(presses @ opening, opens), 0.0))
+        slip_after = slip + np.outer(slip @ opening, opens)
+        slip_reserve, _, slip_size = planes(slip_after)
+        end_force, _, opening_size = planes(opens)
+        is_slip_farther = (slip_reserve / slip_size > end_force / opening_size)[:, None]
+        presses_after = presses + np.outer(presses @ opening, opens)
+        rows.append(np.where(is_slip_farther, slip_after, opens))
+        friction_rates.append(np.where(is_slip_farther, presses_after, 0.0))
     joined = np.concatenate(rows)
-    return SlipPlanes(joined, np.concatenate(rates), *planes(joined), turn)
+    return SlipPlanes(joined, np.concatenate(friction_rates), *planes(joined), to_middle)

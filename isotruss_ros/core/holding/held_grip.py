@@ -172,11 +172,11 @@ class HeldGrip:
         """Return points (c,) of bent centre lines [m], and their rotations exp(i theta)."""
         bent, state = self.statics.bent, self.state
         starts, ends = member_lines(self.config)[members].T
-        moved = bent.displacements(state.loads, state.feet)
+        of_nodes = bent.displacements(state.loads, state.feet)
         piece, within, _ = bent.structure.locate(members, positions)
-        give = bent.frame.interpolate(moved, piece, within)
+        displaced = bent.frame.interpolate(of_nodes, piece, within)
         straight = starts + positions * (ends - starts) / np.abs(ends - starts)
-        return straight + give @ (1.0, 1.0j, 0.0), np.exp(1j * give[:, 2])
+        return straight + displaced @ (1.0, 1.0j, 0.0), np.exp(1j * displaced[:, 2])
 
     @functools.cached_property
     def sections(self) -> Utilisation:
@@ -194,61 +194,70 @@ class HeldGrip:
     @functools.cached_property
     def nonlinearity(self) -> float:
         """Return the relative increase of the contact forces by the bending of the tubes [-]."""
-        bent, (loads, feet) = self.statics.bent, (self.state.loads, self.state.feet)
+        bent, loads, feet = self.statics.bent, self.state.loads, self.state.feet
         straight = BentTubes.of(bent.structure, bent.members, feet, bent.stiffness)
-        moved = straight.respond(loads, feet) - bent.respond(loads, feet)
+        gaps = bent.respond(loads, feet) - straight.respond(loads, feet)
         # Gaps that linear tubes would leave, closed by changes of forces and pose.
         right = np.zeros(self.state.places.size)
-        right[: moved.size] = -moved.ravel()
+        right[: gaps.size] = gaps.ravel()
         _, _, change, singular = lapack.dgesv(self.state.jacobian, right)
-        more = float(change[self.state.places.normal].sum())
-        return 0.0 if singular else -more / float(self.state.normal_forces.sum())
+        added_force = float(change[self.state.places.normal].sum())
+        return 0.0 if singular else -added_force / float(self.state.normal_forces.sum())
 
     @functools.cached_property
-    def _idle(self) -> tuple[Indices, Indices]:
-        """
-        Return the contacts without force, and their rows in `respond`.
-
-        A dent is infinitely soft at zero force. So to first order, the force of such a contact
-        stays zero: this takes the place of touching across the member, and of sticking.
-        """
+    def _idle(self) -> Indices:
+        """Return the indices of the contacts without force."""
         normal = np.abs(self.state.normal_forces)
-        idle = np.flatnonzero(normal <= ROUNDING * normal.sum())
-        return idle, np.append(3 * idle + 1, self.state.places.conditions.start + idle)
+        return np.flatnonzero(normal <= ROUNDING * normal.sum())
 
     def respond(self, changes: Array) -> Array | None:
         """Return unknowns' changes due to residuals' changes (3 + 4k, ...); None if neutral."""
-        state, indices, tangent = self.state, self.state.places, self.state.jacobian.copy()
-        tangent[indices.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
-        idle, rows = self._idle
-        tangent[rows] = 0.0
-        tangent[rows, np.append(indices.normal.start + idle, indices.friction.start + idle)] = 1.0
-        right = -changes.reshape(len(changes), -1)
+        state, places, idle = self.state, self.state.places, self._idle
+        jacobian, right = state.jacobian.copy(), -changes.reshape(len(changes), -1)
+        jacobian[places.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
+        # A dent is infinitely soft at zero force. So to first order, the force of such a contact
+        # stays zero: this takes the place of touching across the member, and of sticking.
+        rows = np.append(3 * idle + 1, places.conditions.start + idle)
+        columns = np.append(places.normal.start + idle, places.friction.start + idle)
+        jacobian[rows] = 0.0
+        jacobian[rows, columns] = 1.0
         right[rows] = 0.0
-        _, _, solution, singular = lapack.dgesv(tangent, right)
+        _, _, solution, singular = lapack.dgesv(jacobian, right)
         return None if singular else solution.reshape(changes.shape)
 
     @functools.cached_property
     def response(self) -> GripResponse | None:
         """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
-        indices, owners = self.state.places, self.contacts.owners
-        apart = self.statics.bent.lines.axis.conj() * _opening(self.statics, self.state)
-        pressed = np.ones(len(owners), dtype=bool)
-        pressed[self._idle[0]] = False
-        ends = np.flatnonzero(pressed & (np.bincount(owners, pressed)[owners] > 1))
-        right = np.zeros((indices.size, 4 + len(ends)))
-        right[indices.balance, :3] = np.eye(3)
+        places, owners, axes = (
+            self.state.places,
+            self.contacts.owners,
+            self.statics.bent.lines.axis,
+        )
+        is_pressed = np.ones(len(owners), dtype=bool)
+        is_pressed[self._idle] = False
+        ends = np.flatnonzero(is_pressed & (np.bincount(owners, is_pressed)[owners] > 1))
+        # Columns: the wrench, the opening of the grip, and a gap at each end of a face.
+        right = np.zeros((places.size, 4 + len(ends)))
+        right[places.balance, :3] = np.eye(3)
         touch = right[: 3 * len(owners)].reshape(len(owners), 3, -1)
-        touch[:, 0, 3], touch[:, 1, 3] = apart.real, apart.imag
-        back = self.statics.bent.lines.axis[ends].conj() * self.state.normals[ends]
-        gaps = np.arange(4, 4 + len(ends))
-        touch[ends, 0, gaps], touch[ends, 1, gaps] = -back.real, -back.imag
+        opening = axes.conj() * _opening(self.statics, self.state)
+        touch[:, 0, 3], touch[:, 1, 3] = opening.real, opening.imag
+        gaps = -axes[ends].conj() * self.state.normals[ends]
+        gap_columns = np.arange(4, 4 + len(ends))
+        touch[ends, 0, gap_columns], touch[ends, 1, gap_columns] = gaps.real, gaps.imag
         change = self.respond(right)
         if change is None or lapack.dgetrf(change[:3, :3])[2]:
             return None
-        middle = self.body.middle - self.body.center
-        of_wrench, opened, parted = change[:, :3], change[:, 3], change[:, 4:]
-        return GripResponse(self.state, owners, of_wrench, opened, ends, parted, self.arm, middle)
+        return GripResponse(
+            state=self.state,
+            owners=owners,
+            change=change[:, :3],
+            by_opening=change[:, 3],
+            ends=ends,
+            parted=change[:, 4:],
+            arm=self.arm,
+            middle=self.body.middle - self.body.center,
+        )
 
     def squeeze_stiffness(self) -> float:
         """
@@ -262,17 +271,16 @@ class HeldGrip:
         changes = self.response.by_opening[self.state.places.normal]
         return float(changes.sum()) / len(self.members)
 
-    def ahead(self, travel: Array) -> Array:
+    def extrapolate(self, travel: Array) -> Array:
         """Return the unknowns (3 + 4k,), extrapolated to additional roller travel (r,) [m]."""
         if self.motion is None:
             return self.state.unknowns
-        before, change = self.motion
-        length = float(before @ before)
+        previous, change = self.motion
+        square = float(previous @ previous)
         # Component along the previous motion, bounded: a much shorter one predicts nothing.
-        share = float(travel @ before) / length if length > 0.0 else 0.0
-        return (
-            self.state.unknowns + max(-MAX_EXTRAPOLATION, min(share, MAX_EXTRAPOLATION)) * change
-        )
+        share = float(travel @ previous) / square if square > 0.0 else 0.0
+        share = max(-MAX_EXTRAPOLATION, min(share, MAX_EXTRAPOLATION))
+        return self.state.unknowns + share * change
 
 
 def _opening(statics: ContactStatics, state: ContactForces) -> Points:
@@ -280,10 +288,10 @@ def _opening(statics: ContactStatics, state: ContactForces) -> Points:
     owners = statics.contacts.owners
     if owners[-1] > 1:
         return 0.5 * state.normals
-    bent = statics.bent
-    touched = bent.lines.start + bent.lines.axis * state.feet - statics.tube_radius * state.normals
-    apart = touched[owners == 1].mean() - touched[owners == 0].mean()
-    return np.where(owners == 1, 0.5, -0.5) * apart / abs(apart)
+    lines = statics.bent.lines
+    skins = lines.start + lines.axis * state.feet - statics.tube_radius * state.normals
+    chord = skins[owners == 1].mean() - skins[owners == 0].mean()
+    return np.where(owners == 1, 0.5, -0.5) * chord / abs(chord)
 
 
 def scaled_wrench(wrench: Array | None, arm: float) -> Array:

@@ -53,66 +53,69 @@ def roll_contacts(
     grip: HeldGrip, config: Configuration, chosen: ContactSet, wrench: Array
 ) -> HeldGrip | None:
     """Return the equilibrium with given rolling contacts, or None; new ones have no friction."""
-    moved, contacts = config.roller_positions - grip.config.roller_positions, chosen.contacts
-    same, before, bent = contacts is grip.contacts, grip.state.unknowns, grip.statics.bent
+    travel = config.roller_positions - grip.config.roller_positions
+    unknowns, bent = grip.state.unknowns, grip.statics.bent
+    are_same = chosen.contacts is grip.contacts
     new = np.flatnonzero(chosen.origins < 0)
     anchors, angles = grip.anchors[chosen.origins], grip.angles[chosen.origins]
-    if same:
-        starts = [grip.ahead(moved), before]
-        loads, feet = grip.statics.loads(starts[0]), starts[0][grip.state.places.feet]
+    if are_same:
+        extrapolated = grip.extrapolate(travel)
+        starts = [extrapolated, unknowns]
+        loads, feet = grip.statics.loads(extrapolated), extrapolated[grip.state.places.feet]
         bent = bent.update(loads, feet, structure_under(config, grip.pressures))
         statics = replace(grip.statics, bent=bent)
     else:
-        statics = build_statics(config, grip.body, contacts, grip.pressures, bent.stiffness)
-        starts = [_continued(grip, statics, chosen.origins)]
+        statics = build_statics(config, grip.body, chosen.contacts, grip.pressures, bent.stiffness)
+        starts = [_start_from(grip, statics, chosen.origins)]
         angles[new] = np.angle(statics.straight_normals / grip.body.turn)[new]
-    conditions = stick(statics, anchors, angles, new)
+    conditions = rolling_conditions(statics, anchors, angles, new)
     tries = (
         statics.settle(start, wrench, conditions, MAX_SEARCH_STEPS, FOLLOWED_MOTION)
         for start in starts
     )
-    settled = next((solution for solution in tries if solution is not None), None)
-    if settled is None:
+    solution = next((settled for settled in tries if settled is not None), None)
+    if solution is None:
         return None
-    statics, state = settled
+    statics, state = solution
     if len(new):
         anchors[new] = statics.anchors(state.unknowns, state.normals, angles)[new]
     angles = object_angles(state.unknowns, state.normals, angles)
-    motion = (moved, state.unknowns - before) if same else None
+    motion = (travel, state.unknowns - unknowns) if are_same else None
     return HeldGrip(anchors, angles, statics, state, wrench, motion)
 
 
-def _continued(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Array:
+def _start_from(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Array:
     """Return initial unknowns with other contacts; those that continue have their old values."""
-    start, continued = statics.start(), origins >= 0
-    by_contact, before = (row[POSE:].reshape(4, -1) for row in (start, grip.state.unknowns))
-    by_contact[:, continued] = before[:, origins[continued]]
+    start, is_continued = statics.start(), origins >= 0
+    by_contact = start[POSE:].reshape(4, -1)
+    by_old_contact = grip.state.unknowns[POSE:].reshape(4, -1)
+    by_contact[:, is_continued] = by_old_contact[:, origins[is_continued]]
     # A new contact has almost no force: the iteration must not cross zero.
-    start[statics.places.normal][~continued] = NEGLIGIBLE_SHARE * grip.squeeze
+    start[statics.places.normal][~is_continued] = NEGLIGIBLE_SHARE * grip.squeeze
     return start
 
 
-def stick(
-    statics: ContactStatics, anchors: Array, angles: Array, free: Indices
+def rolling_conditions(
+    statics: ContactStatics, anchors: Array, angles: Array, frictionless: Indices
 ) -> ContactConditions:
     """
     Return the conditions of rolling without slip, which are the integral of (17) over time.
 
-    The rolling invariants `ContactStatics.anchors` are constant. The friction of `free` contacts
-    is zero instead.
+    The rolling invariants `ContactStatics.anchors` are constant. The friction of `frictionless`
+    contacts is zero instead.
     """
-    indices = statics.places
+    friction = statics.places.friction
 
-    def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
+    def conditions(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         derivative = statics.rolling_rows(unknowns, normals)
         residual = statics.anchors(unknowns, normals, angles) - anchors
-        if len(free):
-            residual[free] = FRICTION_COMPLIANCE * unknowns[indices.friction][free]
-            derivative[free] = 0.0
-            derivative[free, indices.friction.start + free] = FRICTION_COMPLIANCE
+        if len(frictionless):
+            residual[frictionless] = FRICTION_COMPLIANCE * unknowns[friction][frictionless]
+            derivative[frictionless] = 0.0
+            derivative[frictionless, friction.start + frictionless] = FRICTION_COMPLIANCE
         return residual, derivative
 
-    return rows
+    return conditions
 
 
 def with_pressures(grip: HeldGrip, pressures: tuple[float, ...] | None) -> HeldGrip:

@@ -11,7 +11,7 @@ from isotruss_ros.core import HoldStatus, place_between, Polygon
 from isotruss_ros.core.holding.attach_grip import attach_grip, least_friction_conditions
 from isotruss_ros.core.holding.contact_statics import build_statics
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, CENTER
-from isotruss_ros.core.holding.roll_grip import stick
+from isotruss_ros.core.holding.roll_grip import rolling_conditions
 import numpy as np
 import pytest
 
@@ -55,12 +55,12 @@ def test_rolling_conditions_hold_at_rest_and_follow_the_tube(statics):
     )
     angles = np.angle(state.normals) - 0.3
     anchors = statics.anchors(state.unknowns, state.normals, angles)
-    closure = stick(statics, anchors, angles, NOTHING)
+    closure = rolling_conditions(statics, anchors, angles, NOTHING)
     _, same = statics.settle(statics.start(), UNLOADED, closure)
     assert same.unknowns == pytest.approx(state.unknowns, abs=1e-8)
     # Both tubes run past the object alike: it turns in place (17), as far as 2 travel / d.
     along = 0.02
-    closure = stick(statics, anchors + along, angles, NOTHING)
+    closure = rolling_conditions(statics, anchors + along, angles, NOTHING)
     _, turned = statics.settle(state.unknowns, UNLOADED, closure)
     assert turned.unknowns[ANGLE] == pytest.approx(0.3 + along / statics.body.arm, abs=1e-9)
     places = state.places

@@ -27,7 +27,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip, least_friction_co
 from isotruss_ros.core.holding.contact_search import depths_in_others
 from isotruss_ros.core.holding.contact_statics import build_statics
 from isotruss_ros.core.holding.held_grip import NotHeldError
-from isotruss_ros.core.holding.roll_grip import roll_grip, stick, with_pressures
+from isotruss_ros.core.holding.roll_grip import roll_grip, rolling_conditions, with_pressures
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 import numpy as np
@@ -68,8 +68,8 @@ def test_jacobian_agrees_with_finite_differences(shape, angle, members, count):
         least_friction_conditions(
             replace(statics, body=grip.body.moved_to((x + 0.001, y, turn + 0.01)))
         ),
-        stick(statics, grip.anchors, grip.angles, NOTHING),
-        stick(statics, grip.anchors, grip.angles, np.array([1])),
+        rolling_conditions(statics, grip.anchors, grip.angles, NOTHING),
+        rolling_conditions(statics, grip.anchors, grip.angles, np.array([1])),
     ):
         jacobian = statics.equations(state, grip.wrench, closure)[1].jacobian
         for i, step in enumerate(1e-6 * np.eye(len(state))):
@@ -212,7 +212,7 @@ def changed_forces(grip, moving):
         lines = bent.lines._replace(start=bent.lines.start + step * moving)
         bent = replace(bent, lines=lines)
         statics = replace(grip.statics, bent=bent)
-        closure = stick(statics, grip.anchors, grip.angles, NOTHING)
+        closure = rolling_conditions(statics, grip.anchors, grip.angles, NOTHING)
         _, state = statics.settle(grip.state.unknowns, grip.wrench, closure)
         found.append(state.normal_forces)
     return (found[0] - found[1]) / 2e-6
