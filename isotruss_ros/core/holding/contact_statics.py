@@ -119,16 +119,16 @@ class ContactStatics:
 
     def load_rates(self, unknowns: Array, change: Array) -> Array:
         """Return the changes (k, 3, c) of the loads on the tubes for c changes of the unknowns."""
-        count, begin = len(self.sides), self.places.inclinations.start
-        turned = np.repeat(change[None, None, ANGLE], count, axis=1)
-        causes = np.concatenate([change[begin:].reshape(3, count, -1), turned])
+        count, first = len(self.sides), self.places.inclinations.start
+        by_angle = np.repeat(change[None, None, ANGLE], count, axis=1)
+        causes = np.concatenate([change[first:].reshape(3, count, -1), by_angle])
         return np.einsum('lnk,lkc->knc', self._push(unknowns).rates, causes)
 
     def _push(self, unknowns: Array) -> Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
-        begin = self.places.inclinations.start
-        turned, normal, friction = unknowns[begin:].reshape(3, -1)
-        local = 1j * self.sides * np.exp(1j * turned)
+        first = self.places.inclinations.start
+        inclination, normal, friction = unknowns[first:].reshape(3, -1)
+        local = 1j * self.sides * np.exp(1j * inclination)
         angles = object_angles(unknowns, self.bent.lines.axis * local)
         depths, softs, tilts = self.dents(normal, angles)
         # Friction acts at the skin of a tube, so it exerts a moment about the centre line.
@@ -141,16 +141,17 @@ class ContactStatics:
         return Pushes(local, skin, softs, tilts, force, loads, rates)
 
     @functools.cached_property
-    def _constant(self) -> tuple[Array, Array]:
+    def _constant_rates(self) -> tuple[Array, Array]:
         """Return the derivatives (3, k, 3) of the balance by loads, and the constant Jacobian."""
-        indices, count = self.places, len(self.sides)
-        pushes, jacobian = np.zeros((3, count, 3)), np.zeros((indices.size, indices.size))
+        places, count = self.places, len(self.sides)
+        balance_by_loads = np.zeros((3, count, 3))
+        jacobian = np.zeros((places.size, places.size))
         forces = -self.bent.lines.axis[:, None] * [1.0, 1j]
-        pushes[:2, :, :2] = forces.real, forces.imag
-        rows = jacobian[: 3 * count].reshape(count, 3, -1)
-        rows[:, :2, :2] = forces.view(np.float64).reshape(count, 2, 2)
-        rows[:, 0, indices.feet] = np.eye(count)
-        return pushes, jacobian
+        balance_by_loads[:2, :, :2] = forces.real, forces.imag
+        touch_rows = jacobian[: 3 * count].reshape(count, 3, -1)
+        touch_rows[:, :2, :2] = forces.view(np.float64).reshape(count, 2, 2)
+        touch_rows[:, 0, places.feet] = np.eye(count)
+        return balance_by_loads, jacobian
 
     def equations(
         self,
@@ -160,62 +161,70 @@ class ContactStatics:
         pushes: Pushes | None = None,
     ) -> tuple[Array, ContactForces]:
         """Return the residual (3 + 4k,) of the equations, see `Places`, and the state."""
-        indices, count, arm = self.places, len(self.sides), self.body.arm
-        (start, axis, *_), moment = self.bent.lines, indices.balance.start + 2
+        places, count, arm = self.places, len(self.sides), self.body.arm
+        moment, lines = places.balance.start + 2, self.bent.lines
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
-        feet = unknowns[indices.feet]
-        local, skin, softs, tilts, force, loads, rates = pushes or self._push(unknowns)
-        normals, back = axis * local, axis.conj()
+        feet = unknowns[places.feet]
+        pushes = pushes or self._push(unknowns)
+        local, skin = pushes.local, pushes.skin
+        normals = lines.axis * local
         in_object = normals * turn.conjugate()
         points, radii = self.body.shape.surface_at(self.contacts.corners, in_object)
+        to_member = lines.axis.conj()
         # In member axes. If the object turns while the tube does not, the contact point moves back
         # on the object's surface.
-        arms = back * turn * points
-        swung = 1j * (arms - radii * local)
+        arms = to_member * turn * points
+        arm_rates = 1j * (arms - radii * local)
 
-        pushes, jacobian = self._constant
-        residual, jacobian = np.empty(indices.size), jacobian.copy()
-        by_loads = np.concatenate([self.bent.matrix.reshape(3 * count, count, 3), pushes])
+        balance_by_loads, constant_jacobian = self._constant_rates
+        residual = np.empty(places.size)
+        jacobian = constant_jacobian.copy()
+        compliance = self.bent.matrix.reshape(3 * count, count, 3)
+        by_loads = np.concatenate([compliance, balance_by_loads])
         by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
-        residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ loads.ravel()
-        bends, first = np.einsum('rkc,nck->rnk', by_loads, rates), indices.inclinations.start
-        jacobian[: moment + 1, first:] = bends[:, :3].reshape(moment + 1, -1)
-        jacobian[: moment + 1, ANGLE] = bends[:, 3].sum(axis=1)
+        residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ pushes.loads.ravel()
+        by_contact = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
+        jacobian[: moment + 1, places.inclinations.start :] = by_contact[:, :3].reshape(
+            moment + 1, -1
+        )
+        jacobian[: moment + 1, ANGLE] = by_contact[:, 3].sum(axis=1)
 
-        gaps = back * (start - center) - arms + feet - skin * local
+        gaps = to_member * (lines.start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)
         touch += self.bent.given + self.bent.rates @ feet
         touch[:, 0] += gaps.real
         touch[:, 1] += gaps.imag
-        touch[:, 2] -= unknowns[indices.inclinations]
-        rows = jacobian[: 3 * count].reshape(count, 3, -1)
-        dented = tilts * local
-        swept = swung + dented
-        rows[:, 0, ANGLE] -= swept.real
-        rows[:, 1, ANGLE] -= swept.imag
-        rows[:, :, indices.feet] += self.bent.rates
+        touch[:, 2] -= unknowns[places.inclinations]
+        touch_rows = jacobian[: 3 * count].reshape(count, 3, -1)
+        dented = pushes.tilts * local
+        by_angle = arm_rates + dented
+        touch_rows[:, 0, ANGLE] -= by_angle.real
+        touch_rows[:, 1, ANGLE] -= by_angle.imag
+        touch_rows[:, :, places.feet] += self.bent.rates
         # Derivatives of each contact's gaps by its own inclination and normal force.
-        at_same_contact = np.einsum('kank->kan', rows[:, :, POSE:].reshape(count, 3, 4, count))
-        turned = np.array([dented - 1j * (radii + skin) * local, softs * local]).T
-        at_same_contact[:, 0, 1:3] += turned.real
-        at_same_contact[:, 1, 1:3] += turned.imag
+        by_kind = touch_rows[:, :, POSE:].reshape(count, 3, 4, count)
+        at_same_contact = np.einsum('kank->kan', by_kind)
+        by_inclination = dented - 1j * (radii + skin) * local
+        gap_rates = np.array([by_inclination, pushes.softs * local]).T
+        at_same_contact[:, 0, 1:3] += gap_rates.real
+        at_same_contact[:, 1, 1:3] += gap_rates.imag
         at_same_contact[:, 2, 1] -= 1.0
 
-        residual[indices.balance] += wrench
-        jacobian[moment, indices.inclinations] += radii * unknowns[indices.normal] / arm
-        jacobian[moment, ANGLE] = -np.vdot(swung, force).imag / arm  # type: ignore[operator]
-        residual[indices.conditions], jacobian[indices.conditions] = conditions(unknowns, normals)
-        return residual, ContactForces(unknowns, normals, loads, jacobian)
+        residual[places.balance] += wrench
+        jacobian[moment, places.inclinations] += radii * unknowns[places.normal] / arm
+        jacobian[moment, ANGLE] = -np.vdot(arm_rates, pushes.force).imag / arm  # type: ignore[operator]
+        residual[places.conditions], jacobian[places.conditions] = conditions(unknowns, normals)
+        return residual, ContactForces(unknowns, normals, pushes.loads, jacobian)
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns."""
-        indices, count = self.places, len(normals)
-        derivative, rows = np.zeros((count, indices.size)), np.arange(count)
+        places, contacts = self.places, np.arange(len(normals))
         facing = normals * np.exp(-1j * unknowns[ANGLE])
         radii = self.body.shape.surface_at(self.contacts.corners, facing)[1]
+        derivative = np.zeros((len(contacts), places.size))
         derivative[:, ANGLE] = radii
-        derivative[rows, indices.feet.start + rows] = -self.sides
-        derivative[rows, indices.inclinations.start + rows] = -radii
+        derivative[contacts, places.feet.start + contacts] = -self.sides
+        derivative[contacts, places.inclinations.start + contacts] = -radii
         return derivative
 
     def sticking(self, unknowns: Array, normals: Points) -> tuple[Array, Array]:
@@ -224,31 +233,31 @@ class ContactStatics:
 
     def start(self) -> Array:
         """Return an initial guess of the unknowns (3 + 4k,) at the object's measured pose."""
-        indices, bent, body = self.places, self.bent, self.body
-        start = np.zeros(indices.size)
-        start[:3] = body.center.real, body.center.imag, body.pose.angle
+        places, bent, body = self.places, self.bent, self.body
+        start = np.zeros(places.size)
+        start[:POSE] = body.center.real, body.center.imag, body.pose.angle
         local = self.straight_normals * body.turn.conjugate()
         points, _ = body.shape.surface_at(self.contacts.corners, local)
-        start[indices.feet] = bent.places
-        away = body.center + body.turn * points - bent.lines.start
-        across = (bent.lines.axis.conj() * away).imag
-        depths = self.tube_radius + self.sides * across
+        start[places.feet] = bent.places
+        from_start = body.center + body.turn * points - bent.lines.start
+        height = (bent.lines.axis.conj() * from_start).imag
+        depths = self.tube_radius + self.sides * height
         depths = np.maximum(depths, PLANNED_DEPTH * self.tube_radius)
-        bend = np.einsum('iaia->ia', bent.matrix)[:, 1]
-        _, dent, _ = self.dents(depths / bend, np.angle(local))
-        start[indices.normal] = depths / (bend + dent)
+        bending = np.einsum('iaia->ia', bent.matrix)[:, 1]
+        _, denting, _ = self.dents(depths / bending, np.angle(local))
+        start[places.normal] = depths / (bending + denting)
         return start
 
-    def anchors(self, unknowns: Array, normals: Points, near: Array) -> Array:
+    def anchors(self, unknowns: Array, normals: Points, previous: Array) -> Array:
         """
         Return the rolling invariants (k,), which are constant while the contacts roll [m].
 
         A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta), where s_i is the position along the
         member, phi_i the travel of the tube, arc the arc length along the object's surface, nu_i
         the normal and theta the object's angle; kappa_i is -1 if the object is on the right of the
-        member, otherwise 1. For `near` see `object_angles`.
+        member, otherwise 1. For `previous` see `object_angles`.
         """
-        angles = object_angles(unknowns, normals, near)
+        angles = object_angles(unknowns, normals, previous)
         arcs = self.body.shape.unroll(angles, self.contacts.corners)
         rolled = self.anchor_rates @ self.config.roller_positions
         return rolled - self.sides * unknowns[self.places.feet] - arcs
@@ -266,55 +275,57 @@ class ContactStatics:
 
         Tubes are linearised again if a node has moved by more than `reach` [m].
         """
-        statics, unknowns, indices, close, least = self, start, self.places, False, np.inf
+        statics, unknowns, places = self, start, self.places
+        least_error, moves_by_rounding = np.inf, False
         pushes = self._push(start)
-        tolerance = np.full(indices.size, LENGTH_TOLERANCE)
+        tolerance = np.full(places.size, LENGTH_TOLERANCE)
         for _ in range(steps):
             residual, state = statics.equations(unknowns, wrench, conditions, pushes)
-            squeeze = np.abs(unknowns[indices.normal]).sum()
-            tolerance[indices.balance] = FORCE_TOLERANCE * squeeze
+            squeeze = np.abs(unknowns[places.normal]).sum()
+            tolerance[places.balance] = FORCE_TOLERANCE * squeeze
             # For NaN the comparisons are false, so NaN is not a solution.
             error = float((np.abs(residual) / tolerance).max())
-            solved = error <= 1.0
-            if not solved:
-                if (advanced := statics._advance(state, residual)) is None:
+            is_solved = error <= 1.0
+            if not is_solved:
+                next_unknowns = statics._advance(state, residual)
+                if next_unknowns is None:
                     return None
-                unknowns, pushes = advanced, statics._push(advanced)
+                unknowns, pushes = next_unknowns, statics._push(next_unknowns)
                 if not np.abs(pushes.loads).max() <= MAX_LOAD:
                     return None  # the iteration diverges
-            loads, feet = pushes.loads, unknowns[indices.feet]
-            moved = statics.bent.distance(loads, feet)
-            near = moved <= reach or close
+            feet = unknowns[places.feet]
+            motion = statics.bent.distance(pushes.loads, feet)
+            is_linearised = motion <= reach or moves_by_rounding
             # Tubes are not modelled beyond the ends of their members, so these contacts converge
             # slowly.
-            off = moved <= FOLLOWED_MOTION and not statics.are_on_members(feet)
-            if off or (solved and near):
-                inclined = np.abs(unknowns[indices.inclinations]).max()
-                return (statics, state) if inclined <= MAX_INCLINATION else None
-            if not near and (solved or error < least):
+            is_off = motion <= FOLLOWED_MOTION and not statics.are_on_members(feet)
+            if is_off or (is_solved and is_linearised):
+                inclination = np.abs(unknowns[places.inclinations]).max()
+                return (statics, state) if inclination <= MAX_INCLINATION else None
+            if not is_linearised and (is_solved or error < least_error):
                 # In soft structures, nodes move by rounding.
-                close, least = moved <= ROUNDING, error
-                statics = replace(statics, bent=statics.bent.update(loads, feet))
+                moves_by_rounding, least_error = motion <= ROUNDING, error
+                statics = replace(statics, bent=statics.bent.update(pushes.loads, feet))
         return None
 
     def _advance(self, state: ContactForces, residual: Array) -> Array | None:
         """Return the unknowns after a bounded step of Newton's method; None if singular."""
-        indices, unknowns = state.places, state.unknowns
+        places, unknowns = state.places, state.unknowns
         _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
-        size, longest = np.abs(step), np.full(indices.size, MAX_TURN * self.body.arm)
-        longest[ANGLE] = longest[indices.inclinations] = MAX_TURN
-        longest[indices.forces] = np.inf
+        size, limit = np.abs(step), np.full(places.size, MAX_TURN * self.body.arm)
+        limit[ANGLE] = limit[places.inclinations] = MAX_TURN
+        limit[places.forces] = np.inf
         # The motion of the centroid does not depend on the frame of the object.
-        turn = cmath.rect(1.0, unknowns[ANGLE]) * self.body.shape.centroid
-        size[CENTER] = abs(complex(step[0], step[1]) + 1j * turn * step[ANGLE])
+        centroid = cmath.rect(1.0, unknowns[ANGLE]) * self.body.shape.centroid
+        size[CENTER] = abs(complex(step[0], step[1]) + 1j * centroid * step[ANGLE])
         if singular or not size.max() < np.inf:
             return None
-        return unknowns + step / max(1.0, float((size / longest).max()))
+        return unknowns + step / max(1.0, float((size / limit).max()))
 
 
-def object_angles(unknowns: Array, normals: Points, near: Array | float = 0.0) -> Array:
-    """Return the angles (k,) of normals in the object's frame, within pi of `near` [rad]."""
-    return near + np.angle(normals * np.exp(-1j * (unknowns[ANGLE] + near)))
+def object_angles(unknowns: Array, normals: Points, previous: Array | float = 0.0) -> Array:
+    """Return the angles (k,) of normals in the object's frame, within pi of `previous` [rad]."""
+    return previous + np.angle(normals * np.exp(-1j * (unknowns[ANGLE] + previous)))
 
 
 def build_statics(
@@ -326,18 +337,17 @@ def build_statics(
 ) -> ContactStatics:
     """Return the equilibrium equations of an object with given contacts, for straight tubes."""
     structure = structure_of(config, pressure)
-    starts, axis, length, _ = Lines.of(structure, contacts.members)
-    straight = facing_normals(body.middle, starts, axis)
-    points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
-    feet = ((body.center + body.turn * points - starts) * axis.conj()).real
-    places = np.clip(feet, 0.0, length)
-    bent = BentTubes.of(structure, contacts.members, places, stiffness)
+    lines = Lines.of(structure, contacts.members)
+    normals = facing_normals(body.middle, lines.start, lines.axis)
+    points, _ = body.shape.surface_at(contacts.corners, normals * body.turn.conjugate())
+    feet = ((body.center + body.turn * points - lines.start) * lines.axis.conj()).real
+    bent = BentTubes.of(structure, contacts.members, np.clip(feet, 0.0, lines.length), stiffness)
     return ContactStatics(
         bent=bent,
         body=body,
         contacts=contacts,
         tube_radius=0.5 * config.robot.description.tube_diameter,
-        sides=np.sign((straight * axis.conj()).imag),
+        sides=np.sign((normals * lines.axis.conj()).imag),
         dents=find_dents(structure, body.shape, contacts, stiffness),
     )
 
@@ -346,10 +356,10 @@ def find_dents(
     structure: Structure, shape: Shape, contacts: PressedContacts, stiffness: float
 ) -> Dents:
     """Return the depths of the dents at all contacts."""
-    robot, corners = structure.config.robot, contacts.corners.tolist()
-    pressed = robot.topology.tube[contacts.members].tolist()
+    robot = structure.config.robot
+    tubes = robot.topology.tube[contacts.members].tolist()
     tables = [
         dent_table(flattening_of(robot, structure.pressures[tube]), shape, corner)
-        for tube, corner in zip(pressed, corners, strict=True)
+        for tube, corner in zip(tubes, contacts.corners.tolist(), strict=True)
     ]
     return Dents(tables, stiffness)

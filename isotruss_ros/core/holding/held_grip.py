@@ -196,8 +196,8 @@ class HeldGrip:
         """Return the relative increase of the contact forces by the bending of the tubes [-]."""
         bent, loads, feet = self.statics.bent, self.state.loads, self.state.feet
         straight = BentTubes.of(bent.structure, bent.members, feet, bent.stiffness)
-        gaps = bent.respond(loads, feet) - straight.respond(loads, feet)
         # Gaps that linear tubes would leave, closed by changes of forces and pose.
+        gaps = bent.respond(loads, feet) - straight.respond(loads, feet)
         right = np.zeros(self.state.places.size)
         right[: gaps.size] = gaps.ravel()
         _, _, change, singular = lapack.dgesv(self.state.jacobian, right)
