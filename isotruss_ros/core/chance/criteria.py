@@ -75,7 +75,7 @@ def find_unknown_rates(grip: HeldGrip) -> tuple[Array, LoadedTubes]:
 
 def _loaded_tubes(grip: HeldGrip, reach: float = ROUNDING) -> LoadedTubes:
     parameters = GraspParameters.of(grip.config)
-    return LoadedTubes(grip, np.eye(parameters.size, parameters.size + 1), parameters, reach)
+    return LoadedTubes.of(grip, np.eye(parameters.size, parameters.size + 1), parameters, reach)
 
 
 def _equation_rates(grip: HeldGrip, tubes: LoadedTubes, sticks: bool = False) -> Array:
@@ -95,7 +95,8 @@ def _equation_rates(grip: HeldGrip, tubes: LoadedTubes, sticks: bool = False) ->
 def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Criteria:
     """Return four conditions that bound the object's displacement from its measured pose."""
     body, measured, normals = grip.body, grip.statics.body, grip.state.normals
-    normal_rates = 1j * normals[:, None] * (tubes.spins + change[grip.state.places.inclinations])
+    turns = tubes.changes.spins + change[grip.state.places.inclinations]
+    normal_rates = 1j * normals[:, None] * turns
     # Along and across the chord of the normals, which turns.
     chord, chord_rates = normals[0] - normals[-1], normal_rates[0] - normal_rates[-1]
     axis = chord / abs(chord)
@@ -114,7 +115,7 @@ def _rolled(grip: HeldGrip, tubes: LoadedTubes) -> Array:
     """Return the derivatives (k, p) of the rolling invariants at constant unknowns."""
     state, statics, contacts = grip.state, grip.statics, grip.contacts
     rolling = statics.rolling_rows(state.unknowns, state.normals)
-    rates = rolling[:, state.places.inclinations] @ tubes.spins
+    rates = rolling[:, state.places.inclinations] @ tubes.changes.spins
     rates[:, : len(grip.config.roller_positions)] += statics.anchor_rates
     rates[:, -1] -= grip.body.shape.unroll(grip.angles, contacts.corners)
     return rates

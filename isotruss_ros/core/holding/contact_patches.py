@@ -75,7 +75,7 @@ def _wall_tension(state: ContactForces, bent: BentTubes, gauge: Array, radius: f
     before, behind = bent.frame.layout.before, bent.frame.layout.behind
     # Bending away from the object's force stretches the wall on the object's side. Friction acts
     # at the skin, so the moment differs before and behind the contact.
-    moment = 0.5 * bent.ahead * (ends[before, 5] - ends[behind, 2])
+    moment = 0.5 * bent.cuts.directions * (ends[before, 5] - ends[behind, 2])
     compression = np.maximum(-ends[before, 3], ends[behind, 0])
     bending = 2.0 / radius * moment * np.sign(state.loads[:, 1])
     pull = gauge * np.pi * radius**2 + bending - compression

@@ -76,6 +76,13 @@ class Pushes(NamedTuple):
     #: and angle of the object
     rates: Array
 
+    def load_rates(self, change: Array) -> Array:
+        """Return the changes (k, 3, c) of the loads for c changes of the unknowns."""
+        count = len(self.local)
+        by_angle = np.repeat(change[None, None, ANGLE], count, axis=1)
+        causes = np.concatenate([change[POSE + count :].reshape(3, count, -1), by_angle])
+        return np.einsum('lnk,lkc->knc', self.rates, causes)
+
 
 @dataclass(frozen=True, eq=False)
 class ContactStatics:
@@ -115,16 +122,9 @@ class ContactStatics:
 
     def loads(self, unknowns: Array) -> Array:
         """Return the loads on the tubes (k, 3): forces along and across [N], and moments [N m]."""
-        return self._push(unknowns).loads
+        return self.pushes(unknowns).loads
 
-    def load_rates(self, unknowns: Array, change: Array) -> Array:
-        """Return the changes (k, 3, c) of the loads on the tubes for c changes of the unknowns."""
-        count, first = len(self.sides), self.places.inclinations.start
-        by_angle = np.repeat(change[None, None, ANGLE], count, axis=1)
-        causes = np.concatenate([change[first:].reshape(3, count, -1), by_angle])
-        return np.einsum('lnk,lkc->knc', self._push(unknowns).rates, causes)
-
-    def _push(self, unknowns: Array) -> Pushes:
+    def pushes(self, unknowns: Array) -> Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
         first = self.places.inclinations.start
         inclination, normal, friction = unknowns[first:].reshape(3, -1)
@@ -165,7 +165,7 @@ class ContactStatics:
         moment, lines = places.balance.start + 2, self.bent.lines
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet = unknowns[places.feet]
-        pushes = pushes or self._push(unknowns)
+        pushes = pushes or self.pushes(unknowns)
         local, skin = pushes.local, pushes.skin
         normals = lines.axis * local
         in_object = normals * turn.conjugate()
@@ -191,7 +191,7 @@ class ContactStatics:
 
         gaps = to_member * (lines.start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)
-        touch += self.bent.given + self.bent.rates @ feet
+        touch += self.bent.constant + self.bent.rates @ feet
         touch[:, 0] += gaps.real
         touch[:, 1] += gaps.imag
         touch[:, 2] -= unknowns[places.inclinations]
@@ -277,7 +277,7 @@ class ContactStatics:
         """
         statics, unknowns, places = self, start, self.places
         least_error, moves_by_rounding = np.inf, False
-        pushes = self._push(start)
+        pushes = self.pushes(start)
         tolerance = np.full(places.size, LENGTH_TOLERANCE)
         for _ in range(steps):
             residual, state = statics.equations(unknowns, wrench, conditions, pushes)
@@ -290,7 +290,7 @@ class ContactStatics:
                 next_unknowns = statics._advance(state, residual)
                 if next_unknowns is None:
                     return None
-                unknowns, pushes = next_unknowns, statics._push(next_unknowns)
+                unknowns, pushes = next_unknowns, statics.pushes(next_unknowns)
                 if not np.abs(pushes.loads).max() <= MAX_LOAD:
                     return None  # the iteration diverges
             feet = unknowns[places.feet]

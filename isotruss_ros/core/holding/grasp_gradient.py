@@ -191,7 +191,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         return GraspGradient(parameters, settled, pose, none, none, zero, used, None)
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)
-    tubes = LoadedTubes(grip, chosen, parameters)
+    tubes = LoadedTubes.of(grip, chosen, parameters)
     state, indices = grip.state, grip.state.places
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
     change[:, -3:] = grip.response.change
@@ -221,6 +221,6 @@ def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: 
     statics = replace(grip.statics, dents=dents)
     bent = statics.bent.update(statics.loads(unknowns), unknowns[state.places.feet])
     statics = replace(statics, bent=bent)
-    _, there = statics.equations(unknowns, grip.wrench, statics.sticking)
-    tubes = tubes.at(replace(grip, statics=statics, state=there))
-    return there.jacobian @ change + tubes.equation_rates(sticks=True)
+    _, state = statics.equations(unknowns, grip.wrench, statics.sticking)
+    displaced = LoadedTubes.at(replace(grip, statics=statics, state=state), bent, tubes.changes)
+    return state.jacobian @ change + displaced.equation_rates(sticks=True)

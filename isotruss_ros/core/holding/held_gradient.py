@@ -9,18 +9,17 @@ From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x.
 
 from __future__ import annotations
 
-import copy
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_statics import object_angles
+from isotruss_ros.core.holding.contact_statics import object_angles, Pushes
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
+from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, TubeRates
 from isotruss_ros.core.statics.structure import section_rates
 from isotruss_ros.core.statics.wrinkling import evaluate_utilisation, find_utilisation
 import numpy as np
@@ -53,152 +52,143 @@ class GraspParameters(NamedTuple):
         )
 
 
-class TubeRates(NamedTuple):
-    """Derivatives of the tubes' displacements and forces with respect to p parameters."""
+class ParameterChanges(NamedTuple):
+    """Changes of a robot and of the loads on an object in p directions of change."""
 
-    give: Points  #: (k, p) of the contact points, along + i across the members [m]
-    slope: Array  #: (k, p) of the bent centre lines' inclinations at the contacts [rad]
-    nodes: Array  #: (n, 3, p) of the displacements of the frame's nodes [m, rad]
-    forces: Array  #: (c, 3, p) of the `EndForces` of the frame's parts with fixed nodes
+    spins: Array  #: (k, p) rotations of the contacts' members [rad]
+    sections: Array  #: (4, c, p) rest length, EA, EI and GA of the frame's parts
+    pressures: Array  #: (t, p) gauge pressures of the tubes [Pa]
+    stiffness: Array  #: (p,) stiffness of the robot, relative to its stiffness [-]
+    place: Array  #: (3, p) given pose of the object [m, rad]
+    wrench: Array  #: (3, p) wrench on the object, see `HeldGrip.wrench` [N]
 
 
-class LoadedTubes:
-    """
-    Bent tubes of a robot with a held object, with derivatives along p parameter changes.
+class LoadedTubes(NamedTuple):
+    """Bent tubes of a robot with a held object, with derivatives along p parameter changes."""
 
-    Each column of `chosen` (n, p) is a direction of change of the n parameters. The tubes are
-    linearised again if a node has moved by more than `reach` [m]. The derivatives `spins` (k, p)
-    are those of the directions of the contacts' members [rad].
-    """
+    grip: HeldGrip  #: the held object
+    bent: BentTubes  #: the tubes, linearised about its equilibrium
+    changes: ParameterChanges  #: the parameter changes
+    pushes: Pushes  #: loads of the contacts on the tubes
+    dents: Array  #: (k, p) derivatives of the dents' depths at constant unknowns [m]
+    by_sections: TubeRates  #: derivatives at constant loads
 
-    def __init__(
-        self, grip: HeldGrip, chosen: Array, parameters: GraspParameters, reach: float = ROUNDING
-    ) -> None:
+    @classmethod
+    def of(
+        cls, grip: HeldGrip, chosen: Array, parameters: GraspParameters, reach: float = ROUNDING
+    ) -> LoadedTubes:
+        """
+        Return the tubes with derivatives along columns of `chosen` (n, p), for n parameters.
+
+        The tubes are linearised again if a node has moved by more than `reach` [m].
+        """
         if grip.response is None:
             raise GraspError(
                 'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
             )
-        self._chosen, self._parameters = chosen, parameters
+        bent, loads, feet = grip.statics.bent, grip.state.loads, grip.state.feet
+        if bent.distance(loads, feet) > reach:
+            bent = bent.update(loads, feet)
+        bent = bent.activated()
         topology, members = grip.config.robot.topology, grip.contacts.members
         by_rollers = grip.config.node_jacobian.T.copy().view(np.complex128).T
-        self.moved = by_rollers @ chosen[parameters.rollers]
-        self._starts, lines = self.moved[topology.b[members]], grip.statics.bent.lines
-        ahead = self.moved[topology.end[members]] - self._starts
-        self.spins = (ahead / (lines.length * lines.axis)[:, None]).imag
-        self._inflated = chosen[parameters.pressures]
-        self._stiffer = chosen[parameters.stiffness] / grip.statics.bent.stiffness
-        bent, state = grip.statics.bent, grip.state
-        if bent.distance(state.loads, state.feet) > reach:
-            bent = bent.update(state.loads, state.feet)
-        bent = bent.activated()
-        self.sections = section_rates(bent.structure, bent.frame, self.moved, self._inflated)
-        self._load(grip, bent)
+        nodes = by_rollers @ chosen[parameters.rollers]
+        spans = nodes[topology.end[members]] - nodes[topology.b[members]]
+        pressures = chosen[parameters.pressures]
+        changes = ParameterChanges(
+            spins=(spans / (bent.lines.length * bent.lines.axis)[:, None]).imag,
+            sections=section_rates(bent.structure, bent.frame, nodes, pressures),
+            pressures=pressures,
+            stiffness=chosen[parameters.stiffness] / bent.stiffness,
+            place=chosen[parameters.place],
+            wrench=chosen[parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]]),
+        )
+        return cls.at(grip, bent, changes)
 
-    def _load(self, grip: HeldGrip, bent: BentTubes) -> None:
-        """Set grip and tubes; compute the tubes' derivatives with respect to section changes."""
-        self._grip, self._bent, state, statics = grip, bent, grip.state, grip.statics
-        self._by_sections = bent.section_changes(self.sections)
-        normal, tube = state.normal_forces, grip.config.robot.topology.tube
-        self._push = (normal + 1j * state.friction_forces) * state.normals
+    @classmethod
+    def at(cls, grip: HeldGrip, bent: BentTubes, changes: ParameterChanges) -> LoadedTubes:
+        """Return the tubes with derivatives along given changes."""
+        state, dents = grip.state, grip.statics.dents
+        pushes = grip.statics.pushes(state.unknowns)
         angles = object_angles(state.unknowns, state.normals)
-        depths, self._soft, self._tilts = statics.dents(normal, angles)
-        self._skin = statics.tube_radius - depths
-        by_pressure = statics.dents.pressure_rates(normal, angles)[:, None]
-        self.dents = by_pressure * self._inflated[tube[grip.contacts.members]]
-        self.dents -= np.outer(self._soft * normal, self._stiffer)
-        self.dents += self._tilts[:, None] * self.spins
-
-    def at(self, grip: HeldGrip) -> LoadedTubes:
-        """Return the derivatives at another equilibrium in the same configuration."""
-        other = copy.copy(self)
-        other._load(grip, grip.statics.bent)
-        return other
+        tube = grip.config.robot.topology.tube[grip.contacts.members]
+        by_pressure = dents.pressure_rates(state.normal_forces, angles)
+        dented = by_pressure[:, None] * changes.pressures[tube]
+        dented -= np.outer(pushes.softs * state.normal_forces, changes.stiffness)
+        dented += pushes.tilts[:, None] * changes.spins
+        by_sections = bent.section_changes(changes.sections)
+        return cls(grip, bent, changes, pushes, dented, by_sections)
 
     def equation_rates(self, sticks: bool = False) -> Array:
         """Return the equations' derivatives (3 + 4k, p), also with sticking contacts."""
-        grip, spins = self._grip, self.spins
-        statics, state, body = grip.statics, grip.state, grip.body
-        indices, normals = state.places, state.normals[:, None]
-        axis = self._bent.lines.axis[:, None]
-        give, slope, *_ = self.respond(np.zeros((indices.size, spins.shape[1])))
+        grip, statics, state, body = self.grip, self.grip.statics, self.grip.state, self.grip.body
+        places, lines, normals = state.places, self.bent.lines, state.normals[:, None]
+        spins, axis = self.changes.spins, lines.axis[:, None]
+        at_constant_unknowns = self.respond(np.zeros((places.size, spins.shape[1])))
+        layout = self.bent.frame.layout
+        moved = at_constant_unknowns.nodes[layout.nodes]
+        displaced = self.bent.tangent.displacements[layout.nodes]
         points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
+        arms = (body.turn * points)[:, None]
         # The contact points move on the surface, because the normals turn with the members.
-        arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
-        away = self._bent.lines.start[:, None] - body.center - arms
-        gap = self._starts - swept - 1j * spins * away + self.dents * normals
-        gap = gap / axis + give
-        forces = self._push[:, None]
+        swept = 1j * radii[:, None] * spins * normals
+        feet = lines.start + lines.axis * state.feet + displaced[:, 0] + 1j * displaced[:, 1]
+        levers = feet[:, None] - body.center - arms
+        gaps = moved[:, 0] + 1j * moved[:, 1] - 1j * spins * levers - swept + self.dents * normals
+        gaps /= axis
+        slopes = at_constant_unknowns.inclinations - spins
+        touch = np.stack([gaps.real, gaps.imag, slopes], axis=1).reshape(3 * len(gaps), -1)
+        forces = self.pushes.force[:, None] * axis
         turned = 1j * spins * forces
         torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
         total = turned.sum(axis=0)
-        wrench = self._chosen[self._parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]])
+        balance = self.changes.wrench - np.stack([total.real, total.imag, torque / grip.arm])
         # The conditions depend on the normals, which turn with the members.
-        closing = state.jacobian[indices.conditions]
+        conditions = state.jacobian[places.conditions]
         if sticks:
-            closing = statics.rolling_rows(state.unknowns, state.normals)
-        closure = closing[:, indices.inclinations] @ spins
+            conditions = statics.rolling_rows(state.unknowns, state.normals)
+        closure = conditions[:, places.inclinations] @ spins
         if not sticks:
             # Other conditions depend on the pose relative to the measured pose. They use the
             # centroid, which has turned about the origin since the measurement.
-            place, measured = self._chosen[self._parameters.place], statics.body
-            still = measured.middle - measured.center - (body.middle - body.center)
-            place = place + np.array([[-still.imag], [still.real], [0.0]]) * place[2]
-            closure -= closing[:, :3] @ place
-        balance = wrench - np.stack([total.real, total.imag, torque / grip.arm])
-        touch = np.stack([gap.real, gap.imag, slope], axis=1).reshape(3 * len(gap), -1)
+            measured = statics.body
+            arm = measured.middle - measured.center - (body.middle - body.center)
+            turning = np.outer([-arm.imag, arm.real, 0.0], self.changes.place[ANGLE])
+            closure -= conditions[:, :POSE] @ (self.changes.place + turning)
         return np.concatenate([touch, balance, closure])
 
     def respond(self, change: Array) -> TubeRates:
         """Return the tubes' derivatives, given those (3 + 4k, p) of the equilibrium's unknowns."""
-        bent, state = self._bent, self._grip.state
-        nodes_at, tangent, axis = bent.frame.layout.nodes, bent.tangent, bent.lines.axis[:, None]
-        feet, inclined, normal, rubs = change[POSE:].reshape(4, len(axis), -1)
-        forces = (normal + 1j * rubs) * state.normals[:, None]
-        forces += 1j * (self.spins + inclined) * self._push[:, None]
-        dented = self.dents + self._soft[:, None] * normal
-        dented += self._tilts[:, None] * (inclined - change[ANGLE])
-        couples = dented * state.friction_forces[:, None] - self._skin[:, None] * rubs
-        local = forces / axis
-        loads = np.stack([local.real, local.imag, couples], axis=1)
+        state, changes = self.grip.state, self.changes
+        turned = 1j * changes.spins * self.pushes.force[:, None]
+        couples = self.dents * state.friction_forces[:, None]
+        loads = np.stack([turned.real, turned.imag, couples], axis=1)
         # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.
-        loads -= state.loads[..., None] * self._stiffer
-        by_sections, turned, rates = self._by_sections
-        moved, slope, by_places = bent.changes(loads, feet)
-        nodes = by_sections + moved
-        still = tangent.displacements[nodes_at]
-        there = bent.lines.axis * state.feet + still[:, 0] + 1j * still[:, 1]
-        give = nodes[nodes_at, 0] + 1j * nodes[nodes_at, 1]
-        give -= self._starts + 1j * self.spins * there[:, None]
-        # The displacement is relative to the contact, which moves along its member.
-        give = give / axis - feet
-        slope += turned - self.spins
-        return TubeRates(give, slope, nodes, rates + by_places)
+        loads -= state.loads[..., None] * changes.stiffness
+        loads += self.pushes.load_rates(change)
+        by_loads = self.bent.load_changes(loads, change[state.places.feet])
+        return TubeRates(*map(np.add, self.by_sections, by_loads))
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """Return the members' utilisations (m,), and their derivatives (m, p)."""
-        grip, bent, robot = self._grip, self._bent, self._grip.config.robot
-        frame, (forces, bowing) = bent.frame, bent.end_forces(grip.state.loads, grip.state.feet)
-        most = find_utilisation(bent.structure, frame, forces, bowing)
+        bent, robot, changes = self.bent, self.grip.config.robot, self.changes
+        forces, bowing = bent.end_forces(self.grip.state.loads, self.grip.state.feet)
+        most = find_utilisation(bent.structure, bent.frame, forces, bowing)
         radius = 0.5 * robot.description.tube_diameter
-        tube, piece = robot.topology.tube, most.piece
-        wall = np.pi * radius**2 * np.array(bent.structure.pressures)[tube]
-        ends = forces[piece]
-        loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, bowing[piece]])
-        force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[piece]
-        # Rows: axial force and moments at both ends.
-        by_end = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.5, -0.5]])
-        changes = np.tensordot(by_end, bent.stiffness * force_rates, (1, 1))
-        pull, first, second = changes + ends.T[[3, 2, 5], :, None] * self._stiffer
-        pulled = pull + np.pi * radius**2 * self._inflated[tube]
-        changes = np.stack([-first, second, pulled, force_rates[:, 0]])
-        sections = np.vstack([frame.length[piece], frame.section[1:, piece]])
-        others = self.sections[[0, 2, 3]][:, piece]
+        force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[most.piece]
+        # Rows: moments at both ends, and axial force.
+        by_end = np.array([[0.0, -0.5, -0.5], [0.0, 0.5, -0.5], [1.0, 0.0, 0.0]])
+        scaled = np.tensordot(by_end, bent.stiffness * force_rates, (1, 1))
+        begin, end, axial = forces[most.piece][:, [2, 5, 3]].T
+        scaled += np.stack([-begin, end, axial])[..., None] * changes.stiffness
+        scaled[2] += np.pi * radius**2 * changes.pressures[robot.topology.tube]
+        load_rates = np.concatenate([scaled, force_rates[None, :, 0]])
+        by_part = changes.sections[[0, 2, 3]][:, most.piece]
         # Complex step at the same kind of place. The utilisation of a tube without wall tension is
         # infinite and has no derivative.
-        step = 1j * EPSILON
-        used, _ = evaluate_utilisation(
-            loads[..., None] + step * changes, sections[..., None] + step * others, radius
-        )
+        loads = most.loads[..., None] + 1j * EPSILON * load_rates
+        sections = most.sections[..., None] + 1j * EPSILON * by_part
+        used, _ = evaluate_utilisation(loads, sections, radius)
         return most.used, np.take_along_axis(used, most.kind[None, :, None], 0)[0].imag / EPSILON
 
 
@@ -220,16 +210,16 @@ class HeldGradient(NamedTuple):
 @single_threaded
 def held_gradient(grip: HeldGrip) -> HeldGradient:
     """Return the derivatives of pose, forces and displaced joints while the contacts stick."""
-    config, state, statics = grip.config, grip.state, grip.statics
-    indices, parameters = state.places, GraspParameters.of(config)
+    config, statics = grip.config, grip.statics
+    places, parameters = grip.state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)
     chosen = np.zeros((parameters.size, rollers + count))
     chosen[parameters.rollers, :rollers] = np.eye(rollers)
-    tubes = LoadedTubes(grip, chosen, parameters, reach=FOLLOWED_MOTION)
-    changes = tubes.equation_rates(sticks=True)
-    changes[indices.conditions, :rollers] += statics.anchor_rates
-    changes[indices.conditions, rollers:] -= np.eye(count)
-    change = grip.respond(changes)
-    forces = grip.contacts.sum_by_member(change[indices.normal])
+    tubes = LoadedTubes.of(grip, chosen, parameters, reach=FOLLOWED_MOTION)
+    residuals = tubes.equation_rates(sticks=True)
+    residuals[places.conditions, :rollers] += statics.anchor_rates
+    residuals[places.conditions, rollers:] -= np.eye(count)
+    change = grip.respond(residuals)
+    forces = grip.contacts.sum_by_member(change[places.normal])
     joints = tubes.respond(change).nodes[: len(config.robot.topology.joint_names), :2]
-    return HeldGradient(change[:3], forces, joints.reshape(-1, change.shape[1]))
+    return HeldGradient(change[:POSE], forces, joints.reshape(-1, change.shape[1]))

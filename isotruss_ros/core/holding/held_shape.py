@@ -105,9 +105,9 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
 def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return the generalised mass (3, 3) of modules and tubes for unit wrenches."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
-    loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
+    loads = grip.statics.pushes(grip.state.unknowns).load_rates(grip.response.change)
     bent = grip.statics.bent.activated()
-    moved = bent.changes(loads, np.zeros((len(loads), 3)))[0]
+    moved = bent.load_changes(loads, np.zeros((len(loads), 3))).nodes
     starts = bent.structure.frame.layout.start[bent.structure.pieces]
     b, c, _ = (moved[:, 0] + 1j * moved[:, 1])[starts]
     half = 0.5 * description.tube_mass * grip.config.member_lengths

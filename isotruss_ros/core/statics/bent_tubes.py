@@ -39,12 +39,33 @@ PLACE_LENGTH = 0.02
 KEPT_FORCE = 1e-8
 
 
-class Displaced(NamedTuple):
+class BentState(NamedTuple):
     """State of a bent frame about which tubes are linearised."""
 
     unknowns: Array  #: (u,) unknowns of the frame, see `Tangent`
     loads: Array  #: (k, 3) loads at the load points, see `BentTubes` [N, N m]
-    pull: Array  #: (p,) axial forces of the frame's parts [N]
+    axial: Array  #: (p,) axial forces of the frame's parts [N]
+
+
+class LoadResponses(NamedTuple):
+    """
+    Changes of bent tubes by unit loads and by unit motions of k load points along their members.
+
+    The columns are 3k loads, k motions, and a last one for the loads that the linearised state
+    lacks for equilibrium.
+    """
+
+    unknowns: Array  #: (u, 4k + 1) changes of the frame's unknowns
+    #: (k, 3, 4k + 1) changes of the responses, see `BentTubes`; the last column is their value
+    at_points: Array
+
+
+class TubeRates(NamedTuple):
+    """Derivatives of the tubes' displacements and forces with respect to p parameters."""
+
+    nodes: Array  #: (n, 3, p) of the displacements of the frame's nodes [m, rad]
+    inclinations: Array  #: (k, p) of the bent centre lines at the load points [rad]
+    forces: Array  #: (c, 3, p) of the `EndForces` of the frame's parts with fixed nodes
 
 
 class Lines(NamedTuple):
@@ -67,6 +88,22 @@ class Lines(NamedTuple):
         return cls(start, axis, length, turns)
 
 
+class Cuts(NamedTuple):
+    """Nodes of a frame at k load points, no two of them nearer than the shortest part."""
+
+    pieces: Indices  #: (k,) members of the frame that the nodes divide
+    within: Array  #: (k,) distances of the nodes from the starts of these members [m]
+    directions: Array  #: (k,) 1 for a piece that runs along its member of the robot, else -1
+    places: Array  #: (k,) distances of the nodes from the starts of the robot's members [m]
+
+    @classmethod
+    def of(cls, structure: Structure, members: Indices, places: Array) -> Cuts:
+        """Return the nodes at places (k,) on members (k,) of the robot."""
+        pieces, within, directions = structure.locate(members, places)
+        inside = keep_apart(pieces, within, structure.frame.length[pieces])
+        return cls(pieces, inside, directions, places + directions * (inside - within))
+
+
 @dataclass(frozen=True, eq=False)
 class BentTubes:
     """
@@ -81,49 +118,47 @@ class BentTubes:
     structure: Structure  #: structural model of the robot
     members: Indices  #: (k,) index of the member of each load point in `Robot.member_names`
     places: Array  #: (k,) distances of the load points from the members' starts [m]
-    apart: Array  #: (k,) `places`, shifted so that no part is too short [m]
+    cuts: Cuts  #: nodes at the load points
     lines: Lines  #: members of the load points
-    frame: Frame  #: the structure's frame with additional nodes at the load points
-    ahead: Array  #: (k,) 1 for load points on pieces that run along their member, else -1
+    frame: Frame  #: the structure's frame with these nodes
     stiffness: float  #: factor on the modelled stiffness [-]
-    before: Displaced  #: state about which the tubes are linearised
+    state: BentState  #: state about which the tubes are linearised
 
     @classmethod
     def of(
         cls,
         structure: Structure,
         members: Indices,
-        positions: Array,
+        places: Array,
         stiffness: float = 1.0,
         values: Array | None = None,
     ) -> BentTubes:
         """Return the tubes linearised about the state `values`; None: without loads."""
-        layout = structure.frame.layout
-        pieces, inside, ahead, apart = _place_cuts(structure, members, positions)
+        layout, cuts = structure.frame.layout, Cuts.of(structure, members, places)
         active = layout.active
         if values is None:
-            active = np.union1d(layout.numbering.owner[pieces], layout.numbering.hinged)
-        frame, lines = structure.frame.cut(pieces, inside, active), Lines.of(structure, members)
+            active = np.union1d(layout.numbering.owner[cuts.pieces], layout.numbering.hinged)
+        frame = structure.frame.cut(cuts.pieces, cuts.within, active)
         ends = np.cumsum([len(frame.scale), 3 * len(members), len(frame.length)])
         values = np.zeros(ends[-1]) if values is None else values
         if values.shape != (ends[-1],):
             raise StructureError(f'bent tubes with {values.size} values: must be {ends[-1]}')
-        unknowns, loads, pull = np.split(values, ends[:-1])
-        before = Displaced(unknowns, loads.reshape(-1, 3), pull)
-        places = positions, apart
-        return cls(structure, members, *places, lines, frame, ahead, stiffness, before)
+        unknowns, loads, axial = np.split(values, ends[:-1])
+        state = BentState(unknowns, loads.reshape(-1, 3), axial)
+        lines = Lines.of(structure, members)
+        return cls(structure, members, places, cuts, lines, frame, stiffness, state)
 
     @property
     def values(self) -> Array:
         """Return the state about which these tubes are linearised, with all blocks deformable."""
-        before = self.before
+        state = self.state
         if self.frame.layout.kept:
-            pieces, inside, *_ = _place_cuts(self.structure, self.members, self.places)
-            frame = self.structure.frame.cut(pieces, inside)
-            before = self._convert(before, frame, True)
-            tangent = linearize(frame, before.unknowns, before.pull)
-            before = before._replace(pull=tangent.forces.values[:, 0])
-        return np.concatenate([part.ravel() for part in before])
+            cuts = Cuts.of(self.structure, self.members, self.places)
+            frame = self.structure.frame.cut(cuts.pieces, cuts.within)
+            state = self._convert(state, frame, True)
+            tangent = linearize(frame, state.unknowns, state.axial)
+            state = state._replace(axial=tangent.forces.values[:, 0])
+        return np.concatenate([part.ravel() for part in state])
 
     def activated(self) -> BentTubes:
         """Return these tubes with all blocks deformable."""
@@ -132,42 +167,43 @@ class BentTubes:
         return BentTubes.of(self.structure, self.members, self.places, self.stiffness, self.values)
 
     @cached_property
-    def _longer(self) -> Array:
+    def _lengthened(self) -> Array:
         """Return the changes (p, k) of the parts' lengths by unit motions of the load points."""
-        return self.frame.layout.longer * self.ahead
+        return self.frame.layout.longer * self.cuts.directions
 
     @cached_property
     def tangent(self) -> Tangent:
-        """Return the frame linearised about the state `before`."""
+        """Return the frame linearised about `state`."""
         kept = tuple(self.structure.blocks[i].take(rows) for i, rows in self.frame.layout.kept)
-        return linearize(self.frame, self.before.unknowns, self.before.pull, kept)
+        return linearize(self.frame, self.state.unknowns, self.state.axial, kept)
 
     @cached_property
-    def _changes(self) -> tuple[Array, Array]:
-        """Return changes (u, p) and responses (k, 3, p) to unit loads and motions, and balance."""
-        tangent, layout = self.tangent, self.frame.layout
-        count, size, turns = len(self.members), len(tangent.unknowns), self.lines.turns
-        load_points, cut, moving = np.arange(count), self._cut_unknowns, self._moving
-        right = np.zeros((size, 4 * count + 1))
+    def _responses(self) -> LoadResponses:
+        """Return the responses to loads and to motions of the load points."""
+        tangent, layout, to_robot = self.tangent, self.frame.layout, self.lines.turns
+        count, cut, motions = len(self.members), self._cut_unknowns, self._motions
+        right = np.zeros((len(tangent.unknowns), 4 * count + 1))
         columns = np.arange(3 * count).reshape(count, 1, 3)
-        right[cut[:, :, None], columns] = turns / self.stiffness
-        slopes, longer, by_length = tangent.slopes, self._longer, tangent.length_rates
-        rates = by_length[layout.parts, :, None] * longer[layout.parts, None]
-        right[:, moving] = -tangent.sum_forces(layout.parts, rates)
-        # The length of a part between two places of one member depends on both places.
-        changed = (slopes.by_forces * by_length[layout.beside]).sum(axis=1)
-        right[:, -1] = right[:, : 3 * count] @ self.before.loads.ravel() - tangent.carried
-        _, moved = tangent.solve(right)
-        back = turns.swapaxes(1, 2)
-        responses = back @ moved[cut]
-        responses[:, 2] = _mean((slopes.by_ends @ moved[layout.places[layout.beside]])[:, 0])
-        responses[:, 2, moving] += _mean(changed[:, None] * longer[layout.beside])
+        right[cut[:, :, None], columns] = to_robot / self.stiffness
+        slopes, by_length = tangent.slopes, tangent.length_rates
+        forces = by_length[layout.parts, :, None] * self._lengthened[layout.parts, None]
+        right[:, motions] = -tangent.sum_forces(layout.parts, forces)
+        right[:, -1] = right[:, : 3 * count] @ self.state.loads.ravel() - tangent.carried
+        _, unknowns = tangent.solve(right)
+        to_member = to_robot.swapaxes(1, 2)
+        at_points = to_member @ unknowns[cut]
+        by_ends = (slopes.by_ends @ unknowns[layout.places[layout.beside]])[:, 0]
+        at_points[:, 2] = _mean(by_ends)
+        # The length of a part between two load points of one member depends on both.
+        slope_rates = (slopes.by_forces * by_length[layout.beside]).sum(axis=1)
+        at_points[:, 2, motions] += _mean(slope_rates[:, None] * self._lengthened[layout.beside])
         # The displacement is relative to the place, which moves along its member.
-        responses[load_points, 0, moving.start + load_points] -= 1.0
-        state = (back @ tangent.unknowns[cut][:, :, None])[..., 0]
-        state[:, 2] = _mean(slopes.values)
-        responses[..., -1] += state
-        return moved, responses
+        load_points = np.arange(count)
+        at_points[load_points, 0, motions.start + load_points] -= 1.0
+        values = (to_member @ tangent.unknowns[cut][:, :, None])[..., 0]
+        values[:, 2] = _mean(slopes.values)
+        at_points[..., -1] += values
+        return LoadResponses(unknowns, at_points)
 
     @property
     def _cut_unknowns(self) -> Indices:
@@ -175,108 +211,108 @@ class BentTubes:
         return np.arange(-3 * len(self.members), 0).reshape(-1, 3)
 
     @property
-    def _moving(self) -> slice:
-        """Return the columns of `_changes` that belong to the motions of the load points."""
+    def _motions(self) -> slice:
+        """Return the columns of `LoadResponses` that belong to the motions of the load points."""
         return slice(3 * len(self.members), 4 * len(self.members))
 
     @cached_property
     def matrix(self) -> Array:
         """Return the compliance (k, 3, k, 3): responses at the load points to unit loads."""
         count = len(self.members)
-        return self._changes[1][:, :, : 3 * count].reshape(count, 3, count, 3)
+        return self._responses.at_points[:, :, : 3 * count].reshape(count, 3, count, 3)
 
     @cached_property
     def rates(self) -> Array:
         """Return the derivatives (k, 3, k) of the responses by `places` [-, -, rad/m]."""
-        return self._changes[1][..., self._moving]
+        return self._responses.at_points[..., self._motions]
 
     @cached_property
-    def given(self) -> Array:
+    def constant(self) -> Array:
         """Return the responses (k, 3), extrapolated to zero loads and zero positions."""
         none = np.zeros((len(self.members), 3))
         return self.respond(none, none[:, 0])
 
-    def respond(self, loads: Array, positions: Array) -> Array:
-        """Return the responses (k, 3), which are affine functions of loads and positions."""
-        return self._changes[1] @ self._ways(loads, positions)
+    def respond(self, loads: Array, places: Array) -> Array:
+        """Return the responses (k, 3), which are affine functions of loads and places."""
+        return self._responses.at_points @ self._factors(loads, places)
 
-    def distance(self, loads: Array, positions: Array) -> float:
+    def distance(self, loads: Array, places: Array) -> float:
         """Return the largest motion of a node by loads, from where it is linearised [m]."""
-        if (self.apart != self.places).any():
+        if (self.cuts.places != self.places).any():
             # The nodes stay beside a node or another load point.
-            *_, positions = _place_cuts(self.structure, self.members, positions)
-        ways = self._ways(loads, positions)
-        moved = np.abs(self.frame.displacements(self._displace(ways)[0])[:, :2]).max()
-        parts = self.frame.length[self.frame.layout.beside].reshape(2, -1).min(axis=0)
-        slid = np.abs(ways[self._moving]) * np.sqrt(PLACE_LENGTH / parts)
+            places = Cuts.of(self.structure, self.members, places).places
+        factors = self._factors(loads, places)
+        moved = np.abs(self.frame.displacements(self._displace(factors)[0])[:, :2]).max()
+        shorter = self.frame.length[self.frame.layout.beside].reshape(2, -1).min(axis=0)
+        slid = np.abs(factors[self._motions]) * np.sqrt(PLACE_LENGTH / shorter)
         return float(max(moved, slid.max()))
 
-    def _displace(self, ways: Array) -> tuple[Array, Array]:
+    def _displace(self, factors: Array) -> tuple[Array, Array]:
         """Return the unknowns' changes (u,) relative to the moving load points, and absolute."""
-        changes = self._changes[0] @ ways
-        moved = changes.copy()
+        absolute = self._responses.unknowns @ factors
+        relative = absolute.copy()
         # The displacement is relative to the place, which moves along its member.
-        slid = self.lines.axis * ways[self._moving]
-        moved[self._cut_unknowns[:, 0]] -= slid.real
-        moved[self._cut_unknowns[:, 1]] -= slid.imag
-        return moved, changes
+        slid = self.lines.axis * factors[self._motions]
+        relative[self._cut_unknowns[:, 0]] -= slid.real
+        relative[self._cut_unknowns[:, 1]] -= slid.imag
+        return relative, absolute
 
-    def _ways(self, loads: Array, positions: Array) -> Array:
-        """Return `ways` (p,), factors on the columns of `_changes`: loads, places, and 1."""
-        more = (loads - self.before.loads).ravel()
-        return np.concatenate([more, positions - self.apart, [1.0]])
+    def _factors(self, loads: Array, places: Array) -> Array:
+        """Return factors (4k + 1,) on the columns of `LoadResponses`."""
+        added_loads = (loads - self.state.loads).ravel()
+        return np.concatenate([added_loads, places - self.cuts.places, [1.0]])
 
-    def update(
-        self, loads: Array, positions: Array, structure: Structure | None = None
-    ) -> BentTubes:
+    def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
         """Return the tubes linearised about the state that these predict under loads."""
         structure = self.structure if structure is None else structure
-        active = self._find_active(loads, positions, structure)
-        pieces, inside, ahead, apart = _place_cuts(structure, self.members, positions)
-        frame = structure.frame.cut(pieces, inside, active)
+        active = self._find_active(loads, places, structure)
+        cuts, tangent = Cuts.of(structure, self.members, places), self.tangent
+        frame = structure.frame.cut(cuts.pieces, cuts.within, active)
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
         half = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
-        near = bool((np.abs(apart - self.apart) <= half).all())
-        ways, tangent = self._ways(loads, apart if near else self.apart), self.tangent
-        moved, changes = self._displace(ways)
-        pull = tangent.forces.values[:, 0] + self._force_changes(ways, changes)[0][:, 0]
-        before = Displaced(tangent.unknowns + moved, loads, pull)
-        if not near or frame.layout is not self.frame.layout:
-            before = self._convert(before, frame, near)
+        is_near = bool((np.abs(cuts.places - self.cuts.places) <= half).all())
+        factors = self._factors(loads, cuts.places if is_near else self.cuts.places)
+        relative, absolute = self._displace(factors)
+        axial = tangent.forces.values[:, 0] + self._force_changes(factors, absolute)[0][:, 0]
+        state = BentState(tangent.unknowns + relative, loads, axial)
+        if not is_near or frame.layout is not self.frame.layout:
+            state = self._convert(state, frame, is_near)
         lines = self.lines
         if structure is not self.structure:
             lines = Lines.of(structure, self.members)
-        fields = positions, apart, lines, frame, ahead, self.stiffness, before
-        return BentTubes(structure, self.members, *fields)
+        fields = cuts, lines, frame, self.stiffness, state
+        return BentTubes(structure, self.members, places, *fields)
 
-    def _find_active(self, loads: Array, positions: Array, structure: Structure) -> Indices:
+    def _find_active(self, loads: Array, places: Array, structure: Structure) -> Indices:
         """Return the blocks that given loads deform, see `UnloadedBlocks`."""
         layout, tangent = self.frame.layout, self.tangent
         if structure is not self.structure:  # its blocks are linearised once only
             return structure.frame.layout.active
         if not layout.kept:
             return layout.active
-        changes, active = self._changes[0] @ self._ways(loads, positions), [layout.active]
+        changes = self._responses.unknowns @ self._factors(loads, places)
         motion = np.abs(self.frame.displacements(changes)[:, :2]).max()
-        for blocks, push, stiff in zip(*tangent.kept, strict=True):
-            force = push + (stiff @ changes[blocks.outer][:, :, None])[..., 0]
-            loaded = np.abs(force).max(axis=1) > KEPT_FORCE * (1.0 + 1e13 * motion**2)
-            active.append(blocks.ids[loaded])
+        active = [layout.active]
+        for blocks, force, stiff in zip(*tangent.kept, strict=True):
+            predicted = force + (stiff @ changes[blocks.outer][:, :, None])[..., 0]
+            is_loaded = np.abs(predicted).max(axis=1) > KEPT_FORCE * (1.0 + 1e13 * motion**2)
+            active.append(blocks.ids[is_loaded])
         return np.sort(np.concatenate(active))
 
-    def _convert(self, state: Displaced, frame: Frame, near: bool) -> Displaced:
-        """Convert a state to one of a similar frame; `near`: its cuts are displaced alike."""
-        unknowns = self._complete(state.unknowns)
-        longer = (self.structure.frame.length / frame.uncut.length)[frame.layout.whole]
-        begins, middles = longer * frame.begins, longer * (frame.begins + 0.5 * frame.length)
-        if not near:
-            behind, nodes = frame.layout.behind, self.frame.displacements(unknowns)
-            cut = self.frame.interpolate(nodes, frame.layout.whole[behind], begins[behind])
-            unknowns = np.append(unknowns[: self._cut_unknowns[0, 0]], cut)
-        part = self.frame.locate(frame.layout.whole, middles)
-        pull = np.where(part < 0, np.nan, state.pull[part])
-        return Displaced(unknowns, state.loads, pull)
+    def _convert(self, state: BentState, frame: Frame, is_near: bool) -> BentState:
+        """Convert a state to one of a similar frame; `is_near`: its cuts are displaced alike."""
+        unknowns, layout = self._complete(state.unknowns), frame.layout
+        growth = (self.structure.frame.length / frame.uncut.length)[layout.whole]
+        begins = growth * frame.begins
+        middles = growth * (frame.begins + 0.5 * frame.length)
+        if not is_near:
+            nodes, behind = self.frame.displacements(unknowns), layout.behind
+            at_cuts = self.frame.interpolate(nodes, layout.whole[behind], begins[behind])
+            unknowns = np.append(unknowns[: self._cut_unknowns[0, 0]], at_cuts)
+        part = self.frame.locate(layout.whole, middles)
+        axial = np.where(part < 0, np.nan, state.axial[part])
+        return BentState(unknowns, state.loads, axial)
 
     def _complete(self, unknowns: Array) -> Array:
         """Add the unknowns of undeformed tubes, which turn with their hinges, to unknowns (u,)."""
@@ -285,55 +321,47 @@ class BentTubes:
             blocks.complete(completed)
         return completed
 
-    def changes(self, loads: Array, positions: Array) -> tuple[Array, Array, Array]:
-        """Return the changes of deformed nodes, inclinations, forces by p loads and motions."""
-        unknowns, responses = self._changes
-        ways = np.concatenate([loads.reshape(-1, loads.shape[2]), positions])
-        forces = self.tangent.length_rates[:, :, None] * (self._longer @ positions)[:, None]
-        nodes = self.frame.displacements(unknowns[:, :-1] @ ways)
-        return nodes, responses[:, 2, :-1] @ ways, forces
+    def load_changes(self, loads: Array, motions: Array) -> TubeRates:
+        """Return the derivatives by p changes of loads (k, 3, p), and of places (k, p)."""
+        unknowns, at_points = (columns[..., :-1] for columns in self._responses)
+        factors = np.concatenate([loads.reshape(-1, loads.shape[2]), motions])
+        forces = self.tangent.length_rates[:, :, None] * (self._lengthened @ motions)[:, None]
+        nodes = self.frame.displacements(unknowns @ factors)
+        return TubeRates(nodes, at_points[:, 2] @ factors, forces)
 
-    def displacements(self, loads: Array, positions: Array) -> Array:
+    def displacements(self, loads: Array, places: Array) -> Array:
         """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
-        moved, _ = self._displace(self._ways(loads, positions))
-        return self.frame.displacements(self._complete(self.tangent.unknowns + moved))
+        relative, _ = self._displace(self._factors(loads, places))
+        return self.frame.displacements(self._complete(self.tangent.unknowns + relative))
 
-    def end_forces(self, loads: Array, positions: Array) -> tuple[Array, Array]:
+    def end_forces(self, loads: Array, places: Array) -> tuple[Array, Array]:
         """Return linear predictions of end forces (p, 6), and of unscaled axial forces (p,)."""
-        tangent, ways = self.tangent, self._ways(loads, positions)
-        changes, longer = self._force_changes(ways, self._displace(ways)[1])
+        tangent, factors = self.tangent, self._factors(loads, places)
+        changes, longer = self._force_changes(factors, self._displace(factors)[1])
         forces = tangent.forces.values + changes
         ends = end_forces(forces, tangent.length + longer)
         return self.stiffness * ends, forces[:, 0]
 
-    def _force_changes(self, ways: Array, changes: Array) -> tuple[Array, Array]:
-        """Return the changes of `EndForces.values` (p, 3) and chord lengths (p,) by `ways`."""
-        forces, longer = self.tangent.force_changes(self.frame.displacements(changes)[..., None])
-        slid = (self._longer @ ways[self._moving])[:, None]
-        return forces[..., 0] + self.tangent.length_rates * slid, longer[:, 0]
+    def _force_changes(self, factors: Array, unknowns: Array) -> tuple[Array, Array]:
+        """Return the changes of `EndForces.values` (p, 3) and chord lengths (p,) by `factors`."""
+        moved = self.frame.displacements(unknowns)[..., None]
+        forces, longer = self.tangent.force_changes(moved)
+        lengthened = (self._lengthened @ factors[self._motions])[:, None]
+        return forces[..., 0] + self.tangent.length_rates * lengthened, longer[:, 0]
 
-    def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
-        """Return `changes` by p changes of sections; no tubes must be kept."""
-        frame, tangent, parts = self.frame, self.tangent, self.frame.layout.beside
-        count, chosen = changes.shape[2], np.flatnonzero(changes.any(axis=(0, 2)))
-        units = np.broadcast_to(np.eye(4)[:, None], (4, len(chosen), 4))
-        rates = np.zeros((len(frame.length), 3, count))
-        rates[chosen] = tangent.force_rates(chosen, units) @ changes[:, chosen].swapaxes(0, 1)
-        carried = tangent.sum_forces(chosen, rates[chosen])
-        _, moved = tangent.solve(-carried)
-        _, by_ends, by_forces, by_shear = tangent.slopes
-        inclined = by_forces[:, None] @ rates[parts] + by_ends @ moved[frame.layout.places[parts]]
-        shear = (by_shear / frame.section[2, parts])[:, None] * changes[3, parts]
-        return frame.displacements(moved), _mean(inclined[:, 0] + shear), rates
-
-
-def _place_cuts(
-    structure: Structure, members: Indices, positions: Array
-) -> tuple[Indices, Array, Array, Array]:
-    """Return pieces with load points, distances (k,) from their starts, and `ahead`, `apart`."""
-    pieces, within, ahead = structure.locate(members, positions)
-    inside = keep_apart(pieces, within, structure.frame.length[pieces])
-    return pieces, inside, ahead, positions + ahead * (inside - within)
+    def section_changes(self, changes: Array) -> TubeRates:
+        """Return the derivatives by p changes of sections (4, c, p); no tubes must be kept."""
+        frame, tangent, beside = self.frame, self.tangent, self.frame.layout.beside
+        changed = np.flatnonzero(changes.any(axis=(0, 2)))
+        units = np.broadcast_to(np.eye(4)[:, None], (4, len(changed), 4))
+        forces = np.zeros((len(frame.length), 3, changes.shape[2]))
+        by_section = tangent.force_rates(changed, units)
+        forces[changed] = by_section @ changes[:, changed].swapaxes(0, 1)
+        _, moved = tangent.solve(-tangent.sum_forces(changed, forces[changed]))
+        slopes, at_ends = tangent.slopes, moved[frame.layout.places[beside]]
+        inclined = slopes.by_forces[:, None] @ forces[beside] + slopes.by_ends @ at_ends
+        shear = (slopes.by_shear / frame.section[2, beside])[:, None] * changes[3, beside]
+        return TubeRates(frame.displacements(moved), _mean(inclined[:, 0] + shear), forces)
 
 
 def _mean(sides: Array) -> Array:

@@ -31,6 +31,8 @@ class Utilisation(NamedTuple):
     place: Array  #: (m,) distance of this maximum from the member's start [m]
     piece: Indices  #: (m,) index of the frame's part in which the maximum is; -1 for none
     kind: Indices  #: (m,) 0 if the maximum is at this part's start, 1 at its end, 2 inside
+    loads: Array  #: (4, m) loads of this part, see `evaluate_utilisation`
+    sections: Array  #: (3, m) sections of this part, see `evaluate_utilisation`
 
 
 def find_utilisation(
@@ -40,59 +42,59 @@ def find_utilisation(
     config, topology = structure.config, structure.config.robot.topology
     pieces, member = structure.tube_parts(frame)
     radius = 0.5 * config.robot.description.tube_diameter
-    # Tension p pi R^2 of the wall without axial force, and with the force at start and end.
     wall = np.pi * radius**2 * np.array(structure.pressures)[topology.tube[member]]
-    ends, length = end_forces[pieces], frame.length[pieces]
-    begun, ended = wall - ends[:, 0], wall + ends[:, 3]
-    used, inside = evaluate_utilisation(
-        (
-            -ends[:, 2],
-            ends[:, 5],
-            np.stack([begun, ended, np.minimum(begun, ended)]),
-            pulls[pieces],
-        ),
-        np.vstack([length, frame.section[1:, pieces]]),
-        radius,
-    )
+    ends = end_forces[pieces]
+    loads = np.stack([-ends[:, 2], ends[:, 5], wall + ends[:, 3], pulls[pieces]])
+    sections = np.vstack([frame.length[pieces], frame.section[1:, pieces]])
+    used, inside = evaluate_utilisation(loads, sections, radius)
     start, along = config.points[topology.b[member]], config.member_axes[member].conj()
     origin = ((frame.points[frame.layout.start[pieces]] - start) * along).real
-    ahead = (frame.axis[pieces] * along).real
-    positions = origin + ahead * np.stack([np.zeros(len(pieces)), length, inside])
-    last = find_most_used(used.ravel(), np.tile(member, 3))
-    kind, piece = np.divmod(last, len(pieces))
-    count, owner = structure.owners.shape[1], member[piece]
-    usage = Utilisation(np.zeros(count), np.zeros(count), np.full(count, -1), np.zeros(count, int))
-    values = used.ravel()[last], positions.ravel()[last], pieces[piece], kind
-    for of_members, of_present in zip(usage, values, strict=True):
-        of_members[owner] = of_present
+    direction = (frame.axis[pieces] * along).real
+    within = np.stack([np.zeros(len(pieces)), sections[0], inside])
+    places = (origin + direction * within).ravel()
+    most_used = find_most_used(used.ravel(), np.tile(member, 3))
+    kind, part = np.divmod(most_used, len(pieces))
+    present, count = member[part], structure.owners.shape[1]
+    usage = Utilisation(
+        used=np.zeros(count),
+        place=np.zeros(count),
+        piece=np.full(count, -1),
+        kind=np.zeros(count, dtype=int),
+        loads=np.zeros((4, count)),
+        sections=np.zeros((3, count)),
+    )
+    usage.used[present] = used.ravel()[most_used]
+    usage.place[present] = places[most_used]
+    usage.piece[present] = pieces[part]
+    usage.kind[present] = kind
+    usage.loads[:, present] = loads[:, part]
+    usage.sections[:, present] = sections[:, part]
     return usage
 
 
-def evaluate_utilisation(
-    loads: Array | tuple[Array, ...], sections: Array, radius: float
-) -> tuple[Array, Array]:
+def evaluate_utilisation(loads: Array, sections: Array, radius: float) -> tuple[Array, Array]:
     """
     Return |M| / M_w (3, ...) at start, end and inner maximum (or zero), and its position [m].
 
-    The loads are bending moments at start and end [N m], tension of the wall, at one or three
-    points, and the axial force that amplifies moments [N]. The sections are length [m], EI [N m^2]
-    and GA [N]. All of them may be complex, for derivatives by complex steps.
+    The loads (4, ...) are bending moments at start and end [N m], tension of the wall, and the
+    axial force that amplifies moments [N]. The sections (3, ...) are length [m], EI [N m^2] and GA
+    [N]. All of them may be complex, for derivatives by complex steps.
     """
-    begin, end, moment_capacity, pull = loads
+    begin, end, wall, pull = loads
     length, flexural, shear = sections
     # M = begin cos(k x) + sine sin(k x), whose maximum may be inside a piece; without compression
     # the largest moment is at an end.
     wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
-    turned = np.maximum(wave * length, ROUNDING)
-    sine = (end - begin * np.cos(turned)) / np.sin(turned)
+    phase = np.maximum(wave * length, ROUNDING)
+    sine = (end - begin * np.cos(phase)) / np.sin(phase)
     crest = np.arctan2(sine.real, begin.real) % np.pi
-    within = (wave.real > 0.0) & (crest < turned.real)
-    peak = np.where(within, np.sqrt(begin * begin + sine * sine), 0.0)
+    is_inside = (wave.real > 0.0) & (crest < phase.real)
+    peak = np.where(is_inside, np.sqrt(begin * begin + sine * sine), 0.0)
     moments = np.stack([begin, end, peak])
     moments = np.where(moments.real < 0.0, -moments, moments)
     used = np.full(moments.shape, np.inf, dtype=moments.dtype)
-    np.divide(2.0 * moments, radius * moment_capacity, out=used, where=moment_capacity.real > 0.0)
-    return used, np.where(within, crest / turned * length, 0.0)
+    np.divide(2.0 * moments, radius * wall, out=used, where=wall.real > 0.0)
+    return used, np.where(is_inside, crest / phase * length, 0.0)
 
 
 def find_most_used(used: Array, member: Indices) -> Indices:

@@ -88,7 +88,7 @@ def test_tubes_that_are_kept_undeformed_change_no_response(shape, depth):
     bent, whole = grip.statics.bent, grip.statics.bent.activated()
     assert bent.frame.layout.kept
     assert not whole.frame.layout.kept
-    for name in ('matrix', 'rates', 'given'):
+    for name in ('matrix', 'rates', 'constant'):
         expected = getattr(whole, name)
         assert getattr(bent, name) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
     loads, feet = grip.state.loads, grip.state.feet
@@ -98,7 +98,7 @@ def test_tubes_that_are_kept_undeformed_change_no_response(shape, depth):
 
 def test_a_tube_is_kept_undeformed_until_its_hinges_are_loaded():
     bent = attach_grip(ROBOT.home, placed(Disc(0.3), 0.02)).statics.bent
-    loads, places = bent.before.loads, bent.places
+    loads, places = bent.state.loads, bent.places
     assert bent.update(loads, places).frame.layout.kept
     pushed = loads + np.array([[0.0, 0.1, 0.0], [0.0, 0.0, 0.0]])
     assert not bent.update(pushed, places).frame.layout.kept
