@@ -135,7 +135,7 @@ def scaled(body: ConvexObject, factor: float) -> ConvexObject:
 def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, change: Array) -> Criteria:
     """Return the criteria for changes (3 + 4k, p) of the unknowns."""
     indices, contacts, config = grip.state.places, grip.contacts, grip.config
-    touched, count = contacts.members[contacts.first], change.shape[1]
+    touched, count = grip.members, change.shape[1]
     normal, presses = grip.normal_forces, contacts.sum_by_member(change[indices.normal])
     rubs = contacts.sum_by_member(change[indices.friction])
     needed = grip.friction_forces / normal

@@ -37,46 +37,57 @@ def find_patches(
     contacts: PressedContacts, state: ContactForces, bent: BentTubes, skins: list[PressedSkin]
 ) -> ContactPatches:
     """Return the contact patches of an object in equilibrium; `skins` are those of `Dents`."""
-    owners, structure = contacts.owners, bent.structure
+    structure = bent.structure
     radius = 0.5 * structure.config.robot.description.tube_diameter
     gauge = np.array(structure.pressures)[structure.config.robot.topology.tube[contacts.members]]
     tension, sides = _wall_tension(state, bent, gauge, radius), np.sign(state.loads[:, 1])
-    count = int(owners[-1]) + 1
-    spans = np.tile([np.inf, -np.inf], (count, 1))
+    count = len(skins)
+    begins, ends = np.full(count, np.inf), np.full(count, -np.inf)
     lengths, forces, areas, widths, peaks = np.zeros((5, count))
-    flattened = np.zeros(count, dtype=bool)
+    is_flat = np.zeros(count, dtype=bool)
     for k, skin in enumerate(skins):
-        owner, pressed = owners[k], skin.forces > 0.0
-        if not pressed.any():
+        is_pressed = skin.forces > 0.0
+        if not is_pressed.any():
             continue
-        steps = np.diff(skin.heights) / skin.spacing
-        turns = np.append(steps, steps[-1]) - np.append(steps[0], steps)
-        curvature = np.maximum(turns / skin.spacing, 0.0)  # of the object's surface
-        local = gauge[k] + tension[k] * curvature[pressed]
-        load = skin.forces[pressed] / skin.spacing
+        slopes = np.diff(skin.heights) / skin.spacing
+        bends = np.append(slopes, slopes[-1]) - np.append(slopes[0], slopes)
+        curvature = np.maximum(bends / skin.spacing, 0.0)  # of the object's surface
+        pressure = gauge[k] + tension[k] * curvature[is_pressed]
+        load = skin.forces[is_pressed] / skin.spacing
         # The pressure at which a contact over half of the circumference carries the load.
-        flat = load / (np.pi * radius)
-        flattened[owner] |= bool((flat >= local).any())
-        local = np.maximum(local, flat)
-        along = state.feet[k] - sides[k] * skin.positions[pressed]
-        spans[owner, 0] = min(spans[owner, 0], along.min() - 0.5 * skin.spacing)
-        spans[owner, 1] = max(spans[owner, 1], along.max() + 0.5 * skin.spacing)
-        lengths[owner] += skin.spacing * np.count_nonzero(pressed)
-        forces[owner] += skin.forces.sum()
-        areas[owner] += skin.spacing * float((load / local).sum())
-        widths[owner] = max(widths[owner], float((load / local).max()))
-        peaks[owner] = max(peaks[owner], float(local.max()))
-    return ContactPatches(spans, lengths, widths, areas, forces / areas, peaks, flattened)
+        flat_pressure = load / (np.pi * radius)
+        is_flat[k] = (flat_pressure >= pressure).any()
+        pressure = np.maximum(pressure, flat_pressure)
+        around = load / pressure
+        along = state.feet[k] - sides[k] * skin.positions[is_pressed]
+        begins[k] = along.min() - 0.5 * skin.spacing
+        ends[k] = along.max() + 0.5 * skin.spacing
+        lengths[k] = skin.spacing * len(along)
+        forces[k], areas[k] = skin.forces.sum(), skin.spacing * around.sum()
+        widths[k], peaks[k] = around.max(), pressure.max()
+    sum_by_member, starts = contacts.sum_by_member, contacts.member_starts
+    return ContactPatches(
+        spans=np.stack(
+            [np.minimum.reduceat(begins, starts), np.maximum.reduceat(ends, starts)], axis=1
+        ),
+        lengths=sum_by_member(lengths),
+        widths=np.maximum.reduceat(widths, starts),
+        areas=sum_by_member(areas),
+        pressures=sum_by_member(forces) / sum_by_member(areas),
+        peaks=np.maximum.reduceat(peaks, starts),
+        flattened=np.maximum.reduceat(is_flat, starts),
+    )
 
 
 def _wall_tension(state: ContactForces, bent: BentTubes, gauge: Array, radius: float) -> Array:
     """Return the tension (k,) along the tube in its wall on the object's side [N/m]."""
-    ends, _ = bent.end_forces(state.loads, state.feet)
-    before, behind = bent.frame.layout.before, bent.frame.layout.behind
+    end_forces, _ = bent.end_forces(state.loads, state.feet)
+    before = end_forces[bent.frame.layout.before]
+    behind = end_forces[bent.frame.layout.behind]
     # Bending away from the object's force stretches the wall on the object's side. Friction acts
     # at the skin, so the moment differs before and behind the contact.
-    moment = 0.5 * bent.cuts.directions * (ends[before, 5] - ends[behind, 2])
-    compression = np.maximum(-ends[before, 3], ends[behind, 0])
+    moment = 0.5 * bent.cuts.directions * (before[:, 5] - behind[:, 2])
+    compression = np.maximum(-before[:, 3], behind[:, 0])
     bending = 2.0 / radius * moment * np.sign(state.loads[:, 1])
     pull = gauge * np.pi * radius**2 + bending - compression
     return np.maximum(pull / (2.0 * np.pi * radius), 0.0)

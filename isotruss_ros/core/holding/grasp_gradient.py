@@ -19,7 +19,7 @@ from typing import Any
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.pressed_contacts import POSE
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -65,9 +65,10 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
     #: (n, p) derivatives of the largest utilisation of each member, in the order of
     #: `Robot.member_names`
     utilisation: Array
-    # For second derivatives: tubes with the changes of parameters, and changes of the unknowns.
-    # The last three columns of both are for unit wrenches.
-    _changes: tuple[LoadedTubes, Array] | None
+    # For second derivatives: tubes with the changes of parameters, and derivatives (3 + 4k, p) of
+    # the unknowns.
+    _tubes: LoadedTubes | None = None
+    _unknowns: Array | None = None
 
     @property
     def squeeze(self) -> Array:
@@ -77,12 +78,12 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
     @functools.cached_property
     def stiffness(self) -> Array:
         """Return the derivatives (3, 3, p) of `SettledGrasp.stiffness` by the p parameters."""
-        if self._changes is None:
+        if self._tubes is None:
             return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
         inverse = np.linalg.inv(grip.response.pose)
-        changed = grip.respond(self._response_rates(self._changes[1][:, -3:]))
-        rates = -np.einsum('ia,apb,bj->ijp', inverse, changed[:3], inverse)
+        by_wrench = grip.respond(self._response_rates(grip.response.change))
+        rates = -np.einsum('ia,apb,bj->ijp', inverse, by_wrench[:POSE], inverse)
         rates[2] *= grip.arm
         return rates
 
@@ -95,32 +96,33 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         differentiable, and the derivatives are those of the first of them.
         """
         columns = self.parameters
-        if self._changes is None:
+        if self._tubes is None:
             rates = np.zeros(columns.size)
             rates[columns.rollers], rates[columns.place] = self.settled.lost.slip_margin_rates()
             return rates
-        grip, (_, change) = self.settled.equilibrium, self._changes
-        response, forces = grip.response, grip.state.places.forces
+        grip, response = self.settled.equilibrium, self.settled.equilibrium.response
         planes = slip_planes(response, self.settled.friction)
-        nearest, turn = int((planes.reserve / planes.size).argmin()), planes.about_middle
-        row, presses = planes.rows[nearest], planes.friction_rates[nearest]
+        nearest = int((planes.reserve / planes.size).argmin())
+        row, by_friction = planes.rows[nearest], planes.friction_rates[nearest]
         slope, size = planes.slope[nearest], planes.size[nearest]
+        to_middle, forces = planes.about_middle, grip.state.places.forces
+        normal = slope @ to_middle / size
+        wrench = to_middle @ normal
+        reserve_rates = row @ self._unknowns[forces]
+        response_rates = self._response_rates(response.change @ wrench[:, None])
+        size_rates = row @ grip.respond(response_rates)[forces, :, 0]
         # The wrench about the object's centroid, which moves around its origin as it turns.
-        way = slope @ turn / size
-        along, x, y = turn @ way, turn[2, 1], -turn[2, 0]
-        distance_rates = row @ change[forces, :-3]
-        changed = grip.respond(self._response_rates(change[:, -3:] @ along[:, None]))
-        longer = row @ changed[forces, :, 0]
-        longer -= slope[2] * (x * way[0] + y * way[1]) * change[2, :-3]
+        swing = to_middle[2, 1] * normal[0] - to_middle[2, 0] * normal[1]
+        size_rates -= slope[2] * swing * self._unknowns[ANGLE]
         opened, plane = divmod(nearest, 2 * len(grip.members))
         if opened and np.count_nonzero(row) > 1:  # slip after an end has opened
             end = int(response.ends[opened - 1])
-            more = planes.rows[plane] @ self._opening_rates(opened - 1)
-            distance_rates += more * grip.state.forces[end]
-            longer += more * (response.forces[end] @ along)
-        distance_rates[columns.friction] += presses @ grip.state.forces
-        longer[columns.friction] += presses @ response.forces @ along
-        return (distance_rates - planes.margin * longer) / size
+            by_opening = planes.rows[plane] @ self._opening_rates(opened - 1)
+            reserve_rates += by_opening * grip.state.forces[end]
+            size_rates += by_opening * (response.forces[end] @ wrench)
+        reserve_rates[columns.friction] += by_friction @ grip.state.forces
+        size_rates[columns.friction] += by_friction @ response.forces @ wrench
+        return (reserve_rates - planes.margin * size_rates) / size
 
     def chance(self, uncertainty: Any) -> Array:
         """Return the derivatives (p + 1,) of the chance, see `Uncertainty.chance_gradient`."""
@@ -128,17 +130,17 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
 
     def _opening_rates(self, number: int) -> Array:
         """Return the derivatives (2k, p) of one row of `GripResponse.opening`."""
-        grip, change = self.settled.equilibrium, self._changes[1]
-        response, indices = grip.response, grip.state.places
-        end, parted = int(response.ends[number]), response.parted[:, number]
+        grip, response = self.settled.equilibrium, self.settled.equilibrium.response
+        places, end = grip.state.places, int(response.ends[number])
+        parted = response.parted[:, number]
         right = self._response_rates(parted[:, None])[..., 0]
         # The unit gap is normal to the tube, and turns with the tube relative to the member.
-        turned = grip.statics.bent.lines.axis[end].conj() * grip.state.normals[end] * 1j
-        turning = turned * change[indices.inclinations][end, :-3]
-        right[3 * end] -= turning.real
-        right[3 * end + 1] -= turning.imag
-        rates = grip.respond(right)[indices.forces]
-        tension = parted[indices.forces][end]
+        gap = grip.statics.bent.lines.axis[end].conj() * grip.state.normals[end]
+        gap_rates = 1j * gap * self._unknowns[places.inclinations][end]
+        right[3 * end] -= gap_rates.real
+        right[3 * end + 1] -= gap_rates.imag
+        rates = grip.respond(right)[places.forces]
+        tension = parted[places.forces][end]
         return -(rates + np.outer(response.opening[number], rates[end])) / tension
 
     @single_threaded
@@ -146,27 +148,28 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         """
         Return the products J' y (3 + 4k, p, n) of n responses y by p parameters (see this module).
 
-        They are central differences of fourth order of `_equation_changes` along the responses.
+        They are central differences of fourth order of `_displaced_rates` along the responses.
         """
-        grip, (tubes, change) = self.settled.equilibrium, self._changes
-        moved = np.abs(response[:POSE]) * [[1.0], [1.0], [grip.arm]]
+        grip = self.settled.equilibrium
         grip = replace(grip, statics=replace(grip.statics, bent=grip.statics.bent.activated()))
         state, structure = grip.state, grip.statics.bent.structure
         pieces, within, _ = structure.locate(grip.contacts.members, state.feet)
         room = np.minimum(within, structure.frame.length[pieces] - within)
-        near = np.concatenate([room, state.normal_forces])
+        kinks = np.concatenate([room, state.normal_forces])
         changes = np.concatenate([response[state.places.feet], response[state.places.normal]])
         # In the kink itself no step is short enough.
-        beside = near > 0.0
-        fastest = np.abs(changes[beside] / (KINK_SHARE * near[beside, None])).max(axis=0)
-        sizes = 1.0 / np.maximum(moved.max(axis=0) / STEP, fastest)
-        rates = np.empty((len(change), change.shape[1] - 3, len(sizes)))
+        is_beside = kinks > 0.0
+        approach = np.abs(changes[is_beside] / (KINK_SHARE * kinks[is_beside, None])).max(axis=0)
+        moved = np.abs(response[:POSE]) * [[1.0], [1.0], [grip.arm]]
+        sizes = 1.0 / np.maximum(moved.max(axis=0) / STEP, approach)
+        rates = np.empty((*self._unknowns.shape, len(sizes)))
         for i, size in enumerate(sizes.tolist()):
-            ahead, behind, far_ahead, far_behind = (
-                _equation_changes(grip, tubes, change, step * size * response[:, i])[:, :-3]
+            forward, backward, two_forward, two_backward = (
+                _displaced_rates(grip, self._tubes, self._unknowns, step * size * response[:, i])
                 for step in (1.0, -1.0, 2.0, -2.0)
             )
-            rates[..., i] = (8.0 * (ahead - behind) - (far_ahead - far_behind)) / (12.0 * size)
+            difference = 8.0 * (forward - backward) - (two_forward - two_backward)
+            rates[..., i] = difference / (12.0 * size)
         return rates
 
 
@@ -187,40 +190,37 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         parameters = GraspParameters.of(settled.lost.config)
         pose = np.eye(3, parameters.size, parameters.place.start)
         none, zero = np.zeros((0, parameters.size)), np.zeros(parameters.size)
-        used = np.zeros((len(settled.utilisation), parameters.size))
-        return GraspGradient(parameters, settled, pose, none, none, zero, used, None)
-    parameters = GraspParameters.of(grip.config)
-    chosen = np.eye(parameters.size, parameters.size + 3)
-    tubes = LoadedTubes.of(grip, chosen, parameters)
-    state, indices = grip.state, grip.state.places
-    change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
-    change[:, -3:] = grip.response.change
-    _, utilisation = tubes.utilisation(tubes.respond(change))
-    sum_by_member, by_parameters = grip.contacts.sum_by_member, change[:, :-3]
-    presses = sum_by_member(by_parameters[indices.normal])
-    rubs = sum_by_member(by_parameters[indices.friction])
-    needs = grip.friction_forces / grip.normal_forces
-    most = int(np.abs(needs).argmax())
-    slips = np.sign(needs[most]) * (rubs[most] - needs[most] * presses[most])
+        unused = np.zeros((len(settled.utilisation), parameters.size))
+        return GraspGradient(parameters, settled, pose, none, none, zero, unused)
+    parameters, places = GraspParameters.of(grip.config), grip.state.places
+    tubes = LoadedTubes.of(grip, np.eye(parameters.size), parameters)
+    unknowns = -np.linalg.solve(grip.state.jacobian, tubes.equation_rates())
+    _, utilisation = tubes.utilisation(tubes.respond(unknowns))
+    normal_forces = grip.contacts.sum_by_member(unknowns[places.normal])
+    friction_forces = grip.contacts.sum_by_member(unknowns[places.friction])
+    ratios = grip.friction_forces / grip.normal_forces
+    most = int(np.abs(ratios).argmax())
+    ratio_rates = friction_forces[most] - ratios[most] * normal_forces[most]
     return GraspGradient(
         parameters=parameters,
         settled=settled,
-        pose=by_parameters[:3],
-        normal_forces=presses,
-        friction_forces=-rubs,
-        required_friction=slips / grip.normal_forces[most],
-        utilisation=utilisation[:, :-3],
-        _changes=(tubes, change),
+        pose=unknowns[:POSE],
+        normal_forces=normal_forces,
+        friction_forces=-friction_forces,
+        required_friction=np.sign(ratios[most]) * ratio_rates / grip.normal_forces[most],
+        utilisation=utilisation,
+        _tubes=tubes,
+        _unknowns=unknowns,
     )
 
 
-def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
-    """Return the derivatives of the equilibrium equations by parameters in a displaced state."""
-    state, unknowns = grip.state, grip.state.unknowns + moved
+def _displaced_rates(grip: HeldGrip, tubes: LoadedTubes, changes: Array, shift: Array) -> Array:
+    """Return the changes of the equations by parameters, with unknowns displaced by `shift`."""
+    state, unknowns = grip.state, grip.state.unknowns + shift
     dents = grip.statics.dents.smooth_near(state.normal_forces, grip.angles)
     statics = replace(grip.statics, dents=dents)
     bent = statics.bent.update(statics.loads(unknowns), unknowns[state.places.feet])
     statics = replace(statics, bent=bent)
     _, state = statics.equations(unknowns, grip.wrench, statics.sticking)
     displaced = LoadedTubes.at(replace(grip, statics=statics, state=state), bent, tubes.changes)
-    return state.jacobian @ change + displaced.equation_rates(sticks=True)
+    return state.jacobian @ changes + displaced.equation_rates(sticks=True)

@@ -166,7 +166,7 @@ class HeldGrip:
     @functools.cached_property
     def members(self) -> Indices:
         """Return the indices (m,) of the grasping members."""
-        return self.contacts.members[self.contacts.first]
+        return self.contacts.members[self.contacts.member_starts]
 
     def bent_lines(self, members: Indices, positions: Array) -> tuple[Points, Points]:
         """Return points (c,) of bent centre lines [m], and their rotations exp(i theta)."""

@@ -41,8 +41,8 @@ class PressedContacts:
         return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
 
     @functools.cached_property
-    def first(self) -> Indices:
-        """Return the first contact (m,) of each grasping member."""
+    def member_starts(self) -> Indices:
+        """Return the index (m,) of the first contact of each grasping member."""
         return np.flatnonzero(np.diff(self.members, prepend=-1))
 
     @property
@@ -52,7 +52,7 @@ class PressedContacts:
 
     def sum_by_member(self, values: Array) -> Array:
         """Return the sums (m, ...) of values (k, ...) at the contacts of each grasping member."""
-        return np.add.reduceat(values, self.first)
+        return np.add.reduceat(values, self.member_starts)
 
 
 class Places(NamedTuple):
