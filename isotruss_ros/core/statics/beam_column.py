@@ -51,86 +51,94 @@ class BeamColumns(NamedTuple):
     def of(cls, length: Array, section: Array, pinned: Flags) -> BeamColumns:
         """Return members (k,) of given rest lengths and sections; `pinned` at the start or not."""
         axial, flexural, shear = section
-        slide, arm = 1.0 / shear, 0.25 * length * length / flexural
-        stiff = arm / (arm + 3.0 * slide)  # 1 / (1 + phi)
-        ratio = length * stiff * stiff
+        shear_compliance = 1.0 / shear
+        bend_compliance = 0.25 * length * length / flexural
+        share = bend_compliance / (bend_compliance + 3.0 * shear_compliance)  # 1 / (1 + phi)
+        scale = length * share * share
         values = np.zeros((11, len(length)), dtype=length.dtype)
         values[0], values[1] = length, length / axial
-        sway, across, bow = values[2::3], values[3::3], values[4::3]
-        bow[0] = length / arm  # 4 EI / l0
-        sway[0], sway[1] = 3.0 * bow[0] * stiff, 0.2 * ratio
-        sway[2] = ratio * (arm * (0.04 / 3.0 * stiff - 2.0 / 105.0) - 0.2 * slide)
-        bow[1], bow[2] = length / 3.0, length * (slide / -3.0 - arm / 45.0)
+        sway, coupling, bow = values[2::3], values[3::3], values[4::3]
+        bow[0] = length / bend_compliance  # 4 EI / l0
+        bow[1] = length / 3.0
+        bow[2] = length * (shear_compliance / -3.0 - bend_compliance / 45.0)
+        sway[0], sway[1] = 3.0 * bow[0] * share, 0.2 * scale
+        by_bending = bend_compliance * (0.04 / 3.0 * share - 2.0 / 105.0)
+        sway[2] = scale * (by_bending - 0.2 * shear_compliance)
         if pinned.any():  # the rotation of a pinned start is eliminated
             one_pin = _reciprocal(_reciprocal(sway) + _reciprocal(bow))
-            across[:] = np.where(pinned, -one_pin, 0.0)
+            coupling[:] = np.where(pinned, -one_pin, 0.0)
             sway[:], bow[:] = np.where(pinned, one_pin, sway), np.where(pinned, one_pin, bow)
         return cls(values)
 
-    def evaluate(self, longer: Array, turns: Array, given: Array | None = None) -> EndForces:
-        """Return the end forces of bent members; `given` (k,) are axial forces near theirs."""
-        stretch, rotary = self.values[1], self.values[2:].reshape(3, 3, -1)
-        straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
-        _, bowed, hardened = (by_power * turns).sum(axis=1)
-        soft = 1.0 / (stretch - hardened)
-        nearest = (longer + 0.5 * bowed) * soft
-        pull = nearest if given is None else np.where(np.isnan(given), nearest, given)
-        bent = pull * second
-        slope = first + 2.0 * bent
-        steep = slope * soft
-        stiffness = np.empty((3, 3, len(pull)), dtype=soft.dtype)
-        stiffness[0, 0] = soft
-        stiffness[0, 1:] = stiffness[1:, 0] = steep
-        turning = rotary[0] + pull * (rotary[1] + pull * rotary[2])
-        stiffness[1, 1:], stiffness[2, 1:] = turning[:2], turning[1:]
-        stiffness[1:, 1:] += slope[:, None] * steep
-        stressed = np.empty((3, len(pull)), dtype=soft.dtype)
-        stressed[0], stressed[1:] = pull, straight + pull * (first + bent)
-        shift = 0.0 if given is None else stiffness[:, 0] * (nearest - pull) / soft
-        return EndForces((stressed + shift).T, stiffness.T, stressed.T)
+    def evaluate(
+        self, elongation: Array, rotations: Array, axial: Array | None = None
+    ) -> EndForces:
+        """Return the end forces of bent members, by a Newton step from `axial` forces (k,)."""
+        compliance, rotary = self.values[1], self.values[2:].reshape(3, 3, -1)
+        # Coefficients of the moments (M1 + M2, M1 - M2) by powers of N.
+        moments = rotary[:, :2] * rotations[0] + rotary[:, 1:] * rotations[1]
+        constant, linear, quadratic = moments
+        _, shortening, softening = (moments * rotations).sum(axis=1)
+        stretching = 1.0 / (compliance - softening)
+        stationary = (elongation + 0.5 * shortening) * stretching
+        pull = stationary if axial is None else np.where(np.isnan(axial), stationary, axial)
+        bent = pull * quadratic
+        by_pull = linear + 2.0 * bent
+        by_elongation = by_pull * stretching
+        stiffness = np.empty((3, 3, len(pull)), dtype=stretching.dtype)
+        stiffness[0, 0] = stretching
+        stiffness[0, 1:] = stiffness[1:, 0] = by_elongation
+        at_pull = rotary[0] + pull * (rotary[1] + pull * rotary[2])
+        stiffness[1, 1:], stiffness[2, 1:] = at_pull[:2], at_pull[1:]
+        stiffness[1:, 1:] += by_pull[:, None] * by_elongation
+        stressed = np.empty((3, len(pull)), dtype=stretching.dtype)
+        stressed[0], stressed[1:] = pull, constant + pull * (linear + bent)
+        step = 0.0 if axial is None else stiffness[:, 0] * (stationary - pull) / stretching
+        return EndForces((stressed + step).T, stiffness.T, stressed.T)
 
 
 def _reciprocal(series: Array) -> Array:
     """Return the first three coefficients (3, ...) of the reciprocal of power series (3, ...)."""
-    constant, first, second = series
-    whole = 1.0 / constant
-    linear = -first * whole**2
-    return np.array([whole, linear, -(second * whole + first * linear) * whole])
+    constant, linear, quadratic = series
+    inverse = 1.0 / constant
+    slope = -linear * inverse**2
+    return np.array([inverse, slope, -(quadratic * inverse + linear * slope) * inverse])
 
 
 def chord_motions(axis: Points, length: Array) -> Array:
     """Return changes (k, 4, 6) of length, s, b and rotation of chords by displaced ends."""
     motions = np.zeros((len(axis), 4, 6))
-    along, turned = (
-        vectors.view(np.float64).reshape(-1, 2) for vectors in (axis, -1j * axis / length)
-    )
+    along = axis.view(np.float64).reshape(-1, 2)
+    across = (-1j * axis / length).view(np.float64).reshape(-1, 2)
     motions[:, 0, :2], motions[:, 0, 3:5] = -along, along
-    motions[:, 1, :2], motions[:, 1, 3:5] = -turned, turned
-    motions[:, 3, :2], motions[:, 3, 3:5] = turned, -turned
+    motions[:, 1, :2], motions[:, 1, 3:5] = -across, across
+    motions[:, 3, :2], motions[:, 3, 3:5] = across, -across
     motions[:, 1:3, 2], motions[:, 1, 5], motions[:, 2, 5] = 0.5, 0.5, -0.5
     return motions
 
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """Return the stiffness (k, 4, 4) of bent members in the coordinates of `chord_motions`."""
-    core = np.zeros((len(length), 4, 4))
-    core[:, :3, :3] = forces.stiffness.real
-    core[:, 0, 3] = core[:, 3, 0] = forces.stressed[:, 1].real / length
-    core[:, 3, 3] = forces.stressed[:, 0].real * length
-    return core
+    stiffness = np.zeros((len(length), 4, 4))
+    stiffness[:, :3, :3] = forces.stiffness.real
+    stiffness[:, 0, 3] = stiffness[:, 3, 0] = forces.stressed[:, 1].real / length
+    stiffness[:, 3, 3] = forces.stressed[:, 0].real * length
+    return stiffness
 
 
 def end_forces(forces: Array, length: Array) -> Array:
     """Return the end forces (k, 6) of members, see `FrameState.end_forces`."""
-    pull, both, apart = forces.T
-    across, first, second = both / length, 0.5 * (both + apart), 0.5 * (both - apart)
-    return np.stack([-pull, across, first, pull, -across, second], axis=1)
+    pull, moment_sum, moment_difference = forces.T
+    across = moment_sum / length
+    start = 0.5 * (moment_sum + moment_difference)
+    end = 0.5 * (moment_sum - moment_difference)
+    return np.stack([-pull, across, start, pull, -across, end], axis=1)
 
 
 def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) -> Array:
     """Return the stiffness matrices (2) of fixed members in their own axes (x to the end)."""
-    fixed, none = np.zeros(len(length), dtype=bool), np.zeros((3, len(length)))
-    columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), fixed)
-    core = chord_stiffness(length, columns.evaluate(none[0], none[1:]))
+    pinned, straight = np.zeros(len(length), dtype=bool), np.zeros((3, len(length)))
+    columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), pinned)
+    stiffness = chord_stiffness(length, columns.evaluate(straight[0], straight[1:]))
     motions = chord_motions(np.ones(len(length), dtype=np.complex128), length)
-    return motions.swapaxes(1, 2) @ core @ motions
+    return motions.swapaxes(1, 2) @ stiffness @ motions

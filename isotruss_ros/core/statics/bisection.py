@@ -40,14 +40,15 @@ class Bisections(NamedTuple):
         [rad], and the geometric stiffness (q, 10, 10) due to the multipliers (c,).
         """
         nodes, weights = self.nodes[chosen], np.array([2.0, -1.0, -1.0])
-        straight = points[nodes] @ VECTORS.T
-        moved = straight + (displacements[:, 0] + 1j * displacements[:, 1])[nodes] @ VECTORS.T
-        turned = moved * straight.conj()
-        gaps = np.arctan2(turned.imag, turned.real) @ weights
-        slopes = (1j * weights / moved.conj()) @ VECTORS
-        curved = -weights * multipliers[chosen, None] / moved**2
-        curved = VECTORS.T @ (curved[:, :, None] * VECTORS)
+        vectors = points[nodes] @ VECTORS.T
+        shifts = displacements[:, 0] + 1j * displacements[:, 1]
+        displaced = vectors + shifts[nodes] @ VECTORS.T
+        rotations = displaced * vectors.conj()
+        gaps = np.arctan2(rotations.imag, rotations.real) @ weights
+        slopes = (1j * weights / displaced.conj()) @ VECTORS
+        curvature = -weights * multipliers[chosen, None] / displaced**2
+        by_nodes = VECTORS.T @ (curvature[:, :, None] * VECTORS)
         blocks = np.empty((len(nodes), 5, 2, 5, 2))
-        blocks[:, :, 0, :, 0], blocks[:, :, 1, :, 1] = curved.imag, -curved.imag
-        blocks[:, :, 0, :, 1] = blocks[:, :, 1, :, 0] = curved.real
+        blocks[:, :, 0, :, 0], blocks[:, :, 1, :, 1] = by_nodes.imag, -by_nodes.imag
+        blocks[:, :, 0, :, 1] = blocks[:, :, 1, :, 0] = by_nodes.real
         return slopes.view(np.float64), gaps, blocks.reshape(-1, 10, 10)

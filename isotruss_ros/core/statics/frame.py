@@ -37,47 +37,46 @@ class Frame:
     @classmethod
     def of(cls, points: Points, section: Array, numbering: Numbering) -> Frame:
         """Return a frame without cuts, with nodes (n,) and members of given sections (3, k)."""
-        start, end, rows = numbering.start, numbering.end, numbering.constraints
-        span = points[end] - points[start]
+        span = points[numbering.end] - points[numbering.start]
         length = np.abs(span)
         columns = BeamColumns.of(length, section, numbering.pinned)
         # Displacements along both axes have one scale: across a bar the stiffness is zero.
         turning = 0.25 * (columns.values[2] + columns.values[4])
         along, turn = (
-            sum(np.bincount(ends, stiff, len(points)) for ends in (start, end))
+            sum(np.bincount(e, stiff, len(points)) for e in (numbering.start, numbering.end))
             for stiff in (1.0 / columns.values[1], turning)
         )
         stiff = np.stack([along, along, turn], axis=1).ravel()
         scale = 1.0 / np.sqrt(np.where(stiff > 0.0, stiff, 1.0))
-        count, none = numbering.rows, np.zeros((len(points), 3))
-        slopes, _, _ = rows.linearize(points, none, np.zeros(count), np.arange(count))
-        norms = np.linalg.norm(slopes * scale[rows.places], axis=1)
+        constraints, count = numbering.constraints, numbering.rows
+        straight = np.zeros((len(points), 3))
+        slopes, _, _ = constraints.linearize(points, straight, np.zeros(count), np.arange(count))
+        norms = np.linalg.norm(slopes * scale[constraints.places], axis=1)
         scale = np.append(1.0 / np.where(norms > 0.0, norms, 1.0), scale)
-        arrays = length, span / length, np.zeros(len(length)), columns, scale
-        return cls(points, numbering.whole, section, *arrays)
+        begins = np.zeros(len(length))
+        return cls(points, numbering.whole, section, length, span / length, begins, columns, scale)
 
     def cut(self, piece: Indices, within: Array, active: Indices | None = None) -> Frame:
         """Return the parts of `active` blocks, or of all, with nodes in members `piece` (c,)."""
         numbering, active = self.layout.numbering, self.layout.active if active is None else active
         order = np.lexsort((within, piece))
         layout = lay_out(numbering, piece.tobytes(), order.tobytes(), active.tobytes())
-        start = numbering.start[piece]
+        start, whole = numbering.start[piece], layout.whole
         points = np.append(self.points, self.points[start] + within * self.axis[piece])
-        begins = np.append(np.zeros(len(layout.whole) - len(piece)), within)
+        begins = np.append(np.zeros(len(whole) - len(piece)), within)
         # Nodes have rounding errors that would turn and lengthen short parts.
-        length = self.length[layout.whole]
+        length = self.length[whole]
         length[layout.before] = within
         length -= begins
-        section = self.section[:, layout.whole]
-        parts, values = layout.parts, self.columns.values[:, layout.whole].astype(complex)
-        varied = length[parts] + 1j * EPSILON
-        columns = BeamColumns.of(varied, section[:, parts], layout.pinned[parts])
-        values[:, parts] = columns.values
-        scale = np.append(
-            self.scale, self.scale[numbering.rows + 3 * start[:, None] + np.arange(3)]
-        )
-        arrays = length, self.axis[layout.whole], begins, BeamColumns(values), scale, self
-        return Frame(points, layout, section, *arrays)
+        section, divided = self.section[:, whole], layout.parts
+        values = self.columns.values[:, whole].astype(complex)
+        values[:, divided] = BeamColumns.of(
+            length[divided] + 1j * EPSILON, section[:, divided], layout.pinned[divided]
+        ).values
+        start_unknowns = numbering.rows + 3 * start[:, None] + np.arange(3)
+        scale = np.append(self.scale, self.scale[start_unknowns])
+        columns, axis = BeamColumns(values), self.axis[whole]
+        return Frame(points, layout, section, length, axis, begins, columns, scale, self)
 
     def displacements(self, unknowns: Array) -> Array:
         """Return ux, uy and theta of the nodes, (n, 3, ...), among unknowns (u, ...)."""
@@ -94,34 +93,38 @@ class Frame:
         """Return the displacements (q, 3) of points inside members, with cubic centre lines."""
         uncut, part = self.uncut, self.locate(piece, within)
 
-        def at(of_parts: Array, of_members: Array) -> Array:
+        def pick(of_parts: Array, of_members: Array) -> Array:
+            """Return the values of the parts, or of the members that have no parts."""
             return np.where(part < 0, of_members[..., piece], of_parts[..., part])
 
-        layout, straight = self.layout, uncut.layout
-        begin, end = at(layout.start, straight.start), at(layout.end, straight.end)
-        pinned, section = at(layout.pinned, straight.pinned), at(self.section, uncut.section)
-        length, inside = at(self.length, uncut.length), within - at(self.begins, uncut.begins)
-        start, end, axis = displacements[begin], displacements[end], uncut.axis[piece]
-        first = (start[:, 0] + 1j * start[:, 1]) * axis.conj()
-        apart = (end[:, 0] + 1j * end[:, 1]) * axis.conj() - first
-        chord = length + apart
-        turned, x = np.angle(chord), inside / length
-        before, after = start[:, 2] - turned, end[:, 2] - turned
-        skew = 12.0 * section[1] / section[2] / length**2
+        start = displacements[pick(self.layout.start, uncut.layout.start)]
+        end = displacements[pick(self.layout.end, uncut.layout.end)]
+        pinned = pick(self.layout.pinned, uncut.layout.pinned)
+        section, length = pick(self.section, uncut.section), pick(self.length, uncut.length)
+        x = (within - pick(self.begins, uncut.begins)) / length
+        axis = uncut.axis[piece]
+        # Displacements along + i across the undeformed member, and its chord.
+        shift = (start[:, 0] + 1j * start[:, 1]) * axis.conj()
+        difference = (end[:, 0] + 1j * end[:, 1]) * axis.conj() - shift
+        chord = length + difference
+        rotation = np.angle(chord)
+        start_slope, end_slope = start[:, 2] - rotation, end[:, 2] - rotation
+        phi = 12.0 * section[1] / section[2] / length**2
         # The moment at a pinned start is zero.
-        before = np.where(pinned, (skew - 2.0) / (skew + 4.0) * after, before)
-        even, odd = before + after, before - after
-        bow = 0.5 * x * (1.0 - x) * (odd + (1.0 - 2.0 * x) / (1.0 + skew) * even)
-        slope = 0.5 * ((1.0 - 2.0 * x) * odd + (1.0 - 6.0 * x * (1.0 - x) / (1.0 + skew)) * even)
-        moved = axis * (first + x * apart + 1j * bow * chord)
-        return np.stack([moved.real, moved.imag, turned + slope], axis=1)
+        start_slope = np.where(pinned, (phi - 2.0) / (phi + 4.0) * end_slope, start_slope)
+        sway, bow = start_slope + end_slope, start_slope - end_slope
+        height = 0.5 * x * (1.0 - x) * (bow + (1.0 - 2.0 * x) / (1.0 + phi) * sway)
+        sway_slope = 1.0 - 6.0 * x * (1.0 - x) / (1.0 + phi)
+        slope = 0.5 * ((1.0 - 2.0 * x) * bow + sway_slope * sway)
+        moved = axis * (shift + x * difference + 1j * height * chord)
+        return np.stack([moved.real, moved.imag, rotation + slope], axis=1)
 
 
 def keep_apart(pieces: Indices, positions: Array, length: Array) -> Array:
     """Return positions (c,) of cuts [m], shifted so that no part of a member is too short."""
     apart, ends, piece_of = positions.tolist(), length.tolist(), pieces.tolist()
     for piece in set(piece_of):
-        cuts, nearest = [i for i, at in enumerate(piece_of) if at == piece], 0.0
+        cuts, nearest = [i for i, other in enumerate(piece_of) if other == piece], 0.0
         cuts.sort(key=apart.__getitem__)
         for behind, i in zip(range(len(cuts), 0, -1), cuts, strict=True):
             farthest = ends[i] - behind * SHORTEST_PART
