@@ -43,8 +43,9 @@ class Group(NamedTuple):
     def assemble(self, members: Array, rows: Array) -> Array:
         """Return the blocks' matrices (b, t + s, t + s) from those of members and constraints."""
         count, width = len(self.ids), self.outer.shape[1] + self.inner.shape[1] + 1
-        entries = [members[self.members].reshape(count, -1), rows[self.rows].reshape(count, -1)]
-        entries = np.concatenate(entries, axis=1).ravel()
+        of_members = members[self.members].reshape(count, -1)
+        of_rows = rows[self.rows].reshape(count, -1)
+        entries = np.concatenate([of_members, of_rows], axis=1).ravel()
         sums = np.bincount(self.slots.ravel(), entries, count * width**2)
         return sums.reshape(count, width, width)[:, :-1, :-1]
 
@@ -70,34 +71,38 @@ class Numbering:
     ) -> None:
         self.names, self.held, self.constraints = names, held, constraints
         self.start, self.end, self.pinned = start, end, pinned
-        columns = constraints.places
-        self.rows = len(columns)
-        solid = np.zeros(len(held), dtype=bool)
-        solid[start[~pinned]] = solid[end] = True
-        real = np.ones(self.rows + held.size, dtype=bool)
-        real[self.rows + 3 * np.arange(len(held)) + 2] = solid
-        self.free = real & ~np.append(np.zeros(self.rows, dtype=bool), held.ravel())
+        #: number of multipliers, which are the first unknowns
+        self.rows = len(constraints.places)
+        # A hinge has no rotation of its own.
+        is_solid = np.zeros(len(held), dtype=bool)
+        is_solid[start[~pinned]] = is_solid[end] = True
+        exists = np.ones((len(held), 3), dtype=bool)
+        exists[:, 2] = is_solid
+        is_multiplier = np.ones(self.rows, dtype=bool)
+        self.free = np.append(is_multiplier, exists & ~held)
         #: (k, 6) and (c, 1 + w) unknowns of members and constraints
         self.places = self.rows + member_places(start, end)
-        self.row_places = np.column_stack([np.arange(self.rows), self.rows + columns])
-        owner = _find_owners(self, solid)
+        self.row_places = np.column_stack([np.arange(self.rows), self.rows + constraints.places])
+        owner = _find_owners(self, is_solid)
         if not (self.free & (owner < 0)).any():  # a frame without hinges has one matrix
             owner[:] = -1
         self.joints = np.flatnonzero(self.free & (owner < 0))
-        self.joint = np.full(len(real), len(self.joints))
+        self.joint = np.full(len(owner), len(self.joints))
         self.joint[self.joints] = np.arange(len(self.joints))
         self.is_sparse = len(self.joints) > MAX_DENSE_COORDINATES
         block = np.append(owner[self.places].max(axis=1), owner[self.row_places].max(axis=1))
-        alone = np.flatnonzero(block < 0)
-        block[alone] = owner.max() + 1 + np.arange(len(alone))
+        between_hinges = np.flatnonzero(block < 0)
+        block[between_hinges] = owner.max() + 1 + np.arange(len(between_hinges))
         #: (k,) and (c,) blocks of members and constraints
         self.owner, self.row_owner = np.split(block, [len(self.places)])
+        is_at_hinge = (owner < 0) & np.append(is_multiplier, exists)
         #: unknowns of each block, and those of its hinges, fixed ones included
         self.blocks: list[tuple[Indices, Indices]] = []
         for i in range(int(block.max()) + 1):
-            places = self.places[self.owner == i], self.row_places[self.row_owner == i]
-            unknowns = np.append(*places)
-            outer = np.unique(unknowns[(owner[unknowns] < 0) & real[unknowns]])
+            unknowns = np.append(
+                self.places[self.owner == i], self.row_places[self.row_owner == i]
+            )
+            outer = np.unique(unknowns[is_at_hinge[unknowns]])
             self.blocks.append((np.flatnonzero(self.free & (owner == i)), outer))
         #: blocks without unknowns of their own
         self.hinged = np.flatnonzero([not len(inner) for inner, _ in self.blocks])
@@ -128,37 +133,40 @@ class Layout:
         cuts = np.arange(len(piece))
         chosen = np.flatnonzero(np.isin(numbering.owner, active))
         self.rows = np.flatnonzero(np.isin(numbering.row_owner, active))
-        self.whole, self.behind = np.append(chosen, piece), len(chosen) + cuts
+        self.whole = np.append(chosen, piece)
+        self.behind = len(chosen) + cuts
         self.nodes = (len(numbering.free) - numbering.rows) // 3 + cuts
         self.start, self.end = numbering.start[self.whole], numbering.end[self.whole]
         self.pinned = numbering.pinned[self.whole]
         self.pinned[self.behind] = False
         # The part before a cut begins at the member's start, or at the cut before.
         divided, behind = piece[order], self.behind[order]
-        first = np.diff(divided, prepend=-1) > 0
-        before = np.where(first, np.searchsorted(chosen, divided), np.roll(behind, 1))
+        is_first = np.diff(divided, prepend=-1) > 0
+        before = np.where(is_first, np.searchsorted(chosen, divided), np.roll(behind, 1))
         self.before = np.zeros_like(cuts)
         self.before[order] = before
         self.start[behind] = self.end[before] = self.nodes[order]
         self.beside = np.append(self.before, self.behind)
-        self.parts, self.signs = np.unique(self.beside), np.repeat([-1.0, 1.0], len(piece))
-        parts = np.arange(len(self.whole))[:, None]
-        self.longer = np.subtract(parts == self.before, parts == self.behind, dtype=float)
+        self.signs = np.repeat([-1.0, 1.0], len(piece))
+        self.parts = np.unique(self.beside)
+        part = np.arange(len(self.whole))[:, None]
+        self.longer = np.subtract(part == self.before, part == self.behind, dtype=float)
         self.ends = member_places(self.start, self.end)
         self.places = numbering.rows + self.ends
         self.row_places = numbering.row_places[self.rows]
         self.groups = self._group()
         groups = numbering.whole.groups if len(active) < len(numbering.blocks) else []
-        others = [np.flatnonzero(~np.isin(group.ids, active)) for group in groups]
-        self.kept = [(number, rows) for number, rows in enumerate(others) if len(rows)]
-        joints = [group.joints for group in self.groups]
-        joints += [groups[number].joints[rows] for number, rows in self.kept]
+        inactive = [np.flatnonzero(~np.isin(group.ids, active)) for group in groups]
+        self.kept = [(number, blocks) for number, blocks in enumerate(inactive) if len(blocks)]
+        active_joints = [group.joints for group in self.groups]
+        kept_joints = [groups[number].joints[blocks] for number, blocks in self.kept]
         size = len(numbering.joints) + 1
         #: places of the Schur complements in the matrix of the hinges, with a last row and column
-        entries = [(size * to[:, :, None] + to[:, None]).ravel() for to in joints]
-        self.entries = np.concatenate(entries)
+        self.entries = np.concatenate(
+            [_matrix_places(joints, size).ravel() for joints in active_joints + kept_joints]
+        )
         #: matrix (j, q) that sums values at the hinges of the groups' blocks
-        hinges = np.concatenate([group.joints.ravel() for group in self.groups])
+        hinges = np.concatenate([joints.ravel() for joints in active_joints])
         sums = np.ones(len(hinges)), (hinges, np.arange(len(hinges)))
         self.sources = csr_matrix(sums, shape=(size, len(hinges)))[:-1]
         if not numbering.is_sparse:
@@ -168,24 +176,25 @@ class Layout:
         """Return the active blocks in groups, with the unknowns at the cuts in each block."""
         numbering = self.numbering
         owner, row_owner = numbering.owner[self.whole], numbering.row_owner[self.rows]
-        local = np.full(len(numbering.free) + 3 * len(self.nodes), -1)
-        alike = defaultdict[tuple[int, ...], list[tuple[Indices, ...]]](list)
-        for i in self.active.tolist():
-            inner, outer = numbering.blocks[i]
-            members, rows = np.flatnonzero(owner == i), np.flatnonzero(row_owner == i)
-            nodes = self.nodes[owner[self.behind] == i]
-            inner = np.append(inner, numbering.rows + 3 * nodes[:, None] + np.arange(3))
+        # Index of each unknown in the matrix of its block; the last index is for other unknowns.
+        index = np.full(len(numbering.free) + 3 * len(self.nodes), -1)
+        by_size = defaultdict[tuple[int, ...], list[tuple[Indices, ...]]](list)
+        for block in self.active.tolist():
+            members, rows = np.flatnonzero(owner == block), np.flatnonzero(row_owner == block)
+            uncut_inner, outer = numbering.blocks[block]
+            nodes = self.nodes[owner[self.behind] == block]
+            inner = np.append(uncut_inner, numbering.rows + 3 * nodes[:, None] + np.arange(3))
             unknowns = np.append(outer, inner)
             width = len(unknowns) + 1
-            local[unknowns] = np.arange(len(unknowns))
-            places = [local[self.places[members]] % width, local[self.row_places[rows]] % width]
-            slots = [(width * at[:, :, None] + at[:, None]).ravel() for at in places]
-            local[unknowns] = -1
-            group = alike[len(members), len(rows), len(inner), len(outer)]
-            slots = width**2 * len(group) + np.concatenate(slots)
+            index[unknowns] = np.arange(len(unknowns))
+            of_members = _matrix_places(index[self.places[members]] % width, width)
+            of_rows = _matrix_places(index[self.row_places[rows]] % width, width)
+            index[unknowns] = -1
+            group = by_size[len(members), len(rows), len(inner), len(outer)]
+            slots = width**2 * len(group) + np.append(of_members, of_rows)
             joints = numbering.joint[outer]
-            group.append((np.array(i), members, rows, inner, outer, slots, joints))
-        return [Group(*map(np.stack, zip(*blocks, strict=True))) for blocks in alike.values()]
+            group.append((np.array(block), members, rows, inner, outer, slots, joints))
+        return [Group(*map(np.stack, zip(*blocks, strict=True))) for blocks in by_size.values()]
 
 
 @functools.lru_cache(maxsize=64)
@@ -198,16 +207,16 @@ def lay_out(numbering: Numbering, piece: bytes, order: bytes, active: bytes) -> 
 class Condensed(NamedTuple):
     """Matrix with eliminated blocks, scaled."""
 
-    #: for each group, blocks (b, s, s), and displacements (b, s, t) of their unknowns by unit
-    #: displacements of the hinges
-    parts: list[tuple[Array, Array]]
+    inner: list[Array]  #: for each group, matrices (b, s, s) of the blocks' own unknowns
+    #: for each group, displacements (b, s, t) of these unknowns by displacements of the hinges
+    spread: list[Array]
     schur: list[Array]  #: for each group, stiffness (b, t, t) of the hinges
     matrix: Array | csc_matrix  #: (j, j) matrix of the hinges
 
     @property
     def negative_pivots(self) -> int:
         """Return the number of negative eigenvalues: the sum over all blocks (Haynsworth)."""
-        blocks = [block for stiff, _ in self.parts for block in stiff if block.size]
+        blocks = [block for group in self.inner for block in group if block.size]
         return sum(map(count_negative_pivots, [self.matrix, *blocks]))
 
 
@@ -215,18 +224,19 @@ def eliminate(
     layout: Layout, matrices: list[Array], kept: list[Array], right: Array
 ) -> tuple[Condensed, Array]:
     """Eliminate the blocks of a matrix, and solve for right-hand sides (u, p) of free unknowns."""
-    parts, schur, insides, pushed = [], [], [], []
+    inner, spread, schur, with_fixed_hinges, hinge_loads = [], [], [], [], []
     numbering, columns = layout.numbering, right.shape[1]
-    for group, whole in zip(layout.groups, matrices, strict=True):
+    for group, block in zip(layout.groups, matrices, strict=True):
         width = group.outer.shape[1]
-        stiff, coupling = whole[:, width:, width:], whole[:, width:, :width]
+        own, coupling = block[:, width:, width:], block[:, width:, :width]
         # The product of an inverse and the coupling would have a larger rounding error.
-        answer = np.linalg.solve(stiff, np.concatenate([coupling, right[group.inner]], axis=2))
-        carried = coupling.swapaxes(1, 2) @ answer
-        schur.append(whole[:, :width, :width] - carried[..., :width])
-        parts.append((stiff, -answer[..., :width]))
-        insides.append(answer[..., width:])
-        pushed.append(carried[..., width:].reshape(group.outer.size, columns))
+        solved = np.linalg.solve(own, np.concatenate([coupling, right[group.inner]], axis=2))
+        at_hinges = coupling.swapaxes(1, 2) @ solved
+        inner.append(own)
+        spread.append(-solved[..., :width])
+        schur.append(block[:, :width, :width] - at_hinges[..., :width])
+        with_fixed_hinges.append(solved[..., width:])
+        hinge_loads.append(at_hinges[..., width:].reshape(group.outer.size, columns))
     size = len(numbering.joints) + 1
     entries = np.concatenate([block.ravel() for block in schur + kept])
     if numbering.is_sparse:
@@ -234,12 +244,14 @@ def eliminate(
     else:
         matrix = np.bincount(layout.entries, entries, size**2).reshape(size, size)
     matrix = matrix[:-1, :-1]
-    moved, solution = np.zeros((size, columns)), np.zeros(right.shape)
-    push = right[numbering.joints] - layout.sources @ np.concatenate(pushed)
-    solution[numbering.joints] = moved[:-1] = factorize(matrix.copy()).solve(push)
-    for group, (_, spread), inside in zip(layout.groups, parts, insides, strict=True):
-        solution[group.inner] = inside + spread @ moved[group.joints]
-    return Condensed(parts, schur, matrix), solution
+    # The last row is for fixed displacements of hinges.
+    hinges, solution = np.zeros((size, columns)), np.zeros(right.shape)
+    load = right[numbering.joints] - layout.sources @ np.concatenate(hinge_loads)
+    hinges[:-1] = factorize(matrix.copy()).solve(load)
+    solution[numbering.joints] = hinges[:-1]
+    for group, by_hinges, constant in zip(layout.groups, spread, with_fixed_hinges, strict=True):
+        solution[group.inner] = constant + by_hinges @ hinges[group.joints]
+    return Condensed(inner, spread, schur, matrix), solution
 
 
 def member_places(start: Indices, end: Indices) -> Indices:
@@ -247,18 +259,25 @@ def member_places(start: Indices, end: Indices) -> Indices:
     return (3 * np.stack([start, end], axis=1)[:, :, None] + np.arange(3)).reshape(-1, 6)
 
 
-def _find_owners(numbering: Numbering, solid: Flags) -> Indices:
+def _matrix_places(indices: Indices, width: int) -> Indices:
+    """Return the places (b, q, q) of entries in a flat matrix whose rows and columns are given."""
+    return width * indices[:, :, None] + indices[:, None]
+
+
+def _find_owners(numbering: Numbering, is_solid: Flags) -> Indices:
     """Return the block (u,) of each unknown of solid nodes (n,), -1 for unknowns of others."""
     # Vertices of the graph are the nodes, then the constraints.
-    columns, nodes, rows = numbering.constraints.places, len(solid), numbering.rows
+    columns, nodes, rows = numbering.constraints.places, len(is_solid), numbering.rows
     one = np.append(numbering.start, nodes + np.arange(rows).repeat(columns.shape[1]))
     other = np.append(numbering.end, columns // 3)
-    within = np.append(solid, np.ones(rows, dtype=bool))
-    joined = within[one] & within[other]
-    graph = coo_matrix((joined[joined], (one[joined], other[joined])), shape=(rows + nodes,) * 2)
-    number, label = connected_components(graph, directed=False)
-    chosen = np.zeros(number, dtype=bool)
-    chosen[label[:nodes][solid]] = True
-    label = np.append(label[nodes:], label[:nodes].repeat(3))
-    chosen &= np.bincount(label, minlength=number) <= MAX_DENSE_COORDINATES
-    return np.where(chosen, np.cumsum(chosen) - 1, -1)[label]
+    is_inside = np.append(is_solid, np.ones(rows, dtype=bool))
+    joined = np.flatnonzero(is_inside[one] & is_inside[other])
+    edges = np.ones(len(joined)), (one[joined], other[joined])
+    count, label = connected_components(
+        coo_matrix(edges, shape=(rows + nodes,) * 2), directed=False
+    )
+    of_unknowns = np.append(label[nodes:], label[:nodes].repeat(3))
+    is_block = np.zeros(count, dtype=bool)
+    is_block[label[:nodes][is_solid]] = True
+    is_block &= np.bincount(of_unknowns, minlength=count) <= MAX_DENSE_COORDINATES
+    return np.where(is_block, np.cumsum(is_block) - 1, -1)[of_unknowns]

@@ -76,26 +76,24 @@ class Structure:
     def __init__(self, config: Configuration, pressures: tuple[float, ...]) -> None:
         self.config, self.pressures = config, pressures
         self.tube, numbering, self.pieces, self.owners = frame_layout(config.robot)
-        topology = config.robot.topology
-        module, nodes, joints = (
-            config.robot.description.module,
-            config.points,
-            len(topology.joint_names),
-        )
-        ahead = module.guide_ring_distance * config.member_axes
+        self.node_names = numbering.names
+        topology, module = config.robot.topology, config.robot.description.module
+        joints = len(topology.joint_names)
+        to_ring = module.guide_ring_distance * config.member_axes
         points = np.empty(len(numbering.names), dtype=np.complex128)
-        points[:joints] = nodes[:joints]
+        points[:joints] = config.points[:joints]
         (b, c, d), e = numbering.start[self.pieces], numbering.end[self.pieces[1]]
-        points[b], points[c] = nodes[topology.b], nodes[topology.c]
-        points[d], points[e] = points[b] + ahead, points[c] - ahead[topology.previous]
+        points[b], points[c] = config.points[topology.b], config.points[topology.c]
+        points[d], points[e] = points[b] + to_ring, points[c] - to_ring[topology.previous]
         # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
         gauge = np.array(pressures)[topology.tube]
-        of_tubes = np.array(self.tube.section_stiffness(config.member_lengths, gauge))
+        of_members = np.array(self.tube.section_stiffness(config.member_lengths, gauge))
         sections = np.empty((3, 6, topology.n_modules))
-        sections[:2, :3] = [[[module.axial_rigidity]], [[module.flexural_rigidity]]]
-        sections[2, :3], sections[:, 3:] = np.inf, of_tubes[:, self.owners]
+        sections[0, :3] = module.axial_rigidity
+        sections[1, :3] = module.flexural_rigidity
+        sections[2, :3] = np.inf
+        sections[:, 3:] = of_members[:, self.owners]
         self.frame = Frame.of(points, sections.reshape(3, -1), numbering)
-        self.node_names = numbering.names
 
     @functools.cached_property
     def rest(self) -> Tangent:
@@ -105,11 +103,11 @@ class Structure:
     @functools.cached_property
     def blocks(self) -> list[UnloadedBlocks | None]:
         """Return the groups of the unloaded frame; None for blocks without own unknowns."""
-        (condensed, _), frame = self.rest.condensed, self.frame
-        groups = zip(frame.layout.groups, condensed.schur, condensed.parts, strict=True)
+        condensed, _ = self.rest.condensed
+        groups = self.frame.layout.groups, condensed.schur, condensed.spread
         return [
-            UnloadedBlocks.of(frame, group, schur, spread) if spread.size else None
-            for group, schur, (_, spread) in groups
+            UnloadedBlocks.of(self.frame, group, schur, spread) if spread.size else None
+            for group, schur, spread in zip(*groups, strict=True)
         ]
 
     def tube_parts(self, frame: Frame) -> tuple[Indices, Indices]:
@@ -129,20 +127,21 @@ class Structure:
 
     def locate(self, members: Indices, positions: Array) -> tuple[Indices, Array, Array]:
         """Return the pieces at positions [m], distances in them, 1 or -1 by their direction."""
-        robot, lengths = self.config.robot, self.config.member_lengths[members].tolist()
-        ring, following = robot.description.module.guide_ring_distance, robot.topology.following
+        topology = self.config.robot.topology
+        ring = self.config.robot.description.module.guide_ring_distance
+        lengths = self.config.member_lengths[members].tolist()
         rows = []  # numbers are few, so lists are faster than arrays
         for member, place, length in zip(
             members.tolist(), positions.tolist(), lengths, strict=True
         ):
             if place < ring:
                 rows.append((0, member, place, 1.0))  # on BD at the start
-            elif length - place <= ring:
-                rows.append((1, following[member], length - place, -1.0))  # on CE at the end
+            elif length - place <= ring:  # on CE at the end
+                rows.append((1, topology.following[member], length - place, -1.0))
             else:
                 rows.append((2, member, place - ring, 1.0))
-        kind, owner, within, ahead = np.array(rows).reshape(-1, 4).T
-        return self.pieces[kind.astype(int), owner.astype(int)], within, ahead
+        kind, module, within, direction = np.array(rows).reshape(-1, 4).T
+        return self.pieces[kind.astype(int), module.astype(int)], within, direction
 
 
 def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:
@@ -157,20 +156,22 @@ structure_under = functools.lru_cache(maxsize=8)(Structure)
 def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: Array) -> Array:
     """Return changes (4, c, p) of rest length, EA, EI, GA by nodes (N, p) and pressures (t, p)."""
     config, topology = structure.config, structure.config.robot.topology
-    spread = moved[topology.end] - moved[topology.b]
-    longer = (spread * config.member_axes[:, None].conj()).real
+    spans = moved[topology.end] - moved[topology.b]
+    elongations = (spans * config.member_axes[:, None].conj()).real
     pressures = np.array(structure.pressures)[topology.tube]
     by_length, by_pressure = structure.tube.flexibility_rates(config.member_lengths, pressures)
-    softer = by_length[:, :, None] * longer + by_pressure[:, :, None] * inflated[topology.tube]
+    flexibility = by_length[:, :, None] * elongations
+    flexibility += by_pressure[:, :, None] * inflated[topology.tube]
     layout, (pieces, owner) = frame.layout, structure.tube_parts(frame)
     rates = np.zeros((4, len(frame.length), moved.shape[1]))
-    rates[1:, pieces] = -(frame.section[:, pieces, None] ** 2) * softer[:, owner]
+    rates[1:, pieces] = -(frame.section[:, pieces, None] ** 2) * flexibility[:, owner]
     # If a member becomes longer, the nodes C and E at its end shift along it; CE runs backward.
     # Displaced nodes and cuts in members are fixed.
-    shifts, ending = np.zeros((len(frame.points), moved.shape[1])), structure.pieces[1]
-    for nodes in (layout.numbering.start, layout.numbering.end):
-        shifts[nodes[ending]] = longer[topology.previous]
-    ahead = np.where(np.isin(layout.whole[pieces], ending), -1.0, 1.0)
-    apart = shifts[layout.end[pieces]] - shifts[layout.start[pieces]]
-    rates[0, pieces] = ahead[:, None] * apart
+    at_ends = structure.pieces[1]
+    shifts = np.zeros((len(frame.points), moved.shape[1]))
+    shifts[layout.numbering.start[at_ends]] = elongations[topology.previous]
+    shifts[layout.numbering.end[at_ends]] = elongations[topology.previous]
+    direction = np.where(np.isin(layout.whole[pieces], at_ends), -1.0, 1.0)
+    lengthened = shifts[layout.end[pieces]] - shifts[layout.start[pieces]]
+    rates[0, pieces] = direction[:, None] * lengthened
     return rates

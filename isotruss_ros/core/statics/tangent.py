@@ -50,8 +50,8 @@ class Tangent:
     unknowns: Array
     axis: Points  #: (p,) unit vectors of the chords, x + iy
     length: Array  #: (p,) lengths of the chords [m]
-    #: (p,) elongations [m], and (2, p) rotations s and b, see `EndForces` [rad]
-    stretched: tuple[Array, Array]
+    elongations: Array  #: (p,) elongations of the chords [m]
+    rotations: Array  #: (2, p) rotations s and b, see `EndForces` [rad]
     forces: EndForces  #: axial forces and end moments of the parts
     #: (p, 3) derivatives of `EndForces.values` by the rest lengths of the parts of divided
     #: members, with fixed nodes; zero for other parts
@@ -104,42 +104,44 @@ class Tangent:
         steps = 1j * EPSILON * changes.reshape(4, -1)
         section = np.vstack([frame.length, frame.section])[:, repeated] + steps
         columns = BeamColumns.of(section[0], section[1:], frame.layout.pinned[repeated])
-        longer, turns = self.stretched
-        stressed = self.forces.stressed[repeated, 0]
-        changed = columns.evaluate(longer[repeated] - steps[0], turns[:, repeated], stressed)
+        elongations, rotations = self.elongations[repeated] - steps[0], self.rotations[:, repeated]
+        changed = columns.evaluate(elongations, rotations, self.forces.stressed[repeated, 0])
         rates = changed.values.imag / EPSILON
         return rates.reshape(len(parts), count, 3).swapaxes(1, 2)
 
     def sum_forces(self, parts: Indices, forces: Array) -> Array:
         """Return the sums (u, c) at the unknowns of the nodes' forces on q parts (q, 3, c)."""
-        pushed, count = self.motions[parts, :3].swapaxes(1, 2) @ forces, forces.shape[2]
+        at_ends, count = self.motions[parts, :3].swapaxes(1, 2) @ forces, forces.shape[2]
         indices = self.frame.layout.places[parts, :, None] * count + np.arange(count)
         size = len(self.unknowns) * count
-        return np.bincount(indices.ravel(), pushed.ravel(), size).reshape(-1, count)
+        return np.bincount(indices.ravel(), at_ends.ravel(), size).reshape(-1, count)
 
     @cached_property
     def slopes(self) -> Slopes:
         """Return the inclinations of the bent centre lines before, then behind the cuts."""
         # Relative to the chord they are (t - Q/GA) / (1 + N/GA), with the section's rotation t and
         # the transverse force Q.
-        frame, layout = self.frame, self.frame.layout
-        parts, signs = layout.beside, layout.signs
-        length, forces = self.length[parts], self.forces.values[parts]
-        slide = 1.0 / frame.section[2, parts]
-        across, compliance = forces[:, 1] / length, 1.0 / (1.0 + forces[:, 0] * slide)
-        sway, bow = self.stretched[1][:, parts]
-        inclined = (sway + signs * bow - across * slide) * compliance
-        turn = self.axis[parts] * frame.axis[parts].conj()
-        aside, turned = -slide * compliance, np.arctan2(turn.imag, turn.real)
-        by_forces, by_chord = np.zeros((len(parts), 3)), np.ones((len(parts), 1, 4))
-        by_forces[:, 0], by_forces[:, 1] = aside * inclined, aside / length
+        parts, signs = self.frame.layout.beside, self.frame.layout.signs
+        length, (axial, moment_sum, _) = self.length[parts], self.forces.values[parts].T
+        shear_compliance = 1.0 / self.frame.section[2, parts]
+        across, reduction = moment_sum / length, 1.0 / (1.0 + axial * shear_compliance)
+        sway, bow = self.rotations[:, parts]
+        inclined = (sway + signs * bow - across * shear_compliance) * reduction
+        turn = self.axis[parts] * self.frame.axis[parts].conj()
+        by_across = -shear_compliance * reduction
+        by_forces = np.zeros((len(parts), 3))
+        by_forces[:, 0], by_forces[:, 1] = by_across * inclined, by_across / length
+        by_chord = np.ones((len(parts), 1, 4))
         by_chord[:, :, :3] = by_forces[:, None] @ self.forces.stiffness[parts]
-        by_chord[:, 0, 0] -= aside * across / length
-        by_chord[:, 0, 1] += compliance
-        by_chord[:, 0, 2] += signs * compliance
-        by_ends = by_chord @ self.motions[parts]
-        by_shear = -aside * (across + forces[:, 0] * inclined)
-        return Slopes(turned + inclined, by_ends, by_forces, by_shear)
+        by_chord[:, 0, 0] -= by_across * across / length
+        by_chord[:, 0, 1] += reduction
+        by_chord[:, 0, 2] += signs * reduction
+        return Slopes(
+            values=np.arctan2(turn.imag, turn.real) + inclined,
+            by_ends=by_chord @ self.motions[parts],
+            by_forces=by_forces,
+            by_shear=-by_across * (across + axial * inclined),
+        )
 
     def force_changes(self, moved: Array) -> tuple[Array, Array]:
         """Return changes of forces (p, 3, c) and of chords (p, c) by motion (n, 3, c) of nodes."""
@@ -149,55 +151,73 @@ class Tangent:
     @property
     def is_stable(self) -> bool:
         """Return whether the frame's equilibrium is stable under the constraints."""
-        return self.condensed[0].negative_pivots == self.frame.layout.numbering.rows
+        condensed, _ = self.condensed
+        return condensed.negative_pivots == self.frame.layout.numbering.rows
 
 
 def linearize(
-    frame: Frame, unknowns: Array, pull: Array | None = None, kept: tuple[UnloadedBlocks, ...] = ()
+    frame: Frame,
+    unknowns: Array,
+    axial: Array | None = None,
+    kept: tuple[UnloadedBlocks, ...] = (),
 ) -> Tangent:
-    """Linearise a frame about unknowns (u,); `pull` (p,) are near its axial forces [N], or NaN."""
-    layout, columns, at_rest = frame.layout, frame.columns, frame.length
-    rows, start, end = layout.numbering.rows, layout.start, layout.end
-    displacements = unknowns[rows:].reshape(-1, 3)
+    """Linearise a frame about unknowns (u,), near axial forces (p,) of its parts [N] or NaN."""
+    layout, constraints = frame.layout, frame.layout.numbering.constraints
+    count = layout.numbering.rows
+    multipliers, displacements = unknowns[:count], unknowns[count:].reshape(-1, 3)
     shifts, turns = displacements[:, 0] + 1j * displacements[:, 1], displacements[:, 2]
-    apart = (shifts[end] - shifts[start]) * frame.axis.conj()
-    span = at_rest + apart
-    length = np.abs(span)
+    # In axes of the undeformed parts.
+    difference = (shifts[layout.end] - shifts[layout.start]) * frame.axis.conj()
+    chord = frame.length + difference
+    length = np.abs(chord)
     # (l^2 - l0^2) / (l + l0), because l - l0 has large rounding errors.
-    longer = (2.0 * at_rest * apart.real + apart.real**2 + apart.imag**2) / (length + at_rest)
-    first, second = turns[start], turns[end]
-    chords = np.array([first + second, first - second])
-    chords *= 0.5
-    chords[0] -= np.arctan2(span.imag, span.real)
+    growth = 2.0 * frame.length * difference.real + difference.real**2 + difference.imag**2
+    elongations = growth / (length + frame.length)
+    start_turns, end_turns = turns[layout.start], turns[layout.end]
+    rotations = np.array([start_turns + end_turns, start_turns - end_turns])
+    rotations *= 0.5
+    rotations[0] -= np.arctan2(chord.imag, chord.real)
     # The imaginary parts of columns are derivatives by rest lengths.
-    evaluated = columns.evaluate(longer + (at_rest - columns.values[0]), chords, pull)
-    core, rates = chord_stiffness(length, evaluated), evaluated.values.imag / EPSILON
-    forces = EndForces(evaluated.values.real.copy(), core[:, :3, :3], evaluated.stressed.real)
-    axis = frame.axis * span / length
+    varied = elongations + (frame.length - frame.columns.values[0])
+    evaluated = frame.columns.evaluate(varied, rotations, axial)
+    stiffness = chord_stiffness(length, evaluated)
+    values = evaluated.values.real.copy()
+    axis = frame.axis * chord / length
     motions = chord_motions(axis, length)
-    pushed = (motions[:, :3].swapaxes(1, 2) @ forces.values[:, :, None])[..., 0]
+    at_ends = (motions[:, :3].swapaxes(1, 2) @ values[:, :, None])[..., 0]
+    carried = np.bincount(layout.places.ravel(), at_ends.ravel(), len(unknowns))
     scaled = motions * frame.scale[layout.places][:, None]
-    stiffness = scaled.swapaxes(1, 2) @ core @ scaled
+    members = scaled.swapaxes(1, 2) @ stiffness @ scaled
 
-    multipliers, chosen = unknowns[:rows], layout.rows
-    constraints = layout.numbering.constraints
-    slopes, gaps, curved = constraints.linearize(frame.points, displacements, multipliers, chosen)
-    bound = np.zeros((len(chosen), slopes.shape[1] + 1, slopes.shape[1] + 1))
-    bound[:, 0, 1:] = bound[:, 1:, 0] = slopes
-    bound[:, 1:, 1:] = curved
-    carried = np.bincount(layout.places.ravel(), pushed.ravel(), len(unknowns))
-    held = slopes * multipliers[chosen, None]
-    carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), len(unknowns))
-    carried[chosen] = gaps
+    slopes, gaps, curved = constraints.linearize(
+        frame.points, displacements, multipliers, layout.rows
+    )
+    rows = np.zeros((len(slopes), slopes.shape[1] + 1, slopes.shape[1] + 1))
+    rows[:, 0, 1:] = rows[:, 1:, 0] = slopes
+    rows[:, 1:, 1:] = curved
     scale = frame.scale[layout.row_places]
-    bound *= scale[:, :, None] * scale[:, None]
+    rows *= scale[:, :, None] * scale[:, None]
+    held = slopes * multipliers[layout.rows, None]
+    carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), len(unknowns))
+    carried[layout.rows] = gaps
 
-    pushes, stiffnesses = [], []
+    kept_forces, kept_stiffnesses = [], []
     for blocks in kept:
-        push, stiff = blocks.linearize(unknowns)
-        carried += np.bincount(blocks.outer.ravel(), push.ravel(), len(unknowns))
-        pushes.append(push)
-        stiffnesses.append(stiff)
-    matrices = [group.assemble(stiffness, bound) for group in layout.groups]
-    elements = axis, length, (longer, chords), forces, rates, motions
-    return Tangent(frame, unknowns, *elements, carried, matrices, (kept, pushes, stiffnesses))
+        forces, hinge_stiffness = blocks.linearize(unknowns)
+        carried += np.bincount(blocks.outer.ravel(), forces.ravel(), len(unknowns))
+        kept_forces.append(forces)
+        kept_stiffnesses.append(hinge_stiffness)
+    return Tangent(
+        frame=frame,
+        unknowns=unknowns,
+        axis=axis,
+        length=length,
+        elongations=elongations,
+        rotations=rotations,
+        forces=EndForces(values, stiffness[:, :3, :3], evaluated.stressed.real),
+        length_rates=evaluated.values.imag / EPSILON,
+        motions=motions,
+        carried=carried,
+        matrices=[group.assemble(members, rows) for group in layout.groups],
+        kept=(kept, kept_forces, kept_stiffnesses),
+    )

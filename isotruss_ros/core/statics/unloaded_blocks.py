@@ -33,20 +33,19 @@ class UnloadedBlocks(NamedTuple):
     @classmethod
     def of(cls, frame: Frame, group: Group, schur: Array, spread: Array) -> UnloadedBlocks:
         """Return a group of blocks from its eliminated matrix, which is scaled."""
-        first = frame.layout.numbering.rows
+        count, multipliers = frame.layout.numbering.rows, group.rows.shape[1]
         outer, inner = frame.scale[group.outer], frame.scale[group.inner]
-        hinges = frame.points[(group.outer[:, ::2] - first) // 3]
+        hinges = frame.points[(group.outer[:, ::2] - count) // 3]
+        nodes = frame.points[(group.inner[:, multipliers::3] - count) // 3]
         middles = hinges.mean(axis=1, keepdims=True)
-        rows = group.rows.shape[1]
-        nodes = frame.points[(group.inner[:, rows::3] - first) // 3]
         return cls(
-            group.ids,
-            group.outer,
-            group.inner,
-            hinges - middles,
-            nodes - middles,
-            schur / (outer[:, :, None] * outer[:, None]),
-            spread * inner[:, :, None] / outer[:, None],
+            ids=group.ids,
+            outer=group.outer,
+            inner=group.inner,
+            hinges=hinges - middles,
+            nodes=nodes - middles,
+            stiffness=schur / (outer[:, :, None] * outer[:, None]),
+            spread=spread * inner[:, :, None] / outer[:, None],
         )
 
     def take(self, blocks: Indices) -> UnloadedBlocks:
@@ -55,30 +54,32 @@ class UnloadedBlocks(NamedTuple):
 
     def place(self, unknowns: Array) -> tuple[Points, Array]:
         """Return the rotations (b,) of the blocks, and the strains (b, t) of their hinges [m]."""
-        moved = self.hinges + unknowns[self.outer].view(np.complex128)
-        moved -= moved.sum(axis=1, keepdims=True) / moved.shape[1]
-        turn = (self.hinges.conj() * moved).sum(axis=1)
-        turn /= np.abs(turn)
-        return turn, (moved * turn.conj()[:, None] - self.hinges).view(np.float64)
+        displaced = self.hinges + unknowns[self.outer].view(np.complex128)
+        displaced -= displaced.sum(axis=1, keepdims=True) / displaced.shape[1]
+        rotation = (self.hinges.conj() * displaced).sum(axis=1)
+        rotation /= np.abs(rotation)
+        strain = displaced * rotation.conj()[:, None] - self.hinges
+        return rotation, strain.view(np.float64)
 
     def linearize(self, unknowns: Array) -> tuple[Array, Array]:
         """Return the forces (b, t) on the hinges, and their stiffness (b, t, t), turned."""
-        turn, strain = self.place(unknowns)
-        rotations = np.array([[turn.real, -turn.imag], [turn.imag, turn.real]])
-        turns = np.einsum('nm,ijb->bnimj', np.eye(self.hinges.shape[1]), rotations)
+        rotation, strain = self.place(unknowns)
+        of_node = np.array([[rotation.real, -rotation.imag], [rotation.imag, rotation.real]])
+        turns = np.einsum('nm,ijb->bnimj', np.eye(self.hinges.shape[1]), of_node)
         turns = turns.reshape(self.stiffness.shape)
         turned = turns @ self.stiffness
         return (turned @ strain[:, :, None])[..., 0], turned @ turns.swapaxes(1, 2)
 
     def complete(self, unknowns: Array) -> None:
         """Set the inner unknowns of the blocks, among all (u,), from the hinges' unknowns."""
-        turn, strain = self.place(unknowns)
-        values, count = (self.spread @ strain[:, :, None])[..., 0], self.inner.shape[1]
-        rows = count - 3 * self.nodes.shape[1]
-        nodes = values[:, rows:].reshape(*self.nodes.shape, 3)
-        moved = (self.nodes + nodes[..., 0] + 1j * nodes[..., 1]) * turn[:, None] - self.nodes
+        rotation, strain = self.place(unknowns)
+        values = (self.spread @ strain[:, :, None])[..., 0]
+        multipliers = self.inner.shape[1] - 3 * self.nodes.shape[1]
+        displacements = values[:, multipliers:].reshape(*self.nodes.shape, 3)
+        # From axes that turn with the block to those of the robot.
+        strained = self.nodes + displacements[..., 0] + 1j * displacements[..., 1]
         middle = unknowns[self.outer].view(np.complex128).mean(axis=1)
-        moved += middle[:, None]
-        nodes[..., 0], nodes[..., 1] = moved.real, moved.imag
-        nodes[..., 2] += np.angle(turn)[:, None]
+        moved = strained * rotation[:, None] - self.nodes + middle[:, None]
+        displacements[..., 0], displacements[..., 1] = moved.real, moved.imag
+        displacements[..., 2] += np.angle(rotation)[:, None]
         unknowns[self.inner] = values
