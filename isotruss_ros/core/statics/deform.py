@@ -148,55 +148,55 @@ def deform(
         half = 0.5 * finite_array(load, 3, what, StructureError, MAX_LOAD)
         for node in 'BC':
             loads[structure.node(f'{module}/{node}')] += half
-    rest = _unloaded(structure, frame)
-    state = solve(rest, loads) if paper_model else _bend(rest, loads)
+    straight = _unloaded(structure, frame)
+    state = solve(straight, loads) if paper_model else _bend(straight, loads)
     return Deformation(structure, frame, loads, state)
 
 
 def _unloaded(structure: Structure, frame: Frame) -> Tangent:
     """Return a frame of a structure, which may have cuts, linearised without loads."""
-    rest = structure.rest
-    return rest if frame is structure.frame else linearize(frame, np.zeros(len(frame.scale)))
+    straight = structure.rest
+    return straight if frame is structure.frame else linearize(frame, np.zeros(len(frame.scale)))
 
 
 def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tuple[Frame, Array]:
     """Return the frame with nodes at the loads on tubes, and the loads (n, 3) on all nodes."""
-    config, rows, members = structure.config, [], []
-    names = config.robot.member_names
+    config, names = structure.config, structure.config.robot.member_names
+    rows, members = [], []
     check_names('member', tube_loads, names, config.robot.name, StructureError)
-    for member, given in tube_loads.items():
+    for member, of_member in tube_loads.items():
         number = names.index(member)
-        for load in np.reshape(np.asarray(given, dtype=float), (-1, 4)):
+        length = float(config.member_lengths[number])
+        for row in np.reshape(np.asarray(of_member, dtype=float), (-1, 4)):
             what = f'the load (place, fx, fy, m) [m, N, N m] on member {member}'
-            rows.append(finite_array(load, 4, what, StructureError, MAX_LOAD))
-            length = float(config.member_lengths[number])
+            load = finite_array(row, 4, what, StructureError, MAX_LOAD)
             if not 0.0 < load[0] < length:
                 raise StructureError(
                     f'a load at {load[0]:g} m of member {member}: must be between its ends, '
                     f'0 and {length:.6g} m'
                 )
+            rows.append(load)
             members.append(number)
     if not rows:
         return structure.frame, np.zeros((len(structure.node_names), 3))
-    place, *load = np.array(rows).T
-    pieces, within, _ = structure.locate(np.array(members), place)
-    apart = keep_apart(pieces, within, structure.frame.length[pieces])
-    cut = structure.frame.cut(pieces, apart)
-    loads = np.zeros((len(cut.points), 3))
-    loads[cut.layout.nodes] = np.stack(load, axis=1)
-    return cut, loads
+    table = np.array(rows)
+    pieces, within, _ = structure.locate(np.array(members), table[:, 0])
+    frame = structure.frame.cut(pieces, keep_apart(pieces, within, structure.frame.length[pieces]))
+    loads = np.zeros((len(frame.points), 3))
+    loads[frame.layout.nodes] = table[:, 1:]
+    return frame, loads
 
 
-def _bend(rest: Tangent, loads: Array) -> FrameState:
+def _bend(straight: Tangent, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces of a bent frame in equilibrium."""
-    bent = bend(rest, loads)
+    bent = bend(straight, loads)
     if bent is not None:
-        moved = bent.displacements
-        straight = moved - bent.frame.displacements(bent.respond(loads.reshape(-1, 1))[:, 0])
-        near = np.abs(straight[:, :2]).max() <= MAX_UNLOADED_SHARE * np.abs(moved[:, :2]).max()
-        if near and bent.is_stable:
+        by_loads = bent.frame.displacements(bent.respond(loads.reshape(-1, 1)))[..., 0]
+        without_loads = np.abs((bent.displacements - by_loads)[:, :2]).max()
+        largest = np.abs(bent.displacements[:, :2]).max()
+        if without_loads <= MAX_UNLOADED_SHARE * largest and bent.is_stable:
             return state_under(bent, loads)
-    path = follow_loads(rest, loads, 1.0)
+    path = follow_loads(straight, loads, 1.0)
     if path.factors[-1] < 1.0:
         raise StructureError(
             'the loads are beyond the limit load: the structure is unstable at '
@@ -236,15 +236,16 @@ def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -
     if 2 * len(joints) <= len(config.roller_positions):
         return None  # roller offsets alone can explain the displacements
     names = config.robot.topology.joint_names
-    rows = [names.index(name) for name in joints]
-    off = (np.array(list(joints.values())) - config.nodes[rows]).ravel()
+    home = config.nodes[[names.index(name) for name in joints]]
+    displacements = (np.array(list(joints.values())) - home).ravel()
     columns = []
     for direction in np.eye(2):
         loads = dict.fromkeys(config.robot.module_names, (*direction, 0.0))
         sagged = deform(config, {}, module_loads=loads, paper_model=True)
         columns.append(np.concatenate([sagged.displacement(name)[:2] for name in joints]))
-    rates = np.column_stack(columns)
-    weight, *_ = np.linalg.lstsq(rates, off, rcond=None)
-    error = off - rates @ weight
-    largest = float(np.hypot(*off.reshape(-1, 2).T).max())
-    return Sag(weight, 1.0 - float(error @ error) / max(float(off @ off), 1e-18), largest)
+    by_weight = np.column_stack(columns)
+    weight, *_ = np.linalg.lstsq(by_weight, displacements, rcond=None)
+    error = displacements - by_weight @ weight
+    largest = float(np.hypot(*displacements.reshape(-1, 2).T).max())
+    unexplained = float(error @ error) / max(float(displacements @ displacements), 1e-18)
+    return Sag(weight, 1.0 - unexplained, largest)

@@ -51,75 +51,74 @@ class FrameState:
 
 def unloaded(frame: Frame) -> Tangent:
     """Return a frame linearised without loads; raise StructureError if it is a mechanism."""
-    rest = linearize(frame, np.zeros(len(frame.scale)))
-    if _is_regular(rest):
-        return rest
+    tangent = linearize(frame, np.zeros(len(frame.scale)))
+    try:
+        _, condition = tangent.condensed
+    except StructureError:
+        condition = np.inf
+    if condition < MAX_CONDITION:  # the stiffness matrix (4) is regular
+        return tangent
     raise StructureError(
-        f'the structure is a mechanism: {", ".join(_what_moves(rest))} can move '
+        f'the structure is a mechanism: {", ".join(_find_loose_nodes(tangent))} can move '
         'without resistance; support it or connect it'
     )
 
 
-def _is_regular(rest: Tangent) -> bool:
-    """Return whether the stiffness matrix (4) is regular; if not, the frame is a mechanism."""
-    try:
-        return rest.condensed[1] < MAX_CONDITION
-    except StructureError:
-        return False
-
-
-def _what_moves(rest: Tangent) -> list[str]:
+def _find_loose_nodes(tangent: Tangent) -> list[str]:
     """Return the names of the nodes that can move without force in a singular frame."""
-    frame, numbering = rest.frame, rest.frame.layout.numbering
+    frame, numbering = tangent.frame, tangent.frame.layout.numbering
     matrix, free = np.zeros((len(frame.scale),) * 2), numbering.free
-    for group, whole in zip(frame.layout.groups, rest.matrices, strict=True):
-        for indices, block in zip(np.hstack([group.outer, group.inner]), whole, strict=True):
+    for group, blocks in zip(frame.layout.groups, tangent.matrices, strict=True):
+        for indices, block in zip(np.hstack([group.outer, group.inner]), blocks, strict=True):
             matrix[np.ix_(indices, indices)] += block
     values, vectors = np.linalg.eigh(matrix[np.ix_(free, free)])
-    loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
-    loose[np.abs(values).argmin()] = True
+    is_loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
+    is_loose[np.abs(values).argmin()] = True
     motion = np.zeros(len(free))
-    motion[free] = np.abs(frame.scale[free, None] * vectors[:, loose]).max(axis=1)
+    motion[free] = np.abs(frame.scale[free, None] * vectors[:, is_loose]).max(axis=1)
     by_node = frame.displacements(motion).max(axis=1)
     return [numbering.names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
 
 
-def solve(rest: Tangent, loads: Array) -> FrameState:
+def solve(tangent: Tangent, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces under loads (n, 3) by linear (4)."""
-    frame, layout, rows = rest.frame, rest.frame.layout, rest.frame.layout.numbering.rows
-    moved = rest.respond(loads.reshape(-1, 1))
-    forces, _ = rest.force_changes(frame.displacements(moved))
-    carried = rest.sum_forces(np.arange(len(frame.length)), forces)[:, 0]
-    constraints, pull = layout.numbering.constraints, moved[:rows, 0]
-    slopes, *_ = constraints.linearize(frame.points, rest.displacements, pull, layout.rows)
-    held = slopes * moved[layout.rows]
+    frame, layout = tangent.frame, tangent.frame.layout
+    changes = tangent.respond(loads.reshape(-1, 1))
+    displacements = frame.displacements(changes)
+    forces, _ = tangent.force_changes(displacements)
+    carried = tangent.sum_forces(np.arange(len(frame.length)), forces)[:, 0]
+    multipliers, constraints = changes[: layout.numbering.rows, 0], layout.numbering.constraints
+    slopes, *_ = constraints.linearize(
+        frame.points, tangent.displacements, multipliers, layout.rows
+    )
+    held = slopes * multipliers[layout.rows, None]
     carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), len(carried))
     return FrameState(
-        frame.displacements(moved[:, 0]),
+        displacements[..., 0],
         _reactions(frame, frame.displacements(carried) - loads),
-        end_forces(forces[..., 0], rest.length),
+        end_forces(forces[..., 0], tangent.length),
         np.zeros(len(frame.length)),
     )
 
 
 def bend(start: Tangent, loads: Array) -> Tangent | None:
     """Return the bent frame in equilibrium under loads (n, 3), found by Newton's method."""
-    tangent, origin, reach = start, start.displacements, np.inf
-    applied = np.append(np.zeros(start.frame.layout.numbering.rows), loads)
+    tangent, frame, predicted = start, start.frame, np.inf
+    applied = np.append(np.zeros(frame.layout.numbering.rows), loads)
     for count in range(MAX_NEWTON_ITERATIONS):
         _, step = tangent.solve((applied - tangent.carried)[:, None])
-        unknowns = tangent.unknowns + step[:, 0]
-        moved = tangent.frame.displacements(step[:, 0])
+        moved = frame.displacements(step)
         size = float(np.abs(moved[:, :2]).max())
+        displacements = tangent.displacements + moved[..., 0] - start.displacements
         if count == 0:
-            reach = size
+            predicted = size
         # An equilibrium far beyond the linear prediction is on another branch.
-        elif not np.abs(tangent.displacements + moved - origin)[:, :2].max() <= MAX_GROWTH * reach:
+        elif not np.abs(displacements[:, :2]).max() <= MAX_GROWTH * predicted:
             return None
-        changes, _ = tangent.force_changes(moved[..., None])
-        pull = tangent.forces.values[:, 0] + changes[:, 0, 0]
+        changes, _ = tangent.force_changes(moved)
+        axial = tangent.forces.values[:, 0] + changes[:, 0, 0]
         with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
-            tangent = linearize(tangent.frame, unknowns, pull)
+            tangent = linearize(frame, tangent.unknowns + step[:, 0], axial)
         if TUBE_CURVATURE * size**2 <= COINCIDENCE:
             return tangent
     return None
@@ -151,19 +150,20 @@ class LoadPath(NamedTuple):
     limit: float  #: factor of the limit load; infinite if the path ends before it
 
 
-def follow_loads(rest: Tangent, loads: Array, most: float, farthest: float = np.inf) -> LoadPath:
-    """Follow loads (n, 3) from zero to `most` times, or to displacements of `farthest` [m]."""
-    path = LoadPath([0.0], [rest], np.inf)
-    step = most
+def follow_loads(
+    start: Tangent, loads: Array, last_factor: float, farthest: float = np.inf
+) -> LoadPath:
+    """Follow loads (n, 3) from zero to a last factor, or to displacements of `farthest` [m]."""
+    path = LoadPath([0.0], [start], np.inf)
+    step = last_factor
     for _ in range(400):
         factor, tangent = path.factors[-1], path.tangents[-1]
-        if factor >= most or np.abs(tangent.displacements[:, :2]).max() > farthest:
+        if factor >= last_factor or np.abs(tangent.displacements[:, :2]).max() > farthest:
             return path
-        moved = rest.frame.displacements(tangent.respond(loads.reshape(-1, 1)))
-        reach = np.abs(moved[:, :2]).max()
-        step = min(
-            2.0 * step, MAX_DISPLACEMENT_STEP / reach if reach > 0.0 else np.inf, most - factor
-        )
+        moved = start.frame.displacements(tangent.respond(loads.reshape(-1, 1)))
+        motion = np.abs(moved[:, :2]).max()
+        bounded_step = MAX_DISPLACEMENT_STEP / motion if motion > 0.0 else np.inf
+        step = min(2.0 * step, bounded_step, last_factor - factor)
         bent = _step(tangent, (factor + step) * loads)
         while bent is None and step > LIMIT_TOLERANCE * factor:
             step *= 0.5
