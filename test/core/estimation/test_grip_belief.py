@@ -43,7 +43,15 @@ def believed(**settings):
 
 
 def carry(
-    belief, duration, noise=0.0, speed=0.0, late=0.0, away=None, encoders=0.0, period=PERIOD
+    belief,
+    duration,
+    noise=0.0,
+    speed=0.0,
+    late=0.0,
+    away=None,
+    encoders=0.0,
+    period=PERIOD,
+    age=0.0,
 ):
     """Roll, measure and correct; return the squared innovations."""
     rng, found, grasp, poses = np.random.default_rng(0), [], MODEL, {}
@@ -55,7 +63,7 @@ def carry(
         assert belief.follow(CONFIG.moved_to(read), period, None) is HoldStatus.HELD
         poses[k] = np.array(grasp.pose) if away is None else np.array(grasp.pose) + away
         seen = poses.get(k - round(late / period), poses[1])
-        belief.observe(Pose(*seen + noise * rng.normal(size=3) / ARM), 0.0)
+        belief.observe(Pose(*seen + noise * rng.normal(size=3) / ARM), age)
         found.append(belief.state.innovation)
     return np.array(found)
 
@@ -191,6 +199,12 @@ def test_the_delay_of_poses_is_estimated_where_the_speed_changes():
     belief = believed()
     carry(belief, 3.0, 1e-4, 4.0)
     assert belief.state.delay < 0.01
+
+
+def test_poses_that_are_newer_than_their_stamps_have_no_negative_delay():
+    belief = believed()
+    carry(belief, 3.0, 1e-4, 4.0, age=PERIOD)
+    assert belief.state.delay == 0.0
 
 
 def test_noise_of_encoders_is_no_delay_of_poses():
