@@ -128,7 +128,7 @@ def _contact_solver(
         solution = None
         for grip, unknowns in starts:
             if np.array_equal(grip.contacts.corners, chosen.contacts.corners):
-                loads, feet = grip.statics.loads(unknowns), unknowns[statics.places.feet]
+                loads, feet = grip.statics.pushes(unknowns).loads, unknowns[statics.places.feet]
                 bent = grip.statics.bent.update(loads, feet, statics.bent.structure)
                 bent = replace(bent, stiffness=statics.bent.stiffness)
                 solution = replace(statics, bent=bent).settle(

@@ -200,8 +200,7 @@ def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
     """Return the depths (c,) of corners in bent members [m]; -inf beyond the straight members."""
     body, radius = grip.body, grip.statics.tube_radius
     starts, normals = facing_lines(grip.config, body, members)
-    spans = member_lines(grip.config)[members, 1] - starts
-    length, axis = np.abs(spans), spans / np.abs(spans)
+    length, axis = grip.config.member_lengths[members], grip.config.member_axes[members]
 
     def offsets(lines: Points, normals: Points) -> Points:
         """Return the corners relative to points of the members, along + i across."""

@@ -100,16 +100,12 @@ class ContactStatics:
         """Return the indices of the unknowns and of the equations."""
         return Places.of(len(self.contacts.owners))
 
-    @property
-    def config(self) -> Configuration:
-        """Return the configuration of the robot."""
-        return self.bent.structure.config
-
     @functools.cached_property
     def anchor_rates(self) -> Array:
         """Return the derivatives (k, r) of the rolling invariants by roller travel."""
-        begins = self.contacts.members[:, None] == self.config.robot.topology.driven
-        return self.sides[:, None] * begins
+        topology = self.bent.structure.config.robot.topology
+        is_at_start = self.contacts.members[:, None] == topology.driven
+        return self.sides[:, None] * is_at_start
 
     @property
     def straight_normals(self) -> Points:
@@ -119,10 +115,6 @@ class ContactStatics:
     def are_on_members(self, feet: Array) -> bool:
         """Return whether all contacts are between the ends of their members."""
         return bool(((feet >= 0.0) & (feet <= self.bent.lines.length)).all())
-
-    def loads(self, unknowns: Array) -> Array:
-        """Return the loads on the tubes (k, 3): forces along and across [N], and moments [N m]."""
-        return self.pushes(unknowns).loads
 
     def pushes(self, unknowns: Array) -> Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
@@ -179,8 +171,8 @@ class ContactStatics:
         balance_by_loads, constant_jacobian = self._constant_rates
         residual = np.empty(places.size)
         jacobian = constant_jacobian.copy()
-        compliance = self.bent.matrix.reshape(3 * count, count, 3)
-        by_loads = np.concatenate([compliance, balance_by_loads])
+        bent = self.bent.responses
+        by_loads = np.concatenate([bent.matrix.reshape(3 * count, count, 3), balance_by_loads])
         by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
         residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ pushes.loads.ravel()
         by_contact = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
@@ -191,7 +183,7 @@ class ContactStatics:
 
         gaps = to_member * (lines.start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)
-        touch += self.bent.constant + self.bent.rates @ feet
+        touch += bent.constant + bent.rates @ feet
         touch[:, 0] += gaps.real
         touch[:, 1] += gaps.imag
         touch[:, 2] -= unknowns[places.inclinations]
@@ -200,7 +192,7 @@ class ContactStatics:
         by_angle = arm_rates + dented
         touch_rows[:, 0, ANGLE] -= by_angle.real
         touch_rows[:, 1, ANGLE] -= by_angle.imag
-        touch_rows[:, :, places.feet] += self.bent.rates
+        touch_rows[:, :, places.feet] += bent.rates
         # Derivatives of each contact's gaps by its own inclination and normal force.
         by_kind = touch_rows[:, :, POSE:].reshape(count, 3, 4, count)
         at_same_contact = np.einsum('kank->kan', by_kind)
@@ -243,7 +235,7 @@ class ContactStatics:
         height = (bent.lines.axis.conj() * from_start).imag
         depths = self.tube_radius + self.sides * height
         depths = np.maximum(depths, PLANNED_DEPTH * self.tube_radius)
-        bending = np.einsum('iaia->ia', bent.matrix)[:, 1]
+        bending = np.einsum('iaia->ia', bent.responses.matrix)[:, 1]
         _, denting, _ = self.dents(depths / bending, np.angle(local))
         start[places.normal] = depths / (bending + denting)
         return start
@@ -259,7 +251,7 @@ class ContactStatics:
         """
         angles = object_angles(unknowns, normals, previous)
         arcs = self.body.shape.unroll(angles, self.contacts.corners)
-        rolled = self.anchor_rates @ self.config.roller_positions
+        rolled = self.anchor_rates @ self.bent.structure.config.roller_positions
         return rolled - self.sides * unknowns[self.places.feet] - arcs
 
     def settle(

@@ -219,7 +219,7 @@ def _displaced_rates(grip: HeldGrip, tubes: LoadedTubes, changes: Array, shift: 
     state, unknowns = grip.state, grip.state.unknowns + shift
     dents = grip.statics.dents.smooth_near(state.normal_forces, grip.angles)
     statics = replace(grip.statics, dents=dents)
-    bent = statics.bent.update(statics.loads(unknowns), unknowns[state.places.feet])
+    bent = statics.bent.update(statics.pushes(unknowns).loads, unknowns[state.places.feet])
     statics = replace(statics, bent=bent)
     _, state = statics.equations(unknowns, grip.wrench, statics.sticking)
     displaced = LoadedTubes.at(replace(grip, statics=statics, state=state), bent, tubes.changes)

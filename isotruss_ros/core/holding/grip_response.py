@@ -36,7 +36,8 @@ class GripResponse:
     ends: Indices  #: (e,) indices of the contacts that are an end of a face
     parted: Array  #: (3 + 4k, e) responses to a gap at each of these ends
     arm: float  #: characteristic radius, see `ConvexObject.arm` [m]
-    middle: complex  #: centroid relative to the origin of the object's frame, x + iy [m]
+    #: (3, 3) matrix that moves the reference point of moments from centroid to origin
+    about_middle: Array
 
     @property
     def pose(self) -> Array:
@@ -66,12 +67,6 @@ class GripResponse:
         """Return whether the object's stiffness is positive definite."""
         compliance = self.pose * np.array([[1.0], [1.0], [self.arm]])
         return not lapack.dpotrf(0.5 * (compliance + compliance.T))[1]
-
-    @property
-    def about_middle(self) -> Array:
-        """Return the matrix that moves the reference point of moments from centroid to origin."""
-        x, y = self.middle.real / self.arm, self.middle.imag / self.arm
-        return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-y, x, 1.0]])
 
 
 class SlipPlanes(NamedTuple):

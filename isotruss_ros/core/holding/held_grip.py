@@ -16,7 +16,6 @@ from isotruss_ros.core.holding.contact_statics import ContactStatics, object_ang
 from isotruss_ros.core.holding.grip_response import GripResponse, slip_planes
 from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
@@ -171,11 +170,12 @@ class HeldGrip:
     def bent_lines(self, members: Indices, positions: Array) -> tuple[Points, Points]:
         """Return points (c,) of bent centre lines [m], and their rotations exp(i theta)."""
         bent, state = self.statics.bent, self.state
-        starts, ends = member_lines(self.config)[members].T
+        config = self.config
         of_nodes = bent.displacements(state.loads, state.feet)
         piece, within, _ = bent.structure.locate(members, positions)
         displaced = bent.frame.interpolate(of_nodes, piece, within)
-        straight = starts + positions * (ends - starts) / np.abs(ends - starts)
+        starts = config.points[config.robot.topology.b[members]]
+        straight = starts + positions * config.member_axes[members]
         return straight + displaced @ (1.0, 1.0j, 0.0), np.exp(1j * displaced[:, 2])
 
     @functools.cached_property
@@ -248,6 +248,10 @@ class HeldGrip:
         change = self.respond(right)
         if change is None or lapack.dgetrf(change[:3, :3])[2]:
             return None
+        middle = (self.body.middle - self.body.center) / self.arm
+        about_middle = np.array(
+            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-middle.imag, middle.real, 1.0]]
+        )
         return GripResponse(
             state=self.state,
             owners=owners,
@@ -256,7 +260,7 @@ class HeldGrip:
             ends=ends,
             parted=change[:, 4:],
             arm=self.arm,
-            middle=self.body.middle - self.body.center,
+            about_middle=about_middle,
         )
 
     def squeeze_stiffness(self) -> float:

@@ -14,7 +14,6 @@ import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
@@ -38,7 +37,7 @@ class PressedContacts:
     @functools.cached_property
     def ends(self) -> list[Indices]:
         """Return the contacts of each grasping member: one, or two at the ends of a face."""
-        return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
+        return np.split(np.arange(len(self.members)), self.member_starts[1:])
 
     @functools.cached_property
     def member_starts(self) -> Indices:
@@ -141,6 +140,5 @@ def facing_lines(
     config: Configuration, body: ConvexObject, members: Indices
 ) -> tuple[Points, Points]:
     """Return the starts (m,) of members [m], and their normals (m,) away from an object."""
-    starts, ends = member_lines(config)[members].T
-    axes = (ends - starts) / np.abs(ends - starts)
-    return starts, facing_normals(body.middle, starts, axes)
+    starts = config.points[config.robot.topology.b[members]]
+    return starts, facing_normals(body.middle, starts, config.member_axes[members])

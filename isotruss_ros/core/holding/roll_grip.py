@@ -61,7 +61,7 @@ def roll_contacts(
     if are_same:
         extrapolated = grip.extrapolate(travel)
         starts = [extrapolated, unknowns]
-        loads, feet = grip.statics.loads(extrapolated), extrapolated[grip.state.places.feet]
+        loads, feet = grip.statics.pushes(extrapolated).loads, extrapolated[grip.state.places.feet]
         bent = bent.update(loads, feet, structure_under(config, grip.pressures))
         statics = replace(grip.statics, bent=bent)
     else:

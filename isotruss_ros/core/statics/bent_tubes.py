@@ -58,6 +58,9 @@ class LoadResponses(NamedTuple):
     unknowns: Array  #: (u, 4k + 1) changes of the frame's unknowns
     #: (k, 3, 4k + 1) changes of the responses, see `BentTubes`; the last column is their value
     at_points: Array
+    matrix: Array  #: (k, 3, k, 3) compliance: responses at the load points to unit loads
+    rates: Array  #: (k, 3, k) derivatives of the responses by the places [-, -, rad/m]
+    constant: Array  #: (k, 3) responses, extrapolated to zero loads and zero places
 
 
 class TubeRates(NamedTuple):
@@ -178,20 +181,21 @@ class BentTubes:
         return linearize(self.frame, self.state.unknowns, self.state.axial, kept)
 
     @cached_property
-    def _responses(self) -> LoadResponses:
+    def responses(self) -> LoadResponses:
         """Return the responses to loads and to motions of the load points."""
         tangent, layout, to_robot = self.tangent, self.frame.layout, self.lines.turns
-        count, cut, motions = len(self.members), self._cut_unknowns, self._motions
+        count, motions = len(self.members), self._motions
         right = np.zeros((len(tangent.unknowns), 4 * count + 1))
+        at_cuts = np.arange(-3 * count, 0).reshape(-1, 3)
         columns = np.arange(3 * count).reshape(count, 1, 3)
-        right[cut[:, :, None], columns] = to_robot / self.stiffness
+        right[at_cuts[:, :, None], columns] = to_robot / self.stiffness
         slopes, by_length = tangent.slopes, tangent.length_rates
         forces = by_length[layout.parts, :, None] * self._lengthened[layout.parts, None]
         right[:, motions] = -tangent.sum_forces(layout.parts, forces)
         right[:, -1] = right[:, : 3 * count] @ self.state.loads.ravel() - tangent.carried
         _, unknowns = tangent.solve(right)
         to_member = to_robot.swapaxes(1, 2)
-        at_points = to_member @ unknowns[cut]
+        at_points = to_member @ unknowns[at_cuts]
         by_ends = (slopes.by_ends @ unknowns[layout.places[layout.beside]])[:, 0]
         at_points[:, 2] = _mean(by_ends)
         # The length of a part between two load points of one member depends on both.
@@ -200,41 +204,21 @@ class BentTubes:
         # The displacement is relative to the place, which moves along its member.
         load_points = np.arange(count)
         at_points[load_points, 0, motions.start + load_points] -= 1.0
-        values = (to_member @ tangent.unknowns[cut][:, :, None])[..., 0]
+        values = (to_member @ tangent.unknowns[at_cuts][:, :, None])[..., 0]
         values[:, 2] = _mean(slopes.values)
         at_points[..., -1] += values
-        return LoadResponses(unknowns, at_points)
-
-    @property
-    def _cut_unknowns(self) -> Indices:
-        """Return the indices (k, 3) of the displacements at the load points."""
-        return np.arange(-3 * len(self.members), 0).reshape(-1, 3)
+        matrix = at_points[..., : 3 * count].reshape(count, 3, count, 3)
+        constant = at_points @ self._factors(np.zeros((count, 3)), np.zeros(count))
+        return LoadResponses(unknowns, at_points, matrix, at_points[..., motions], constant)
 
     @property
     def _motions(self) -> slice:
         """Return the columns of `LoadResponses` that belong to the motions of the load points."""
         return slice(3 * len(self.members), 4 * len(self.members))
 
-    @cached_property
-    def matrix(self) -> Array:
-        """Return the compliance (k, 3, k, 3): responses at the load points to unit loads."""
-        count = len(self.members)
-        return self._responses.at_points[:, :, : 3 * count].reshape(count, 3, count, 3)
-
-    @cached_property
-    def rates(self) -> Array:
-        """Return the derivatives (k, 3, k) of the responses by `places` [-, -, rad/m]."""
-        return self._responses.at_points[..., self._motions]
-
-    @cached_property
-    def constant(self) -> Array:
-        """Return the responses (k, 3), extrapolated to zero loads and zero positions."""
-        none = np.zeros((len(self.members), 3))
-        return self.respond(none, none[:, 0])
-
     def respond(self, loads: Array, places: Array) -> Array:
         """Return the responses (k, 3), which are affine functions of loads and places."""
-        return self._responses.at_points @ self._factors(loads, places)
+        return self.responses.at_points @ self._factors(loads, places)
 
     def distance(self, loads: Array, places: Array) -> float:
         """Return the largest motion of a node by loads, from where it is linearised [m]."""
@@ -249,12 +233,13 @@ class BentTubes:
 
     def _displace(self, factors: Array) -> tuple[Array, Array]:
         """Return the unknowns' changes (u,) relative to the moving load points, and absolute."""
-        absolute = self._responses.unknowns @ factors
+        absolute = self.responses.unknowns @ factors
         relative = absolute.copy()
         # The displacement is relative to the place, which moves along its member.
         slid = self.lines.axis * factors[self._motions]
-        relative[self._cut_unknowns[:, 0]] -= slid.real
-        relative[self._cut_unknowns[:, 1]] -= slid.imag
+        at_cuts = relative[-3 * len(slid) :].reshape(-1, 3)
+        at_cuts[:, 0] -= slid.real
+        at_cuts[:, 1] -= slid.imag
         return relative, absolute
 
     def _factors(self, loads: Array, places: Array) -> Array:
@@ -291,7 +276,7 @@ class BentTubes:
             return structure.frame.layout.active
         if not layout.kept:
             return layout.active
-        changes = self._responses.unknowns @ self._factors(loads, places)
+        changes = self.responses.unknowns @ self._factors(loads, places)
         motion = np.abs(self.frame.displacements(changes)[:, :2]).max()
         active = [layout.active]
         for blocks, force, stiff in zip(*tangent.kept, strict=True):
@@ -309,7 +294,7 @@ class BentTubes:
         if not is_near:
             nodes, behind = self.frame.displacements(unknowns), layout.behind
             at_cuts = self.frame.interpolate(nodes, layout.whole[behind], begins[behind])
-            unknowns = np.append(unknowns[: self._cut_unknowns[0, 0]], at_cuts)
+            unknowns = np.append(unknowns[: -at_cuts.size], at_cuts)
         part = self.frame.locate(layout.whole, middles)
         axial = np.where(part < 0, np.nan, state.axial[part])
         return BentState(unknowns, state.loads, axial)
@@ -323,7 +308,7 @@ class BentTubes:
 
     def load_changes(self, loads: Array, motions: Array) -> TubeRates:
         """Return the derivatives by p changes of loads (k, 3, p), and of places (k, p)."""
-        unknowns, at_points = (columns[..., :-1] for columns in self._responses)
+        unknowns, at_points = self.responses.unknowns[:, :-1], self.responses.at_points[..., :-1]
         factors = np.concatenate([loads.reshape(-1, loads.shape[2]), motions])
         forces = self.tangent.length_rates[:, :, None] * (self._lengthened @ motions)[:, None]
         nodes = self.frame.displacements(unknowns @ factors)

@@ -29,7 +29,7 @@ class Utilisation(NamedTuple):
 
     used: Array  #: (m,) largest |M| / M_w on each member; infinite if the wall has no tension
     place: Array  #: (m,) distance of this maximum from the member's start [m]
-    piece: Indices  #: (m,) index of the frame's part in which the maximum is; -1 for none
+    piece: Indices  #: (m,) index of the frame's part in which the maximum is
     kind: Indices  #: (m,) 0 if the maximum is at this part's start, 1 at its end, 2 inside
     loads: Array  #: (4, m) loads of this part, see `evaluate_utilisation`
     sections: Array  #: (3, m) sections of this part, see `evaluate_utilisation`
@@ -52,24 +52,20 @@ def find_utilisation(
     direction = (frame.axis[pieces] * along).real
     within = np.stack([np.zeros(len(pieces)), sections[0], inside])
     places = (origin + direction * within).ravel()
-    most_used = find_most_used(used.ravel(), np.tile(member, 3))
+    # The last point of each member in this order is the most used one.
+    owner = np.tile(member, 3)
+    order = np.lexsort((used.ravel(), owner))
+    most_used = order[np.flatnonzero(np.diff(owner[order], append=-1))]
     kind, part = np.divmod(most_used, len(pieces))
-    present, count = member[part], structure.owners.shape[1]
-    usage = Utilisation(
-        used=np.zeros(count),
-        place=np.zeros(count),
-        piece=np.full(count, -1),
-        kind=np.zeros(count, dtype=int),
-        loads=np.zeros((4, count)),
-        sections=np.zeros((3, count)),
-    )
-    usage.used[present] = used.ravel()[most_used]
-    usage.place[present] = places[most_used]
-    usage.piece[present] = pieces[part]
-    usage.kind[present] = kind
-    usage.loads[:, present] = loads[:, part]
-    usage.sections[:, present] = sections[:, part]
-    return usage
+
+    def of_members(values: Array) -> Array:
+        """Return values of the members in the frame for all members; zero for the others."""
+        filled = np.zeros((*values.shape[:-1], structure.owners.shape[1]), dtype=values.dtype)
+        filled[..., member[part]] = values
+        return filled
+
+    at_most_used = used.ravel()[most_used], places[most_used], pieces[part], kind
+    return Utilisation(*map(of_members, (*at_most_used, loads[:, part], sections[:, part])))
 
 
 def evaluate_utilisation(loads: Array, sections: Array, radius: float) -> tuple[Array, Array]:
@@ -95,9 +91,3 @@ def evaluate_utilisation(loads: Array, sections: Array, radius: float) -> tuple[
     used = np.full(moments.shape, np.inf, dtype=moments.dtype)
     np.divide(2.0 * moments, radius * wall, out=used, where=wall.real > 0.0)
     return used, np.where(is_inside, crest / phase * length, 0.0)
-
-
-def find_most_used(used: Array, member: Indices) -> Indices:
-    """Return the index (m,) of the most utilised of the points (c,) of each member."""
-    order = np.lexsort((used, member))
-    return order[np.flatnonzero(np.diff(member[order], append=-1))]

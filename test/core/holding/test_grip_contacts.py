@@ -19,7 +19,7 @@ def response_of(pose, forces, arm, normal, friction, owners):
     state = ContactForces(unknowns, np.zeros(len(normal), dtype=complex), None, None)
     change = np.vstack([pose, np.zeros((len(forces), 3)), forces])
     none = np.zeros(0, dtype=int), np.zeros((len(change), 0))
-    return GripResponse(state, owners, change, np.zeros(len(change)), *none, arm, 0j)
+    return GripResponse(state, owners, change, np.zeros(len(change)), *none, arm, np.eye(3))
 
 
 @pytest.mark.parametrize('arm', [0.2, 1.0])

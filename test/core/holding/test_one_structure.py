@@ -89,8 +89,10 @@ def test_tubes_that_are_kept_undeformed_change_no_response(shape, depth):
     assert bent.frame.layout.kept
     assert not whole.frame.layout.kept
     for name in ('matrix', 'rates', 'constant'):
-        expected = getattr(whole, name)
-        assert getattr(bent, name) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+        expected = getattr(whole.responses, name)
+        assert getattr(bent.responses, name) == pytest.approx(
+            expected, abs=1e-9 * np.abs(expected).max()
+        )
     loads, feet = grip.state.loads, grip.state.feet
     moved = bent.displacements(loads, feet)
     assert moved == pytest.approx(whole.displacements(loads, feet), abs=1e-11)

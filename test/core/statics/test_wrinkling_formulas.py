@@ -5,11 +5,7 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core.statics.wrinkling import (
-    evaluate_utilisation,
-    find_most_used,
-    find_utilisation,
-)
+from isotruss_ros.core.statics.wrinkling import evaluate_utilisation, find_utilisation
 import numpy as np
 import pytest
 import tubes
@@ -48,8 +44,3 @@ def test_the_wall_of_a_compressed_piece_has_less_tension():
     expected = 2.0 / np.cos(0.5 * angle) / (0.5 * RADIUS * (WALL - 90.0))
     assert found.used[0] == pytest.approx(expected)
     assert found.kind[0] == 2
-
-
-def test_most_used_point_of_each_member_is_its_largest():
-    used, member = np.array([0.1, 0.7, 0.3, 0.2, 0.9, 0.4]), np.array([0, 0, 0, 1, 1, 1])
-    assert find_most_used(used, member).tolist() == [1, 4]
