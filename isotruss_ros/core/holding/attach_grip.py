@@ -11,9 +11,8 @@ equilibrium determines the pose; in the others, the measured pose is taken.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 from isotruss_ros.core.holding.contact_search import (
     add_corner,
@@ -29,7 +28,7 @@ from isotruss_ros.core.holding.contact_statics import (
     FRICTION_COMPLIANCE,
 )
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, scaled_wrench
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, find_pressed, POSE, PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, find_pressed, POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
@@ -78,11 +77,10 @@ def attach_grip(
     if depths[members].min() <= -config.robot.description.tube_diameter:
         raise NotHeldError(HoldStatus.NO_CONTACT)
     wrench = scaled_wrench(external_wrench, body.arm)
-    build = partial(build_statics, config, body, pressure=pressure, stiffness=stiffness)
-    solve = _contact_solver(
-        build, wrench, MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS, starts
-    )
-    limit = QUICK_SETS if quick else MAX_SEARCH_STEPS
+    limit, steps = MAX_SEARCH_STEPS, MAX_NEWTON_ITERATIONS
+    if quick:
+        limit, steps = QUICK_SETS, MAX_SEARCH_STEPS
+    solve = _contact_solver(config, body, pressure, stiffness, wrench, steps, starts)
     attached = search_contacts(solve, find_pressed(config, body, members), limit=limit)
     if attached is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
@@ -98,14 +96,10 @@ def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
     if grip.required_friction <= friction:
         return grip
-    build = partial(
-        build_statics,
-        grip.config,
-        grip.statics.body,
-        pressure=grip.pressures,
-        stiffness=grip.statics.bent.stiffness,
+    body, stiffness = grip.statics.body, grip.statics.bent.stiffness
+    solve = _contact_solver(
+        grip.config, body, grip.pressures, stiffness, grip.wrench, MAX_SEARCH_STEPS
     )
-    solve = _contact_solver(build, grip.wrench, MAX_SEARCH_STEPS)
     for corner in sorted(find_free_corners(grip, gap), reverse=True):
         whole_face = add_corner(grip, corner, rolls=False)[-1].contacts
         laid = search_contacts(solve, whole_face, limit=QUICK_SETS)
@@ -115,7 +109,10 @@ def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
 
 
 def _contact_solver(
-    build: Callable[[PressedContacts], ContactStatics],
+    config: Configuration,
+    body: ConvexObject,
+    pressure: Pressure | None,
+    stiffness: float,
     wrench: Array,
     steps: int,
     starts: Sequence[Start] = (),
@@ -123,14 +120,14 @@ def _contact_solver(
     """Return the solver of equilibria near the measured pose, with unknown contact history."""
 
     def solve(chosen: ContactSet, _: HeldGrip | None) -> HeldGrip | None:
-        statics = build(chosen.contacts)
+        statics = build_statics(config, body, chosen.contacts, pressure, stiffness)
         conditions = least_friction_conditions(statics, chosen.grazing)
         solution = None
         for grip, unknowns in starts:
             if np.array_equal(grip.contacts.corners, chosen.contacts.corners):
                 loads, feet = grip.statics.pushes(unknowns).loads, unknowns[statics.places.feet]
                 bent = grip.statics.bent.update(loads, feet, statics.bent.structure)
-                bent = replace(bent, stiffness=statics.bent.stiffness)
+                bent = replace(bent, stiffness=stiffness)
                 solution = replace(statics, bent=bent).settle(
                     unknowns, wrench, conditions, steps, FOLLOWED_MOTION
                 )

@@ -41,10 +41,9 @@ def find_patches(
     radius = 0.5 * structure.config.robot.description.tube_diameter
     gauge = np.array(structure.pressures)[structure.config.robot.topology.tube[contacts.members]]
     tension, sides = _wall_tension(state, bent, gauge, radius), np.sign(state.loads[:, 1])
-    count = len(skins)
-    begins, ends = np.full(count, np.inf), np.full(count, -np.inf)
-    lengths, forces, areas, widths, peaks = np.zeros((5, count))
-    is_flat = np.zeros(count, dtype=bool)
+    # Values of each contact, which are added or compared for each member.
+    begins, ends = np.full(len(skins), np.inf), np.full(len(skins), -np.inf)
+    sums, maxima = np.zeros((2, len(skins), 3))
     for k, skin in enumerate(skins):
         is_pressed = skin.forces > 0.0
         if not is_pressed.any():
@@ -56,26 +55,20 @@ def find_patches(
         load = skin.forces[is_pressed] / skin.spacing
         # The pressure at which a contact over half of the circumference carries the load.
         flat_pressure = load / (np.pi * radius)
-        is_flat[k] = (flat_pressure >= pressure).any()
+        is_flat = (flat_pressure >= pressure).any()
         pressure = np.maximum(pressure, flat_pressure)
         around = load / pressure
         along = state.feet[k] - sides[k] * skin.positions[is_pressed]
         begins[k] = along.min() - 0.5 * skin.spacing
         ends[k] = along.max() + 0.5 * skin.spacing
-        lengths[k] = skin.spacing * len(along)
-        forces[k], areas[k] = skin.forces.sum(), skin.spacing * around.sum()
-        widths[k], peaks[k] = around.max(), pressure.max()
-    sum_by_member, starts = contacts.sum_by_member, contacts.member_starts
+        sums[k] = skin.spacing * len(along), skin.spacing * around.sum(), skin.forces.sum()
+        maxima[k] = around.max(), pressure.max(), is_flat
+    starts = contacts.member_starts
+    spans = [np.minimum.reduceat(begins, starts), np.maximum.reduceat(ends, starts)]
+    lengths, areas, forces = contacts.sum_by_member(sums).T
+    widths, peaks, flattened = np.maximum.reduceat(maxima, starts).T
     return ContactPatches(
-        spans=np.stack(
-            [np.minimum.reduceat(begins, starts), np.maximum.reduceat(ends, starts)], axis=1
-        ),
-        lengths=sum_by_member(lengths),
-        widths=np.maximum.reduceat(widths, starts),
-        areas=sum_by_member(areas),
-        pressures=sum_by_member(forces) / sum_by_member(areas),
-        peaks=np.maximum.reduceat(peaks, starts),
-        flattened=np.maximum.reduceat(is_flat, starts),
+        np.stack(spans, axis=1), lengths, widths, areas, forces / areas, peaks, flattened > 0.0
     )
 
 

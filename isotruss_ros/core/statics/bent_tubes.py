@@ -11,7 +11,7 @@ behind it shorter. Tubes without loads are kept undeformed, see `UnloadedBlocks`
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -154,20 +154,16 @@ class BentTubes:
     @property
     def values(self) -> Array:
         """Return the state about which these tubes are linearised, with all blocks deformable."""
-        state = self.state
-        if self.frame.layout.kept:
-            cuts = Cuts.of(self.structure, self.members, self.places)
-            frame = self.structure.frame.cut(cuts.pieces, cuts.within)
-            state = self._convert(state, frame, True)
-            tangent = linearize(frame, state.unknowns, state.axial)
-            state = state._replace(axial=tangent.forces.values[:, 0])
-        return np.concatenate([part.ravel() for part in state])
+        return np.concatenate([part.ravel() for part in self.activated().state])
 
     def activated(self) -> BentTubes:
         """Return these tubes with all blocks deformable."""
         if not self.frame.layout.kept:
             return self
-        return BentTubes.of(self.structure, self.members, self.places, self.stiffness, self.values)
+        frame = self.structure.frame.cut(self.cuts.pieces, self.cuts.within)
+        state = self._convert(self.state, frame, True)
+        tangent = linearize(frame, state.unknowns, state.axial)
+        return replace(self, frame=frame, state=state._replace(axial=tangent.forces.values[:, 0]))
 
     @cached_property
     def _lengthened(self) -> Array:
@@ -266,8 +262,9 @@ class BentTubes:
         lines = self.lines
         if structure is not self.structure:
             lines = Lines.of(structure, self.members)
-        fields = cuts, lines, frame, self.stiffness, state
-        return BentTubes(structure, self.members, places, *fields)
+        return BentTubes(
+            structure, self.members, places, cuts, lines, frame, self.stiffness, state
+        )
 
     def _find_active(self, loads: Array, places: Array, structure: Structure) -> Indices:
         """Return the blocks that given loads deform, see `UnloadedBlocks`."""
