@@ -73,7 +73,7 @@ def _respond(structure: Structure, pieces: tuple[int, ...]) -> tuple[Indices, Ar
     ends = (3 * nodes[:, :, None] + np.arange(3)).ravel()
     loads = np.zeros((3 * len(structure.frame.points), len(ends)))
     loads[ends, np.arange(len(ends))] = 1.0
-    return ends, structure.rest.respond(loads)[layout.numbering.rows :]
+    return ends, structure.unloaded.respond(loads)[layout.numbering.rows :]
 
 
 def clamped_pieces(
@@ -116,7 +116,7 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     robot, first = structure.config.robot, structure.pieces[0, 0]
     equivalent = np.concatenate([forces.real, forces.imag]) @ tubes.shapes
     piece, moved = tubes.pieces - first, (tubes.response @ equivalent).reshape(-1, 3, 1)
-    changes, _ = structure.rest.force_changes(moved)
+    changes, _ = structure.unloaded.force_changes(moved)
     ends = end_forces(changes[first:, :, 0], frame.length[first:])
     _, shear, start, tension, _, end = ends.T
     pull = np.stack([tension, tension])

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_statics import build_statics
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.pressed_contacts import PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import POSE, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
@@ -64,17 +64,17 @@ class GripRecord(NamedTuple):
         :raises GraspError: the object has no such corners.
         :raises StructureError: the bent tubes are those of another structure.
         """
-        there = config.moved_to(self.travel)
-        body = body.moved_to(self.unknowns[:3])
-        body = body.smoothed(0.5 * config.robot.description.tube_diameter)
+        radius = 0.5 * config.robot.description.tube_diameter
+        recorded_body = body.moved_to(self.unknowns[:POSE]).smoothed(radius)
+        recorded_config = config.moved_to(self.travel)
         try:
-            statics = build_statics(there, body, self.contacts, self.pressures)
+            statics = build_statics(recorded_config, recorded_body, self.contacts, self.pressures)
         except IndexError as error:
             raise GraspError(
                 f'held grip: corners {self.contacts.corners}: the object has no such corners'
             ) from error
-        bent, members = statics.bent, self.contacts.members
-        bent = BentTubes.of(bent.structure, members, self.places, bent.stiffness, self.bent)
+        structure, members = statics.bent.structure, self.contacts.members
+        bent = BentTubes.of(structure, members, self.places, values=self.bent)
         statics = replace(statics, bent=bent)
         _, state = statics.equations(self.unknowns, np.zeros(3), statics.sticking)
         return HeldGrip.of(statics, state, np.zeros(3))

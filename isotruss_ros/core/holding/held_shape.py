@@ -74,9 +74,9 @@ def contact_points(grip: HeldGrip) -> Points:
 @single_threaded
 def held_joints(grip: HeldGrip) -> Array:
     """Return the positions (j, 2) of `Topology.joint_names`, displaced by contact forces [m]."""
-    moved = grip.statics.bent.displacements(grip.state.loads, grip.state.feet)
+    displacements = grip.statics.bent.displacements(grip.state.loads, grip.state.feet)
     count = len(grip.config.robot.topology.joint_names)
-    return grip.config.nodes[:count] + moved[:count, :2]
+    return grip.config.nodes[:count] + displacements[:count, :2]
 
 
 @functools.lru_cache(maxsize=8)
@@ -90,16 +90,16 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
     body, response = grip.body, grip.response
     if grip.config.robot.description.module.mass is None or body.mass is None or response is None:
         return None
-    moved = response.pose
+    pose = response.pose
     center = body.shape.centroid if body.center_of_mass is None else complex(*body.center_of_mass)
-    of_middle = moved[0] + 1j * (moved[1] + body.turn * center * moved[2])
-    inertia = body.mass * np.outer(of_middle.conj(), of_middle).real
-    inertia += body.mass * body.shape.gyration**2 * np.outer(moved[2], moved[2])
+    of_center = pose[0] + 1j * (pose[1] + body.turn * center * pose[2])
+    inertia = body.mass * np.outer(of_center.conj(), of_center).real
+    inertia += body.mass * body.shape.gyration**2 * np.outer(pose[2], pose[2])
     inertia += _inertia_of_robot(grip)
-    compliance = moved * np.array([[1.0], [1.0], [grip.arm]])
+    compliance = pose * np.array([[1.0], [1.0], [grip.arm]])
     compliance = 0.5 * (compliance + compliance.T)
-    square = scipy.linalg.eigvalsh(compliance, inertia, check_finite=False)[0]
-    return math.sqrt(square) if square > 0.0 else None
+    squares = scipy.linalg.eigvalsh(compliance, inertia, check_finite=False)
+    return math.sqrt(squares[0]) if squares[0] > 0.0 else None
 
 
 def _inertia_of_robot(grip: HeldGrip) -> Array:
@@ -107,12 +107,12 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     description, topology = grip.config.robot.description, grip.config.robot.topology
     loads = grip.statics.pushes(grip.state.unknowns).load_rates(grip.response.change)
     bent = grip.statics.bent.activated()
-    moved = bent.load_changes(loads, np.zeros((len(loads), 3))).nodes
-    starts = bent.structure.frame.layout.start[bent.structure.pieces]
-    b, c, _ = (moved[:, 0] + 1j * moved[:, 1])[starts]
+    nodes = bent.load_changes(loads, np.zeros((len(loads), 3))).nodes
+    pinches = bent.structure.frame.layout.start[bent.structure.pieces]
+    b, c, _ = (nodes[:, 0] + 1j * nodes[:, 1])[pinches]
     half = 0.5 * description.tube_mass * grip.config.member_lengths
     masses = np.concatenate(
         [np.full(len(b), description.module.mass), half, half[topology.previous]]
     )
-    moving = np.concatenate([0.5 * (b + c), b, c])
-    return ((moving.conj().T * masses) @ moving).real
+    motions = np.concatenate([0.5 * (b + c), b, c])
+    return ((motions.conj().T * masses) @ motions).real

@@ -126,12 +126,13 @@ class ContactForces:
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
     """Return the contacts of given members with an object, see `Shape.contact_patch`."""
     starts, normals = facing_lines(config, body, members)
-    local = normals * body.turn.conjugate()
+    in_object = normals * body.turn.conjugate()
     radius = 0.5 * config.robot.description.tube_diameter
-    skins = ((starts - body.center) * normals.conj()).real - radius
+    heights = ((starts - body.center) * normals.conj()).real - radius
     pairs: list[tuple[int, int]] = []
-    for member, normal, skin in zip(members.tolist(), local.tolist(), skins.tolist(), strict=True):
-        patch = body.shape.contact_patch(normal, radius, skin)
+    lines = members.tolist(), in_object.tolist(), heights.tolist()
+    for member, normal, height in zip(*lines, strict=True):
+        patch = body.shape.contact_patch(normal, radius, height)
         pairs += [(member, end.corner) for end in patch]
     return PressedContacts(*np.array(pairs).T)
 

@@ -96,14 +96,14 @@ class Structure:
         self.frame = Frame.of(points, sections.reshape(3, -1), numbering)
 
     @functools.cached_property
-    def rest(self) -> Tangent:
+    def unloaded(self) -> Tangent:
         """Return the frame linearised without loads, see `unloaded`."""
         return unloaded(self.frame)
 
     @functools.cached_property
     def blocks(self) -> list[UnloadedBlocks | None]:
         """Return the groups of the unloaded frame; None for blocks without own unknowns."""
-        condensed, _ = self.rest.condensed
+        condensed, _ = self.unloaded.condensed
         groups = self.frame.layout.groups, condensed.schur, condensed.spread
         return [
             UnloadedBlocks.of(self.frame, group, schur, spread) if spread.size else None

@@ -54,13 +54,13 @@ class Section:
         pull = (pressure - self.pressure) * np.pi * self.radius**2
         flexural = self.flexural_rigidity + 0.5 * pull * self.radius**2
         shear = self.shear_rigidity + pull
-        wrong = (flexural <= 0.0) | (shear <= 0.0)
-        if wrong.any():
-            at = int(np.argmax(wrong))
+        is_valid = (flexural > 0.0) & (shear > 0.0)
+        if not is_valid.all():
+            k = int(np.argmin(is_valid))
             raise StructureError(
                 f'stiffness model section, given at {self.pressure:g} Pa: at '
-                f'{pressure[at]:g} Pa it has EI = {flexural[at]:.4g} N m^2 and '
-                f'GA = {shear[at]:.4g} N: must be positive'
+                f'{pressure[k]:g} Pa it has EI = {flexural[k]:.4g} N m^2 and '
+                f'GA = {shear[k]:.4g} N: must be positive'
             )
         return SectionStiffness(np.full_like(length, self.axial_rigidity), flexural, shear)
 
@@ -87,26 +87,26 @@ class PowerLaw:
 
     def _end_stiffnesses(self, length: Array, pressure: Array) -> tuple[Array, Array, Array]:
         """Return k_axial, k_transverse and k_rotary of whole members, each (k,)."""
-        between = length - 2.0 * self.guide_ring_distance
-        if (between <= 0.0).any():
+        ring_span = length - 2.0 * self.guide_ring_distance
+        if (ring_span <= 0.0).any():
             raise StructureError(
-                f'a member of {length[between <= 0.0][0]:.6g} m does not hold its guide rings, '
+                f'a member of {length[ring_span <= 0.0][0]:.6g} m does not hold its guide rings, '
                 f'{self.guide_ring_distance:g} m from its ends: no stiffness law applies'
             )
         stiffnesses = []
-        for mode, span in (('axial', length), ('transverse', between), ('rotary', between)):
+        for mode, span in (('axial', length), ('transverse', ring_span), ('rotary', ring_span)):
             law: Law = getattr(self, mode)
-            k = law.stiffness(span, pressure)
-            wrong = ~((k >= 1.0 / MAX_MAGNITUDE) & (k <= MAX_MAGNITUDE))
-            if wrong.any():
-                at = int(np.argmax(wrong))
+            stiffness = law.stiffness(span, pressure)
+            is_valid = (stiffness >= 1.0 / MAX_MAGNITUDE) & (stiffness <= MAX_MAGNITUDE)
+            if not is_valid.all():
+                k = int(np.argmin(is_valid))
                 raise StructureError(
                     f'stiffness law {mode}: C = {law.C:g}, a = {law.a:g}, b = {law.b:g} gives '
-                    f'{k[at]:g} for {_case(length[at], pressure[at])}: '
+                    f'{stiffness[k]:g} for {_case(length[k], pressure[k])}: '
                     f'must be from {1.0 / MAX_MAGNITUDE:g} to {MAX_MAGNITUDE:g}; '
                     'laws are in SI units'
                 )
-            stiffnesses.append(k)
+            stiffnesses.append(stiffness)
         return stiffnesses[0], stiffnesses[1], stiffnesses[2]
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
@@ -119,23 +119,23 @@ class PowerLaw:
         """
         length, pressure = broadcast_members(length, pressure)
         axial, transverse, rotary = self._end_stiffnesses(length, pressure)
-        between = length - 2.0 * self.guide_ring_distance
-        ratio = 12.0 * rotary / (transverse * between**2)
-        wrong = ratio < 4.0 * (1.0 - ROUNDING)
-        if wrong.any():
-            at = int(np.argmax(wrong))
+        span = length - 2.0 * self.guide_ring_distance
+        ratio = 12.0 * rotary / (transverse * span**2)
+        is_beam = ratio >= 4.0 * (1.0 - ROUNDING)
+        if not is_beam.all():
+            k = int(np.argmin(is_beam))
             raise StructureError(
-                f'stiffness laws: for {_case(length[at], pressure[at])} the transverse stiffness '
-                f'is {transverse[at]:.6g} N/m and the rotary one {rotary[at]:.6g} N m/rad, which '
-                f'no beam has: with l = {between[at]:.6g} m from ring to ring the rotary one '
+                f'stiffness laws: for {_case(length[k], pressure[k])} the transverse stiffness '
+                f'is {transverse[k]:.6g} N/m and the rotary one {rotary[k]:.6g} N m/rad, which '
+                f'no beam has: with l = {span[k]:.6g} m from ring to ring the rotary one '
                 'must be at least l^2/3 times the transverse one, '
-                f'{transverse[at] * between[at] ** 2 / 3.0:.6g} N m/rad'
+                f'{transverse[k] * span[k] ** 2 / 3.0:.6g} N m/rad'
             )
         # A ratio that exceeds 4 only by rounding means no shear deformation.
         phi = np.where(ratio > 4.0 * (1.0 + ROUNDING), ratio - 4.0, 0.0)
-        flexural = transverse * between**3 * (1.0 + phi) / 12.0
+        flexural = transverse * span**3 * (1.0 + phi) / 12.0
         shear = np.full_like(length, np.inf)
-        np.divide(12.0 * flexural, phi * between**2, out=shear, where=phi > 0.0)
+        np.divide(12.0 * flexural, phi * span**2, out=shear, where=phi > 0.0)
         return SectionStiffness(axial * length, flexural, shear)
 
     @classmethod
@@ -160,14 +160,12 @@ class TubeSections:
         """Return the derivatives (3, k) of 1/EA, 1/EI and 1/GA by length and by pressure."""
         # This step minimises the error, which is about step^2 + EPSILON / step.
         step = EPSILON ** (1.0 / 3.0)
-        shares = step * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]
-        moved = (np.array([length, pressure])[:, None] * (1.0 + shares)).reshape(2, -1)
-        flexibility = 1.0 / np.array(self.section_stiffness(*moved)).reshape(3, 4, -1)
-        longer, shorter, wider, narrower = flexibility.swapaxes(0, 1)
-        return (
-            (longer - shorter) / (2.0 * step * length),
-            (wider - narrower) / (2.0 * step * pressure),
-        )
+        changes = step * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]
+        varied = (np.array([length, pressure])[:, None] * (1.0 + changes)).reshape(2, -1)
+        flexibility = 1.0 / np.array(self.section_stiffness(*varied)).reshape(3, 4, -1)
+        longer, shorter, inflated, deflated = flexibility.swapaxes(0, 1)
+        by_length = (longer - shorter) / (2.0 * step * length)
+        return by_length, (inflated - deflated) / (2.0 * step * pressure)
 
 
 #: Stiffness models by their names in robot files.
