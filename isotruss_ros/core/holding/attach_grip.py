@@ -156,7 +156,7 @@ def least_friction_conditions(
     - If an end of a face grazes (its index is `grazing`), its N is zero. This takes the place of
       the measured angle; apart from that, the conditions are those without a face contact.
     """
-    places, body, owners = statics.places, statics.body, statics.contacts.owners
+    indices, body, owners = statics.places, statics.body, statics.contacts.owners
     ends = statics.contacts.ends
     count = len(owners)
     faces = [pair for pair in ends if len(pair) == 2]
@@ -178,9 +178,9 @@ def least_friction_conditions(
     linear_row = position_row + has_two_members
     # The chord is the mean of the first member's normals minus that of the second member's.
     chord_shares = np.where(owners == 0, 1.0, -1.0) / np.bincount(owners)[owners]
-    linear, constant = np.zeros((count, places.size)), np.zeros(count)
+    linear, constant = np.zeros((count, indices.size)), np.zeros(count)
     if grazing is not None:
-        linear[linear_row, places.normal.start + grazing] = 1.0
+        linear[linear_row, indices.normal.start + grazing] = 1.0
     elif not faces:
         linear[linear_row, ANGLE] = body.arm
         constant[linear_row] = body.arm * body.pose.angle
@@ -188,17 +188,17 @@ def least_friction_conditions(
         # Friction forces of the members, or differences of them, that are zero.
         members = np.eye(len(ends))
         signs = members if is_face_pressed else (members - np.roll(members, 1, axis=1))[:-1]
-        linear[-len(signs) :, places.friction] = FRICTION_COMPLIANCE * signs[:, owners]
+        linear[-len(signs) :, indices.friction] = FRICTION_COMPLIANCE * signs[:, owners]
 
     def conditions(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         residual = linear @ unknowns - constant
         derivative = linear.copy()
         if faces:
-            forces = unknowns[places.forces]
+            forces = unknowns[indices.forces]
             squeeze = max(float(np.abs(forces[:count]).sum()), 1e-3)
             slopes = ratio_forms @ forces * FRICTION_COMPLIANCE / squeeze
             residual[:position_row] = 0.5 * slopes @ forces
-            derivative[:position_row, places.forces] = slopes
+            derivative[:position_row, indices.forces] = slopes
         if has_two_members:
             # Displacement of the object's centroid across the chord, which turns with the tubes.
             chord = complex(chord_shares @ normals)
@@ -211,7 +211,7 @@ def least_friction_conditions(
             row[:POSE] = across.real, across.imag, (across.conjugate() * 1j * arm).real
             by_chord_angle = (across.conjugate() * -1j * displacement).real / size**2
             turned = (chord.conjugate() * 1j * normals).imag * by_chord_angle
-            row[places.inclinations] = turned * chord_shares
+            row[indices.inclinations] = turned * chord_shares
         return residual, derivative
 
     return conditions

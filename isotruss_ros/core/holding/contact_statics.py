@@ -135,14 +135,14 @@ class ContactStatics:
     @functools.cached_property
     def _constant_rates(self) -> tuple[Array, Array]:
         """Return the derivatives (3, k, 3) of the balance by loads, and the constant Jacobian."""
-        places, count = self.places, len(self.sides)
+        indices, count = self.places, len(self.sides)
         balance_by_loads = np.zeros((3, count, 3))
-        jacobian = np.zeros((places.size, places.size))
+        jacobian = np.zeros((indices.size, indices.size))
         forces = -self.bent.lines.axis[:, None] * [1.0, 1j]
         balance_by_loads[:2, :, :2] = forces.real, forces.imag
         touch_rows = jacobian[: 3 * count].reshape(count, 3, -1)
         touch_rows[:, :2, :2] = forces.view(np.float64).reshape(count, 2, 2)
-        touch_rows[:, 0, places.feet] = np.eye(count)
+        touch_rows[:, 0, indices.feet] = np.eye(count)
         return balance_by_loads, jacobian
 
     def equations(
@@ -153,10 +153,10 @@ class ContactStatics:
         pushes: Pushes | None = None,
     ) -> tuple[Array, ContactForces]:
         """Return the residual (3 + 4k,) of the equations, see `Places`, and the state."""
-        places, count, arm = self.places, len(self.sides), self.body.arm
-        moment, lines = places.balance.start + 2, self.bent.lines
+        indices, count, arm = self.places, len(self.sides), self.body.arm
+        moment, lines = indices.balance.start + 2, self.bent.lines
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
-        feet = unknowns[places.feet]
+        feet = unknowns[indices.feet]
         pushes = pushes or self.pushes(unknowns)
         local, skin = pushes.local, pushes.skin
         normals = lines.axis * local
@@ -169,14 +169,14 @@ class ContactStatics:
         arm_rates = 1j * (arms - radii * local)
 
         balance_by_loads, constant_jacobian = self._constant_rates
-        residual = np.empty(places.size)
+        residual = np.empty(indices.size)
         jacobian = constant_jacobian.copy()
         bent = self.bent.responses
         by_loads = np.concatenate([bent.matrix.reshape(3 * count, count, 3), balance_by_loads])
         by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
         residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ pushes.loads.ravel()
         by_contact = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
-        jacobian[: moment + 1, places.inclinations.start :] = by_contact[:, :3].reshape(
+        jacobian[: moment + 1, indices.inclinations.start :] = by_contact[:, :3].reshape(
             moment + 1, -1
         )
         jacobian[: moment + 1, ANGLE] = by_contact[:, 3].sum(axis=1)
@@ -186,13 +186,13 @@ class ContactStatics:
         touch += bent.constant + bent.rates @ feet
         touch[:, 0] += gaps.real
         touch[:, 1] += gaps.imag
-        touch[:, 2] -= unknowns[places.inclinations]
+        touch[:, 2] -= unknowns[indices.inclinations]
         touch_rows = jacobian[: 3 * count].reshape(count, 3, -1)
         dented = pushes.tilts * local
         by_angle = arm_rates + dented
         touch_rows[:, 0, ANGLE] -= by_angle.real
         touch_rows[:, 1, ANGLE] -= by_angle.imag
-        touch_rows[:, :, places.feet] += bent.rates
+        touch_rows[:, :, indices.feet] += bent.rates
         # Derivatives of each contact's gaps by its own inclination and normal force.
         by_kind = touch_rows[:, :, POSE:].reshape(count, 3, 4, count)
         at_same_contact = np.einsum('kank->kan', by_kind)
@@ -202,21 +202,21 @@ class ContactStatics:
         at_same_contact[:, 1, 1:3] += gap_rates.imag
         at_same_contact[:, 2, 1] -= 1.0
 
-        residual[places.balance] += wrench
-        jacobian[moment, places.inclinations] += radii * unknowns[places.normal] / arm
+        residual[indices.balance] += wrench
+        jacobian[moment, indices.inclinations] += radii * unknowns[indices.normal] / arm
         jacobian[moment, ANGLE] = -np.vdot(arm_rates, pushes.force).imag / arm  # type: ignore[operator]
-        residual[places.conditions], jacobian[places.conditions] = conditions(unknowns, normals)
+        residual[indices.conditions], jacobian[indices.conditions] = conditions(unknowns, normals)
         return residual, ContactForces(unknowns, normals, pushes.loads, jacobian)
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns."""
-        places, contacts = self.places, np.arange(len(normals))
+        indices, contacts = self.places, np.arange(len(normals))
         facing = normals * np.exp(-1j * unknowns[ANGLE])
         radii = self.body.shape.surface_at(self.contacts.corners, facing)[1]
-        derivative = np.zeros((len(contacts), places.size))
+        derivative = np.zeros((len(contacts), indices.size))
         derivative[:, ANGLE] = radii
-        derivative[contacts, places.feet.start + contacts] = -self.sides
-        derivative[contacts, places.inclinations.start + contacts] = -radii
+        derivative[contacts, indices.feet.start + contacts] = -self.sides
+        derivative[contacts, indices.inclinations.start + contacts] = -radii
         return derivative
 
     def sticking(self, unknowns: Array, normals: Points) -> tuple[Array, Array]:
@@ -225,19 +225,19 @@ class ContactStatics:
 
     def start(self) -> Array:
         """Return an initial guess of the unknowns (3 + 4k,) at the object's measured pose."""
-        places, bent, body = self.places, self.bent, self.body
-        start = np.zeros(places.size)
+        indices, bent, body = self.places, self.bent, self.body
+        start = np.zeros(indices.size)
         start[:POSE] = body.center.real, body.center.imag, body.pose.angle
         local = self.straight_normals * body.turn.conjugate()
         points, _ = body.shape.surface_at(self.contacts.corners, local)
-        start[places.feet] = bent.places
+        start[indices.feet] = bent.places
         from_start = body.center + body.turn * points - bent.lines.start
         height = (bent.lines.axis.conj() * from_start).imag
         depths = self.tube_radius + self.sides * height
         depths = np.maximum(depths, PLANNED_DEPTH * self.tube_radius)
         bending = np.einsum('iaia->ia', bent.responses.matrix)[:, 1]
         _, denting, _ = self.dents(depths / bending, np.angle(local))
-        start[places.normal] = depths / (bending + denting)
+        start[indices.normal] = depths / (bending + denting)
         return start
 
     def anchors(self, unknowns: Array, normals: Points, previous: Array) -> Array:
@@ -267,14 +267,14 @@ class ContactStatics:
 
         Tubes are linearised again if a node has moved by more than `reach` [m].
         """
-        statics, unknowns, places = self, start, self.places
+        statics, unknowns, indices = self, start, self.places
         least_error, moves_by_rounding = np.inf, False
         pushes = self.pushes(start)
-        tolerance = np.full(places.size, LENGTH_TOLERANCE)
+        tolerance = np.full(indices.size, LENGTH_TOLERANCE)
         for _ in range(steps):
             residual, state = statics.equations(unknowns, wrench, conditions, pushes)
-            squeeze = np.abs(unknowns[places.normal]).sum()
-            tolerance[places.balance] = FORCE_TOLERANCE * squeeze
+            squeeze = np.abs(unknowns[indices.normal]).sum()
+            tolerance[indices.balance] = FORCE_TOLERANCE * squeeze
             # For NaN the comparisons are false, so NaN is not a solution.
             error = float((np.abs(residual) / tolerance).max())
             is_solved = error <= 1.0
@@ -285,14 +285,14 @@ class ContactStatics:
                 unknowns, pushes = next_unknowns, statics.pushes(next_unknowns)
                 if not np.abs(pushes.loads).max() <= MAX_LOAD:
                     return None  # the iteration diverges
-            feet = unknowns[places.feet]
+            feet = unknowns[indices.feet]
             motion = statics.bent.distance(pushes.loads, feet)
             is_linearised = motion <= reach or moves_by_rounding
             # Tubes are not modelled beyond the ends of their members, so these contacts converge
             # slowly.
             is_off = motion <= FOLLOWED_MOTION and not statics.are_on_members(feet)
             if is_off or (is_solved and is_linearised):
-                inclination = np.abs(unknowns[places.inclinations]).max()
+                inclination = np.abs(unknowns[indices.inclinations]).max()
                 return (statics, state) if inclination <= MAX_INCLINATION else None
             if not is_linearised and (is_solved or error < least_error):
                 # In soft structures, nodes move by rounding.
@@ -302,11 +302,11 @@ class ContactStatics:
 
     def _advance(self, state: ContactForces, residual: Array) -> Array | None:
         """Return the unknowns after a bounded step of Newton's method; None if singular."""
-        places, unknowns = state.places, state.unknowns
+        indices, unknowns = state.places, state.unknowns
         _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
-        size, limit = np.abs(step), np.full(places.size, MAX_TURN * self.body.arm)
-        limit[ANGLE] = limit[places.inclinations] = MAX_TURN
-        limit[places.forces] = np.inf
+        size, limit = np.abs(step), np.full(indices.size, MAX_TURN * self.body.arm)
+        limit[ANGLE] = limit[indices.inclinations] = MAX_TURN
+        limit[indices.forces] = np.inf
         # The motion of the centroid does not depend on the frame of the object.
         centroid = cmath.rect(1.0, unknowns[ANGLE]) * self.body.shape.centroid
         size[CENTER] = abs(complex(step[0], step[1]) + 1j * centroid * step[ANGLE])

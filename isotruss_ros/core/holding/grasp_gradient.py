@@ -131,16 +131,16 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
     def _opening_rates(self, number: int) -> Array:
         """Return the derivatives (2k, p) of one row of `GripResponse.opening`."""
         grip, response = self.settled.equilibrium, self.settled.equilibrium.response
-        places, end = grip.state.places, int(response.ends[number])
+        indices, end = grip.state.places, int(response.ends[number])
         parted = response.parted[:, number]
         right = self._response_rates(parted[:, None])[..., 0]
         # The unit gap is normal to the tube, and turns with the tube relative to the member.
         gap = grip.statics.bent.lines.axis[end].conj() * grip.state.normals[end]
-        gap_rates = 1j * gap * self._unknowns[places.inclinations][end]
+        gap_rates = 1j * gap * self._unknowns[indices.inclinations][end]
         right[3 * end] -= gap_rates.real
         right[3 * end + 1] -= gap_rates.imag
-        rates = grip.respond(right)[places.forces]
-        tension = parted[places.forces][end]
+        rates = grip.respond(right)[indices.forces]
+        tension = parted[indices.forces][end]
         return -(rates + np.outer(response.opening[number], rates[end])) / tension
 
     @single_threaded
@@ -192,12 +192,12 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         none, zero = np.zeros((0, parameters.size)), np.zeros(parameters.size)
         unused = np.zeros((len(settled.utilisation), parameters.size))
         return GraspGradient(parameters, settled, pose, none, none, zero, unused)
-    parameters, places = GraspParameters.of(grip.config), grip.state.places
+    parameters, indices = GraspParameters.of(grip.config), grip.state.places
     tubes = LoadedTubes.of(grip, np.eye(parameters.size), parameters)
     unknowns = -np.linalg.solve(grip.state.jacobian, tubes.equation_rates())
     _, utilisation = tubes.utilisation(tubes.respond(unknowns))
-    normal_forces = grip.contacts.sum_by_member(unknowns[places.normal])
-    friction_forces = grip.contacts.sum_by_member(unknowns[places.friction])
+    normal_forces = grip.contacts.sum_by_member(unknowns[indices.normal])
+    friction_forces = grip.contacts.sum_by_member(unknowns[indices.friction])
     ratios = grip.friction_forces / grip.normal_forces
     most = int(np.abs(ratios).argmax())
     ratio_rates = friction_forces[most] - ratios[most] * normal_forces[most]

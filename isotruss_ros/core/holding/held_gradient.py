@@ -122,9 +122,9 @@ class LoadedTubes(NamedTuple):
     def equation_rates(self, sticks: bool = False) -> Array:
         """Return the equations' derivatives (3 + 4k, p), also with sticking contacts."""
         grip, statics, state, body = self.grip, self.grip.statics, self.grip.state, self.grip.body
-        places, lines, normals = state.places, self.bent.lines, state.normals[:, None]
+        indices, lines, normals = state.places, self.bent.lines, state.normals[:, None]
         spins, axis = self.changes.spins, lines.axis[:, None]
-        at_constant_unknowns = self.respond(np.zeros((places.size, spins.shape[1])))
+        at_constant_unknowns = self.respond(np.zeros((indices.size, spins.shape[1])))
         layout = self.bent.frame.layout
         moved = at_constant_unknowns.nodes[layout.nodes]
         displaced = self.bent.tangent.displacements[layout.nodes]
@@ -144,10 +144,10 @@ class LoadedTubes(NamedTuple):
         total = turned.sum(axis=0)
         balance = self.changes.wrench - np.stack([total.real, total.imag, torque / grip.arm])
         # The conditions depend on the normals, which turn with the members.
-        conditions = state.jacobian[places.conditions]
+        conditions = state.jacobian[indices.conditions]
         if sticks:
             conditions = statics.rolling_rows(state.unknowns, state.normals)
-        closure = conditions[:, places.inclinations] @ spins
+        closure = conditions[:, indices.inclinations] @ spins
         if not sticks:
             # Other conditions depend on the pose relative to the measured pose. They use the
             # centroid, which has turned about the origin since the measurement.
@@ -211,15 +211,15 @@ class HeldGradient(NamedTuple):
 def held_gradient(grip: HeldGrip) -> HeldGradient:
     """Return the derivatives of pose, forces and displaced joints while the contacts stick."""
     config, statics = grip.config, grip.statics
-    places, parameters = grip.state.places, GraspParameters.of(config)
+    indices, parameters = grip.state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)
     chosen = np.zeros((parameters.size, rollers + count))
     chosen[parameters.rollers, :rollers] = np.eye(rollers)
     tubes = LoadedTubes.of(grip, chosen, parameters, reach=FOLLOWED_MOTION)
     residuals = tubes.equation_rates(sticks=True)
-    residuals[places.conditions, :rollers] += statics.anchor_rates
-    residuals[places.conditions, rollers:] -= np.eye(count)
+    residuals[indices.conditions, :rollers] += statics.anchor_rates
+    residuals[indices.conditions, rollers:] -= np.eye(count)
     change = grip.respond(residuals)
-    forces = grip.contacts.sum_by_member(change[places.normal])
+    forces = grip.contacts.sum_by_member(change[indices.normal])
     joints = tubes.respond(change).nodes[: len(config.robot.topology.joint_names), :2]
     return HeldGradient(change[:POSE], forces, joints.reshape(-1, change.shape[1]))

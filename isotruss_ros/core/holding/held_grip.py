@@ -212,13 +212,13 @@ class HeldGrip:
 
     def respond(self, changes: Array) -> Array | None:
         """Return unknowns' changes due to residuals' changes (3 + 4k, ...); None if neutral."""
-        state, places, idle = self.state, self.state.places, self._idle
+        state, indices, idle = self.state, self.state.places, self._idle
         jacobian, right = state.jacobian.copy(), -changes.reshape(len(changes), -1)
-        jacobian[places.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
+        jacobian[indices.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
         # A dent is infinitely soft at zero force. So to first order, the force of such a contact
         # stays zero: this takes the place of touching across the member, and of sticking.
-        rows = np.append(3 * idle + 1, places.conditions.start + idle)
-        columns = np.append(places.normal.start + idle, places.friction.start + idle)
+        rows = np.append(3 * idle + 1, indices.conditions.start + idle)
+        columns = np.append(indices.normal.start + idle, indices.friction.start + idle)
         jacobian[rows] = 0.0
         jacobian[rows, columns] = 1.0
         right[rows] = 0.0
@@ -228,7 +228,7 @@ class HeldGrip:
     @functools.cached_property
     def response(self) -> GripResponse | None:
         """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
-        places, owners, axes = (
+        indices, owners, axes = (
             self.state.places,
             self.contacts.owners,
             self.statics.bent.lines.axis,
@@ -237,8 +237,8 @@ class HeldGrip:
         is_pressed[self._idle] = False
         ends = np.flatnonzero(is_pressed & (np.bincount(owners, is_pressed)[owners] > 1))
         # Columns: the wrench, the opening of the grip, and a gap at each end of a face.
-        right = np.zeros((places.size, 4 + len(ends)))
-        right[places.balance, :3] = np.eye(3)
+        right = np.zeros((indices.size, 4 + len(ends)))
+        right[indices.balance, :3] = np.eye(3)
         touch = right[: 3 * len(owners)].reshape(len(owners), 3, -1)
         opening = axes.conj() * _opening(self.statics, self.state)
         touch[:, 0, 3], touch[:, 1, 3] = opening.real, opening.imag

@@ -100,11 +100,11 @@ class Cuts(NamedTuple):
     places: Array  #: (k,) distances of the nodes from the starts of the robot's members [m]
 
     @classmethod
-    def of(cls, structure: Structure, members: Indices, places: Array) -> Cuts:
-        """Return the nodes at places (k,) on members (k,) of the robot."""
-        pieces, within, directions = structure.locate(members, places)
+    def of(cls, structure: Structure, members: Indices, positions: Array) -> Cuts:
+        """Return the nodes at positions (k,) on members (k,) of the robot."""
+        pieces, within, directions = structure.locate(members, positions)
         inside = keep_apart(pieces, within, structure.frame.length[pieces])
-        return cls(pieces, inside, directions, places + directions * (inside - within))
+        return cls(pieces, inside, directions, positions + directions * (inside - within))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,12 +132,12 @@ class BentTubes:
         cls,
         structure: Structure,
         members: Indices,
-        places: Array,
+        positions: Array,
         stiffness: float = 1.0,
         values: Array | None = None,
     ) -> BentTubes:
         """Return the tubes linearised about the state `values`; None: without loads."""
-        layout, cuts = structure.frame.layout, Cuts.of(structure, members, places)
+        layout, cuts = structure.frame.layout, Cuts.of(structure, members, positions)
         active = layout.active
         if values is None:
             active = np.union1d(layout.numbering.owner[cuts.pieces], layout.numbering.hinged)
@@ -149,7 +149,7 @@ class BentTubes:
         unknowns, loads, axial = np.split(values, ends[:-1])
         state = BentState(unknowns, loads.reshape(-1, 3), axial)
         lines = Lines.of(structure, members)
-        return cls(structure, members, places, cuts, lines, frame, stiffness, state)
+        return cls(structure, members, positions, cuts, lines, frame, stiffness, state)
 
     @property
     def values(self) -> Array:
@@ -212,16 +212,16 @@ class BentTubes:
         """Return the columns of `LoadResponses` that belong to the motions of the load points."""
         return slice(3 * len(self.members), 4 * len(self.members))
 
-    def respond(self, loads: Array, places: Array) -> Array:
+    def respond(self, loads: Array, positions: Array) -> Array:
         """Return the responses (k, 3), which are affine functions of loads and places."""
-        return self.responses.at_points @ self._factors(loads, places)
+        return self.responses.at_points @ self._factors(loads, positions)
 
-    def distance(self, loads: Array, places: Array) -> float:
+    def distance(self, loads: Array, positions: Array) -> float:
         """Return the largest motion of a node by loads, from where it is linearised [m]."""
         if (self.cuts.places != self.places).any():
             # The nodes stay beside a node or another load point.
-            places = Cuts.of(self.structure, self.members, places).places
-        factors = self._factors(loads, places)
+            positions = Cuts.of(self.structure, self.members, positions).places
+        factors = self._factors(loads, positions)
         moved = np.abs(self.frame.displacements(self._displace(factors)[0])[:, :2]).max()
         shorter = self.frame.length[self.frame.layout.beside].reshape(2, -1).min(axis=0)
         slid = np.abs(factors[self._motions]) * np.sqrt(PLACE_LENGTH / shorter)
@@ -238,16 +238,18 @@ class BentTubes:
         at_cuts[:, 1] -= slid.imag
         return relative, absolute
 
-    def _factors(self, loads: Array, places: Array) -> Array:
+    def _factors(self, loads: Array, positions: Array) -> Array:
         """Return factors (4k + 1,) on the columns of `LoadResponses`."""
         added_loads = (loads - self.state.loads).ravel()
-        return np.concatenate([added_loads, places - self.cuts.places, [1.0]])
+        return np.concatenate([added_loads, positions - self.cuts.places, [1.0]])
 
-    def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
+    def update(
+        self, loads: Array, positions: Array, structure: Structure | None = None
+    ) -> BentTubes:
         """Return the tubes linearised about the state that these predict under loads."""
         structure = self.structure if structure is None else structure
-        active = self._find_active(loads, places, structure)
-        cuts, tangent = Cuts.of(structure, self.members, places), self.tangent
+        active = self._find_active(loads, positions, structure)
+        cuts, tangent = Cuts.of(structure, self.members, positions), self.tangent
         frame = structure.frame.cut(cuts.pieces, cuts.within, active)
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
@@ -263,17 +265,17 @@ class BentTubes:
         if structure is not self.structure:
             lines = Lines.of(structure, self.members)
         return BentTubes(
-            structure, self.members, places, cuts, lines, frame, self.stiffness, state
+            structure, self.members, positions, cuts, lines, frame, self.stiffness, state
         )
 
-    def _find_active(self, loads: Array, places: Array, structure: Structure) -> Indices:
+    def _find_active(self, loads: Array, positions: Array, structure: Structure) -> Indices:
         """Return the blocks that given loads deform, see `UnloadedBlocks`."""
         layout, tangent = self.frame.layout, self.tangent
         if structure is not self.structure:  # its blocks are linearised once only
             return structure.frame.layout.active
         if not layout.kept:
             return layout.active
-        changes = self.responses.unknowns @ self._factors(loads, places)
+        changes = self.responses.unknowns @ self._factors(loads, positions)
         motion = np.abs(self.frame.displacements(changes)[:, :2]).max()
         active = [layout.active]
         for blocks, force, stiff in zip(*tangent.kept, strict=True):
@@ -304,21 +306,21 @@ class BentTubes:
         return completed
 
     def load_changes(self, loads: Array, motions: Array) -> TubeRates:
-        """Return the derivatives by p changes of loads (k, 3, p), and of places (k, p)."""
+        """Return the derivatives by p changes of loads (k, 3, p), and of positions (k, p)."""
         unknowns, at_points = self.responses.unknowns[:, :-1], self.responses.at_points[..., :-1]
         factors = np.concatenate([loads.reshape(-1, loads.shape[2]), motions])
         forces = self.tangent.length_rates[:, :, None] * (self._lengthened @ motions)[:, None]
         nodes = self.frame.displacements(unknowns @ factors)
         return TubeRates(nodes, at_points[:, 2] @ factors, forces)
 
-    def displacements(self, loads: Array, places: Array) -> Array:
+    def displacements(self, loads: Array, positions: Array) -> Array:
         """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
-        relative, _ = self._displace(self._factors(loads, places))
+        relative, _ = self._displace(self._factors(loads, positions))
         return self.frame.displacements(self._complete(self.tangent.unknowns + relative))
 
-    def end_forces(self, loads: Array, places: Array) -> tuple[Array, Array]:
+    def end_forces(self, loads: Array, positions: Array) -> tuple[Array, Array]:
         """Return linear predictions of end forces (p, 6), and of unscaled axial forces (p,)."""
-        tangent, factors = self.tangent, self._factors(loads, places)
+        tangent, factors = self.tangent, self._factors(loads, positions)
         changes, longer = self._force_changes(factors, self._displace(factors)[1])
         forces = tangent.forces.values + changes
         ends = end_forces(forces, tangent.length + longer)

@@ -228,11 +228,11 @@ def eliminate(
     numbering, columns = layout.numbering, right.shape[1]
     for group, block in zip(layout.groups, matrices, strict=True):
         width = group.outer.shape[1]
-        own, coupling = block[:, width:, width:], block[:, width:, :width]
+        within, coupling = block[:, width:, width:], block[:, width:, :width]
         # The product of an inverse and the coupling would have a larger rounding error.
-        solved = np.linalg.solve(own, np.concatenate([coupling, right[group.inner]], axis=2))
+        solved = np.linalg.solve(within, np.concatenate([coupling, right[group.inner]], axis=2))
         at_hinges = coupling.swapaxes(1, 2) @ solved
-        inner.append(own)
+        inner.append(within)
         spread.append(-solved[..., :width])
         schur.append(block[:, :width, :width] - at_hinges[..., :width])
         with_fixed_hinges.append(solved[..., width:])

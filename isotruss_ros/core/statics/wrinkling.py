@@ -51,7 +51,7 @@ def find_utilisation(
     origin = ((frame.points[frame.layout.start[pieces]] - start) * along).real
     direction = (frame.axis[pieces] * along).real
     within = np.stack([np.zeros(len(pieces)), sections[0], inside])
-    places = (origin + direction * within).ravel()
+    positions = (origin + direction * within).ravel()
     # The last point of each member in this order is the most used one.
     owner = np.tile(member, 3)
     order = np.lexsort((used.ravel(), owner))
@@ -64,7 +64,7 @@ def find_utilisation(
         filled[..., member[part]] = values
         return filled
 
-    at_most_used = used.ravel()[most_used], places[most_used], pieces[part], kind
+    at_most_used = used.ravel()[most_used], positions[most_used], pieces[part], kind
     return Utilisation(*map(of_members, (*at_most_used, loads[:, part], sections[:, part])))
 
 
