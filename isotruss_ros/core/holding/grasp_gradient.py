@@ -18,7 +18,6 @@ from typing import Any
 
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
-from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
@@ -150,8 +149,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
 
         They are central differences of fourth order of `_displaced_rates` along the responses.
         """
-        grip = self.settled.equilibrium
-        grip = replace(grip, statics=replace(grip.statics, bent=grip.statics.bent.activated()))
+        grip = self._tubes.grip
         state, structure = grip.state, grip.statics.bent.structure
         pieces, within, _ = structure.locate(grip.contacts.members, state.feet)
         room = np.minimum(within, structure.frame.length[pieces] - within)
@@ -165,7 +163,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         rates = np.empty((*self._unknowns.shape, len(sizes)))
         for i, size in enumerate(sizes.tolist()):
             forward, backward, two_forward, two_backward = (
-                _displaced_rates(grip, self._tubes, self._unknowns, step * size * response[:, i])
+                _displaced_rates(self._tubes, self._unknowns, step * size * response[:, i])
                 for step in (1.0, -1.0, 2.0, -2.0)
             )
             difference = 8.0 * (forward - backward) - (two_forward - two_backward)
@@ -214,13 +212,13 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     )
 
 
-def _displaced_rates(grip: HeldGrip, tubes: LoadedTubes, changes: Array, shift: Array) -> Array:
+def _displaced_rates(tubes: LoadedTubes, changes: Array, shift: Array) -> Array:
     """Return the changes of the equations by parameters, with unknowns displaced by `shift`."""
-    state, unknowns = grip.state, grip.state.unknowns + shift
-    dents = grip.statics.dents.smooth_near(state.normal_forces, grip.angles)
+    grip, unknowns = tubes.grip, tubes.grip.state.unknowns + shift
+    dents = grip.statics.dents.smooth_near(grip.state.normal_forces, grip.angles)
     statics = replace(grip.statics, dents=dents)
-    bent = statics.bent.update(statics.pushes(unknowns).loads, unknowns[state.places.feet])
-    statics = replace(statics, bent=bent)
+    feet = unknowns[grip.state.places.feet]
+    statics = replace(statics, bent=statics.bent.update(statics.pushes(unknowns).loads, feet))
     _, state = statics.equations(unknowns, grip.wrench, statics.sticking)
-    displaced = LoadedTubes.at(replace(grip, statics=statics, state=state), bent, tubes.changes)
+    displaced = LoadedTubes.at(replace(grip, statics=statics, state=state), tubes.changes)
     return state.jacobian @ changes + displaced.equation_rates(sticks=True)

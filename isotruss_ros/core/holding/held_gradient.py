@@ -9,6 +9,7 @@ From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
@@ -19,7 +20,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, TubeRates
+from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION, TubeRates
 from isotruss_ros.core.statics.structure import section_rates
 from isotruss_ros.core.statics.wrinkling import evaluate_utilisation, find_utilisation
 import numpy as np
@@ -66,8 +67,7 @@ class ParameterChanges(NamedTuple):
 class LoadedTubes(NamedTuple):
     """Bent tubes of a robot with a held object, with derivatives along p parameter changes."""
 
-    grip: HeldGrip  #: the held object
-    bent: BentTubes  #: the tubes, linearised about its equilibrium
+    grip: HeldGrip  #: the held object, with tubes that are all deformable
     changes: ParameterChanges  #: the parameter changes
     pushes: Pushes  #: loads of the contacts on the tubes
     dents: Array  #: (k, p) derivatives of the dents' depths at constant unknowns [m]
@@ -90,6 +90,7 @@ class LoadedTubes(NamedTuple):
         if bent.distance(loads, feet) > reach:
             bent = bent.update(loads, feet)
         bent = bent.activated()
+        grip = replace(grip, statics=replace(grip.statics, bent=bent))
         topology, members = grip.config.robot.topology, grip.contacts.members
         by_rollers = grip.config.node_jacobian.T.copy().view(np.complex128).T
         nodes = by_rollers @ chosen[parameters.rollers]
@@ -103,10 +104,10 @@ class LoadedTubes(NamedTuple):
             place=chosen[parameters.place],
             wrench=chosen[parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]]),
         )
-        return cls.at(grip, bent, changes)
+        return cls.at(grip, changes)
 
     @classmethod
-    def at(cls, grip: HeldGrip, bent: BentTubes, changes: ParameterChanges) -> LoadedTubes:
+    def at(cls, grip: HeldGrip, changes: ParameterChanges) -> LoadedTubes:
         """Return the tubes with derivatives along given changes."""
         state, dents = grip.state, grip.statics.dents
         pushes = grip.statics.pushes(state.unknowns)
@@ -116,18 +117,18 @@ class LoadedTubes(NamedTuple):
         dented = by_pressure[:, None] * changes.pressures[tube]
         dented -= np.outer(pushes.softs * state.normal_forces, changes.stiffness)
         dented += pushes.tilts[:, None] * changes.spins
-        by_sections = bent.section_changes(changes.sections)
-        return cls(grip, bent, changes, pushes, dented, by_sections)
+        by_sections = grip.statics.bent.section_changes(changes.sections)
+        return cls(grip, changes, pushes, dented, by_sections)
 
     def equation_rates(self, sticks: bool = False) -> Array:
         """Return the equations' derivatives (3 + 4k, p), also with sticking contacts."""
         grip, statics, state, body = self.grip, self.grip.statics, self.grip.state, self.grip.body
-        indices, lines, normals = state.places, self.bent.lines, state.normals[:, None]
+        indices, bent, normals = state.places, statics.bent, state.normals[:, None]
+        lines, layout = bent.lines, bent.frame.layout
         spins, axis = self.changes.spins, lines.axis[:, None]
         at_constant_unknowns = self.respond(np.zeros((indices.size, spins.shape[1])))
-        layout = self.bent.frame.layout
         moved = at_constant_unknowns.nodes[layout.nodes]
-        displaced = self.bent.tangent.displacements[layout.nodes]
+        displaced = bent.tangent.displacements[layout.nodes]
         points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
         arms = (body.turn * points)[:, None]
         # The contact points move on the surface, because the normals turn with the members.
@@ -166,12 +167,12 @@ class LoadedTubes(NamedTuple):
         # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.
         loads -= state.loads[..., None] * changes.stiffness
         loads += self.pushes.load_rates(change)
-        by_loads = self.bent.load_changes(loads, change[state.places.feet])
+        by_loads = self.grip.statics.bent.load_changes(loads, change[state.places.feet])
         return TubeRates(*map(np.add, self.by_sections, by_loads))
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """Return the members' utilisations (m,), and their derivatives (m, p)."""
-        bent, robot, changes = self.bent, self.grip.config.robot, self.changes
+        bent, robot, changes = self.grip.statics.bent, self.grip.config.robot, self.changes
         forces, bowing = bent.end_forces(self.grip.state.loads, self.grip.state.feet)
         most = find_utilisation(bent.structure, bent.frame, forces, bowing)
         radius = 0.5 * robot.description.tube_diameter
