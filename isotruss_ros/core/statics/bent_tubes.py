@@ -21,6 +21,7 @@ from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.frame import Frame, keep_apart
 from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import linearize, Tangent
+from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
 import numpy as np
 
 #: Tubes are linearised again if a node has moved farther than this from the linearised state [m]:
@@ -173,7 +174,10 @@ class BentTubes:
     @cached_property
     def tangent(self) -> Tangent:
         """Return the frame linearised about `state`."""
-        kept = tuple(self.structure.blocks[i].take(rows) for i, rows in self.frame.layout.kept)
+        kept = [
+            UnloadedBlocks(*(values[blocks] for values in self.structure.blocks[group]))
+            for group, blocks in self.frame.layout.kept
+        ]
         return linearize(self.frame, self.state.unknowns, self.state.axial, kept)
 
     @cached_property

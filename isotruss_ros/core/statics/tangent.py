@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -61,7 +62,7 @@ class Tangent:
     carried: Array
     matrices: list[Array]  #: scaled stiffness of each group of blocks, see `eliminate`
     #: the other blocks, and the forces (b, t) on their hinges and their stiffness (b, t, t)
-    kept: tuple[tuple[UnloadedBlocks, ...], list[Array], list[Array]]
+    kept: tuple[Sequence[UnloadedBlocks], list[Array], list[Array]]
 
     @property
     def displacements(self) -> Array:
@@ -159,7 +160,7 @@ def linearize(
     frame: Frame,
     unknowns: Array,
     axial: Array | None = None,
-    kept: tuple[UnloadedBlocks, ...] = (),
+    kept: Sequence[UnloadedBlocks] = (),
 ) -> Tangent:
     """Linearise a frame about unknowns (u,), near axial forces (p,) of its parts [N] or NaN."""
     layout, constraints = frame.layout, frame.layout.numbering.constraints

@@ -48,10 +48,6 @@ class UnloadedBlocks(NamedTuple):
             spread=spread * inner[:, :, None] / outer[:, None],
         )
 
-    def take(self, blocks: Indices) -> UnloadedBlocks:
-        """Return the blocks with given indices."""
-        return UnloadedBlocks(*(values[blocks] for values in self))
-
     def place(self, unknowns: Array) -> tuple[Points, Array]:
         """Return the rotations (b,) of the blocks, and the strains (b, t) of their hinges [m]."""
         displaced = self.hinges + unknowns[self.outer].view(np.complex128)
