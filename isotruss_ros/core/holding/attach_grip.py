@@ -162,8 +162,7 @@ def least_friction_conditions(
     faces = [pair for pair in ends if len(pair) == 2]
     is_face_pressed = bool(faces) and grazing is None
     has_two_members = len(ends) == 2
-    # Groups of contacts with equal |T| / N, and the sign of T / N of the second relative to the
-    # first, negated.
+    # Two groups of contacts with equal |T| / N, and -1 if T / N has the same sign in both, else 1.
     pairs = [(pair[:1], pair[1:], -1.0) for pair in faces]
     if is_face_pressed and has_two_members:
         pairs.append((ends[0], ends[1], 1.0))

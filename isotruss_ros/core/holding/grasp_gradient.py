@@ -131,15 +131,15 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         """Return the derivatives (2k, p) of one row of `GripResponse.opening`."""
         grip, response = self.settled.equilibrium, self.settled.equilibrium.response
         indices, end = grip.state.places, int(response.ends[number])
-        parted = response.parted[:, number]
-        right = self._response_rates(parted[:, None])[..., 0]
+        by_gap = response.by_gap[:, number]
+        right = self._response_rates(by_gap[:, None])[..., 0]
         # The unit gap is normal to the tube, and turns with the tube relative to the member.
         gap = grip.statics.bent.lines.axis[end].conj() * grip.state.normals[end]
         gap_rates = 1j * gap * self._unknowns[indices.inclinations][end]
         right[3 * end] -= gap_rates.real
         right[3 * end + 1] -= gap_rates.imag
         rates = grip.respond(right)[indices.forces]
-        tension = parted[indices.forces][end]
+        tension = by_gap[indices.forces][end]
         return -(rates + np.outer(response.opening[number], rates[end])) / tension
 
     @single_threaded

@@ -34,7 +34,7 @@ class GripResponse:
     change: Array  #: (3 + 4k, 3) response to the wrench [N]
     by_opening: Array  #: (3 + 4k,) response to the opening, see `HeldGrip.squeeze_stiffness`
     ends: Indices  #: (e,) indices of the contacts that are an end of a face
-    parted: Array  #: (3 + 4k, e) responses to a gap at each of these ends
+    by_gap: Array  #: (3 + 4k, e) responses to a gap at each of these ends
     arm: float  #: characteristic radius, see `ConvexObject.arm` [m]
     #: (3, 3) matrix that moves the reference point of moments from centroid to origin
     about_middle: Array
@@ -52,7 +52,7 @@ class GripResponse:
     @functools.cached_property
     def opening(self) -> Array:
         """Return the changes (e, 2k) of the forces if an end is released, by its tension [-]."""
-        forces = self.parted[self.state.places.forces].T
+        forces = self.by_gap[self.state.places.forces].T
         return -forces / forces[np.arange(len(self.ends)), self.ends, None]
 
     @property

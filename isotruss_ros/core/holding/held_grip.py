@@ -228,11 +228,8 @@ class HeldGrip:
     @functools.cached_property
     def response(self) -> GripResponse | None:
         """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
-        indices, owners, axes = (
-            self.state.places,
-            self.contacts.owners,
-            self.statics.bent.lines.axis,
-        )
+        indices, owners = self.state.places, self.contacts.owners
+        axes = self.statics.bent.lines.axis
         is_pressed = np.ones(len(owners), dtype=bool)
         is_pressed[self._idle] = False
         ends = np.flatnonzero(is_pressed & (np.bincount(owners, is_pressed)[owners] > 1))
@@ -258,7 +255,7 @@ class HeldGrip:
             change=change[:, :3],
             by_opening=change[:, 3],
             ends=ends,
-            parted=change[:, 4:],
+            by_gap=change[:, 4:],
             arm=self.arm,
             about_middle=about_middle,
         )
