@@ -51,7 +51,7 @@ class ContactWalk:
         self._moved, self._walked = np.zeros(3), np.zeros((3, 3))
         self._attached: Array | float = 0.0  # changes of the derivatives by offsets, see `attach`
         #: Sums within each of `SUM_INTERVALS`, in order of time.
-        self._sums: tuple[deque[_Sum], ...] = tuple(deque() for _ in SUM_INTERVALS)
+        self._windows: tuple[deque[_Sum], ...] = tuple(deque() for _ in SUM_INTERVALS)
 
     def spread(self, more: Array) -> None:
         """Add process noise (3, 3) to the covariance of the contacts' random walk [m^2]."""
@@ -64,34 +64,33 @@ class ContactWalk:
     def add(
         self,
         time: float,
-        moved: Array,
+        correction: Array,
         prior: Array,
         noise: Array,
         by_offsets: Array,
-        spread: Array,
+        offsets: Array,
     ) -> None:
         """
-        Add a correction `moved` (3,) of the pose by contacts and unexplained pose [m].
+        Add a correction (3,) of the pose by contacts and unexplained pose [m].
 
         If the derivatives `by_offsets` (3, c) of the pose change, an error of an offset moves it.
 
         :param prior: (3, 3) covariance of contacts and unexplained pose before it [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].
-        :param spread: (c, c) covariance of the offsets.
+        :param offsets: (c, c) covariance of the roller offsets [m^2].
         """
         by_offsets = by_offsets - self._attached
-        added = _Sum(time, self._moved, self._walked, prior, by_offsets)
-        self._moved = self._moved + moved
-        for sums, interval in zip(self._sums, SUM_INTERVALS, strict=True):
-            sums.append(added)
-            while time - sums[0].time > interval:
-                sums.popleft()
-        _, before, walked, prior, changed = map(
-            np.array, zip(*(sums[0] for sums in self._sums), strict=True)
-        )
-        moved, changed = self._moved - before, by_offsets - changed
-        allowed = prior + self._walked - walked + noise
-        allowed += changed @ spread @ changed.transpose(0, 2, 1)
+        newest = _Sum(time, self._moved, self._walked, prior, by_offsets)
+        self._moved = self._moved + correction
+        for window, interval in zip(self._windows, SUM_INTERVALS, strict=True):
+            window.append(newest)
+            while time - window[0].time > interval:
+                window.popleft()
+        oldest = _Sum(*map(np.array, zip(*(window[0] for window in self._windows), strict=True)))
+        moved = self._moved - oldest.moved
+        changed = by_offsets - oldest.by_offsets
+        allowed = oldest.prior + self._walked - oldest.walked + noise
+        allowed += changed @ offsets @ changed.transpose(0, 2, 1)
         squares = np.einsum('ij,ijk->i', moved, np.linalg.solve(allowed, moved[:, :, None]))
         self.length = float(np.hypot.reduce(moved, axis=1).max())
         self.deviations = math.sqrt(squares.max())
@@ -106,16 +105,16 @@ class PoseNoise:
 
     def __init__(self, deviations: Array) -> None:
         self.variances = deviations**2
-        self._last: Array | None = None
+        self._previous: Array | None = None
         self._weight = 0.2  # of the next pose; the prior weighs as much as four poses
 
     def add(self, off: Array) -> None:
         """Update the variances with a pose (3,) minus the pose by roller travel alone [m]."""
-        last, self._last = self._last, off
-        if last is None:
+        previous, self._previous = self._previous, off
+        if previous is None:
             return
         largest = MAX_STEP_SIGMAS**2 * self.variances
-        squares = np.minimum(0.5 * (off - last) ** 2, largest)
+        squares = np.minimum(0.5 * (off - previous) ** 2, largest)
         mean = self.variances + self._weight * (squares - self.variances)
         self.variances = np.maximum(mean, MODEL_ERROR**2)
         self._weight = max(self._weight / (1.0 + self._weight), MIN_WEIGHT)

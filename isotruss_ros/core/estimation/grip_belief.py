@@ -208,12 +208,15 @@ class GripBelief:
         """
         cache, lag, state = self.cache, self.lag, self.state
         lag.time += elapsed
-        elapsed, corrected = lag.time - self._rolled, cache.moved_zeros.any()
-        travel, near = cache.predict(config)
-        ahead, (positions, age) = cache.ahead[:3], rollers or (config.roller_positions, 0.0)
-        since = cache.travel_rates[:3] @ (config.roller_positions - positions)
-        if elapsed < EQUILIBRIUM_PERIOD - ROUNDING and near and not corrected:
-            lag.record(lag.travelled + ahead, since, age)
+        since_rolled = lag.time - self._rolled
+        has_corrections = bool(cache.moved_zeros.any())
+        travel, is_predictable = cache.predict(config)
+        predicted = cache.ahead[:3]
+        measured, age = rollers or (config.roller_positions, 0.0)
+        since_measured = cache.travel_rates[:3] @ (config.roller_positions - measured)
+        is_early = since_rolled < EQUILIBRIUM_PERIOD - ROUNDING
+        if is_early and is_predictable and not has_corrections:
+            lag.record(lag.travelled + predicted, since_measured, age)
             return HoldStatus.HELD
         rolled = cache.roll(config, pressures)
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
@@ -222,22 +225,21 @@ class GripBelief:
             return HoldStatus.HELD if self.attach(config, pressures) else hold
         change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)
         moved = change[:3]
-        if corrected:
+        if has_corrections:
             # Corrections of offsets do not move the object; the unexplained pose changes instead.
-            state.bias, moved = state.bias - self._even * (moved - ahead), ahead
+            state.bias, moved = state.bias - self._even * (moved - predicted), predicted
         else:
-            cache.learn(rolled, travel, change, elapsed)
+            cache.learn(rolled, travel, change, since_rolled)
         lag.travelled = lag.travelled + moved
-        lag.record(lag.travelled, since, age)
+        lag.record(lag.travelled, since_measured, age)
         self.take(rolled)
-        decayed = state.propagate(elapsed, self._even * moved, np.abs(travel), cache)
+        decayed = state.propagate(since_rolled, self._even * moved, np.abs(travel), cache)
         lag.hold_back(cache.rates[:, LOAD] @ decayed / cache.scale)
         # After large corrections the rates are invalid.
-        due = np.abs(self._corrected).max() > MAX_FIRST_ORDER_TRAVEL
+        is_due = np.abs(self._corrected).max() > MAX_FIRST_ORDER_TRAVEL
         # An earlier search would attribute transient loads to the contacts.
-        waited = lag.time - self._searched > self.settings.load_time
-        slips = rolled.required_friction > self._friction and waited and not self.is_assumed
-        if due or slips:
+        may_search = lag.time - self._searched > self.settings.load_time and not self.is_assumed
+        if is_due or (may_search and rolled.required_friction > self._friction):
             self.attach(config, pressures)
         return HoldStatus.HELD  # slip is detected from the poses
 
@@ -248,18 +250,18 @@ class GripBelief:
         :param age: time from the stamp of the pose to the last call of `follow` [s].
         """
         cache, lag, even = self.cache, self.lag, self._even
-        stamp = lag.time - age - self.state.delay
-        rolled = lag.way.at(stamp)
+        time = lag.time - age - self.state.delay
+        by_rollers = lag.way.at(time)
         # Earlier readings: their encoder noise is independent of that in the innovation.
-        first, last = (lag.way.at(stamp - n * DELAY_DEVIATION) for n in (2, 1))
-        speed = (last - first) / DELAY_DEVIATION
-        expected = self.pose - pose_difference(lag.way.last[1], rolled)
+        earlier, later = (lag.way.at(time - n * DELAY_DEVIATION) for n in (2, 1))
+        velocity = (later - earlier) / DELAY_DEVIATION
+        expected = self.pose - pose_difference(lag.way.last[1], by_rollers)
         innovation = even * pose_difference(pose, expected)
-        self.state.noise.add(even * pose_difference(pose, rolled))
-        before = self.outputs
-        change = self.state.correct(innovation, even * speed, cache, lag.time)
+        self.state.noise.add(even * pose_difference(pose, by_rollers))
+        outputs_before = self.outputs
+        change = self.state.correct(innovation, even * velocity, cache, lag.time)
         cache.shift(change[SHIFTS:])
-        lag.hold_back(self.outputs - before)
+        lag.hold_back(self.outputs - outputs_before)
 
     def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
@@ -271,19 +273,19 @@ class GripBelief:
         self._searched = self.lag.time
         limit = max(MAX_UTILISATION, self.grasp.sections.used.max())
         pose, squeeze = self.pose - self.grasp.response.pose @ self.state.load, self.squeeze
-        near = self._given.moved_to(pose)
+        grip = self._given.moved_to(pose)
         try:
-            held = attach_model(config, near, pressures, self.settings.zero_deviation)
+            held = attach_model(config, grip, pressures, self.settings.zero_deviation)
         except NotHeldError:
             return False
         if held.hold(math.inf) is not HoldStatus.HELD or held.sections.used.max() > limit:
             return False
-        cache, before = EquilibriumCache(held, self._friction), self.cache.by_offsets.outputs
+        cache, rates_before = EquilibriumCache(held, self._friction), self.cache.by_offsets.outputs
         if not self.state.explains(pose, cache):
             return False
         self.is_assumed, self.cache = False, cache
         self.take(held)
-        self.state.walk.attach((cache.by_offsets.outputs - before)[:3])
+        self.state.walk.attach((cache.by_offsets.outputs - rates_before)[:3])
         self._corrected = np.zeros_like(self._corrected)
         self._start_at(pose)
         self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))

@@ -55,11 +55,11 @@ def shift_deviations(grasp: HeldGrip, shifted: Array, friction: float) -> Array:
     A deviation is twice the shift that causes slip, at most the object's characteristic radius.
     For `shifted` see `shift_rates`.
     """
-    members = np.eye(len(grasp.members))[grasp.contacts.owners]
-    presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
-    reserve = np.maximum(friction * presses - np.abs(rubs), 0.1 * friction * grasp.squeeze)
-    rates = np.diag(members.T @ shifted[grasp.state.places.friction])
-    return np.minimum(2.0 * reserve / np.maximum(np.abs(rates), reserve / grasp.arm), grasp.arm)
+    reserve = friction * grasp.normal_forces - np.abs(grasp.friction_forces)
+    reserve = np.maximum(reserve, 0.1 * friction * grasp.squeeze)
+    friction_rates = grasp.contacts.sum_by_member(shifted[grasp.state.places.friction])
+    stiffness = np.abs(np.diag(friction_rates))
+    return np.minimum(2.0 * reserve / np.maximum(stiffness, reserve / grasp.arm), grasp.arm)
 
 
 def output_scale(grasp: HeldGrip) -> Array:

@@ -44,7 +44,7 @@ class FailureDetector:
         self._names = tuple(names)
         self._time = math.nan
         self._sent = np.zeros(count)  # commanded travel [m]
-        self._commanded = np.zeros(count)  # time with a command since the roller last moved [s]
+        self._active = np.zeros(count)  # time with a command since the roller last moved [s]
         self._path = np.zeros(count)  # commanded path length in that time [m]
         self._asked = np.full(count, np.nan)  # commanded range to compare with; nan: none [m]
         self._asked_at = np.zeros(count)  # time at which that range was commanded [s]
@@ -66,33 +66,30 @@ class FailureDetector:
         self._time = time
         # After samples that are out of order or far apart, the comparison restarts.
         if not 0.0 < elapsed <= FAILURE_TIME:
-            self._begin(slice(None), np.array([self._sent, positions]))
+            self._restart(slice(None), np.array([self._sent, positions]))
             return
-        counts = np.abs(commanded) >= MIN_SPEED
-        step = elapsed * np.where(counts, commanded, 0.0)
+        has_command = np.abs(commanded) >= MIN_SPEED
+        step = elapsed * np.where(has_command, commanded, 0.0)
         self._sent += step
         self._path += np.abs(step)
-        self._commanded += elapsed * counts
+        self._active += elapsed * has_command
         travel = np.array([self._sent, positions])
         self._least, self._most = np.minimum(self._least, travel), np.maximum(self._most, travel)
-        sent, moved = self._most - self._least
-        timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
-        long = self._commanded >= self.failure_time - SETTLING_TIME
-        if long.any():
-            # Drives cannot follow oscillations that are faster than their settling time.
-            swing = 0.5 * SETTLING_TIME * self._path
-            far = (sent >= MIN_SPEED * FAILURE_TIME) & (sent * self._commanded >= swing)
-            ready = long & far & np.isnan(self._asked)
-            self._asked[ready], self._asked_at[ready] = sent[ready], time
-            settled = time - self._asked_at >= SETTLING_TIME
-            due = ~np.isnan(self._asked) & settled & (self._commanded >= self.failure_time)
-            stuck = due & (moved < MIN_SHARE * self._asked)
-            self.failed |= {self._names[i] for i in np.flatnonzero(stuck)}
-            timed |= due
-        if timed.any():
-            self._begin(timed, travel)
+        commanded_range, measured_range = self._most - self._least
+        # Drives cannot follow oscillations that are faster than their settling time.
+        is_slow = commanded_range * self._active >= 0.5 * SETTLING_TIME * self._path
+        is_far = commanded_range >= MIN_SPEED * FAILURE_TIME
+        is_long = self._active >= self.failure_time - SETTLING_TIME
+        ready = is_slow & is_far & is_long & np.isnan(self._asked)
+        self._asked[ready], self._asked_at[ready] = commanded_range[ready], time
+        is_settled = time - self._asked_at >= SETTLING_TIME
+        due = is_settled & (self._active >= self.failure_time) & ~np.isnan(self._asked)
+        stuck = due & (measured_range < MIN_SHARE * self._asked)
+        self.failed |= {self._names[i] for i in np.flatnonzero(stuck)}
+        works = measured_range >= MIN_SHARE * commanded_range
+        self._restart(due | (works & (commanded_range >= EVIDENT_TRAVEL)), travel)
 
-    def _begin(self, which: Flags | slice, travel: Array) -> None:
-        self._commanded[which] = self._path[which] = 0.0
+    def _restart(self, which: Flags | slice, travel: Array) -> None:
+        self._active[which] = self._path[which] = 0.0
         self._asked[which] = np.nan
         self._least[:, which] = self._most[:, which] = travel[:, which]

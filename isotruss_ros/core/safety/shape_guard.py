@@ -146,44 +146,45 @@ class Watch(NamedTuple):
 
         The `velocities` (r,) predicted the configuration; the sample has a `duration` [s].
         """
-        rollers = command.roller_velocities
-        size = duration * float(np.abs(rollers).max())
-        if size == 0.0 or not (self.limits or size > BAND_STEP):
+        travel = duration * command.roller_velocities
+        longest = float(np.abs(travel).max())
+        if longest == 0.0 or not (self.limits or longest > BAND_STEP):
             return command
         share, violation = 1.0, None
         for _ in range(4):
-            worse = self._violation(share * rollers, velocities, duration)
-            if worse is None:
+            worst = self._find_violation(share * travel, velocities, duration)
+            if worst is None:
                 break
             # The share is accurate to first order.
-            share, violation = 0.8 * share * worse.share, worse
+            share, violation = 0.8 * share * worst.share, worst
         else:
             share = 0.0
         if violation is None:
             return command
-        bent = command.status in (Status.UNREACHABLE, Status.SLIDING) and share > 0.0
-        return command.slowed(share, command.status if bent else violation.status, violation.names)
+        changes_direction = command.status in (Status.UNREACHABLE, Status.SLIDING)
+        status = command.status if changes_direction and share > 0.0 else violation.status
+        return command.slowed(share, status, violation.names)
 
-    def _violation(
-        self, rollers: Array, velocities: Array, duration: float
+    def _find_violation(
+        self, travel: Array, velocities: Array, duration: float
     ) -> BarrierViolation | None:
-        """Return the worst violation of a barrier by a motion; None if there is none."""
+        """Return the worst violation of a barrier by a roller travel (r,); None if none."""
         start, grip = self.config, self.grip
-        travel = duration * rollers
         try:
             end = start.moved_to(start.roller_positions + travel - 0.5 * duration * velocities)
         except ConfigurationError:
             return BarrierViolation(0.5, Status.SLOWED_RIGIDITY, ())
-        long = bool(np.abs(travel).max() > BAND_STEP)
-        if grip is not None and (long or any(limit.barrier.needs_object for limit in self.limits)):
+        is_long = bool(np.abs(travel).max() > BAND_STEP)
+        if grip is not None and (is_long or any(one.barrier.needs_object for one in self.limits)):
             try:
                 grip = roll_object(grip, start, end)
             except GraspError:  # a contact is lost during the motion
                 return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
-        violations = [
+        limited = [
             limit.violation(end, grip, travel, velocities, duration) for limit in self.limits
         ]
-        for barrier in self.barriers if long else ():
+        violations = [violation for violation in limited if violation is not None]
+        for barrier in self.barriers if is_long else ():
             # Values that fell from outside of the band to below the bound.
             margins = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
             for limit in self.limits:
@@ -193,4 +194,4 @@ class Watch(NamedTuple):
             if len(below):
                 names = tuple(barrier.names(below))
                 violations.append(BarrierViolation(0.5, barrier.status, names))
-        return min((one for one in violations if one is not None), default=None)
+        return min(violations, default=None)
