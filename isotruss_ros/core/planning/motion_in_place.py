@@ -81,46 +81,42 @@ def roll_between(grasp: HeldGrip, config: Configuration, closing: Closing) -> He
 
 def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:
     """Return the grasp with this mean normal force [N] and an unchanged pose of the object."""
-    evened = len(closing.members) if len(closing.members) > 2 else 0
-    place = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])
-    scale = np.array([SQUEEZE_TOLERANCE * force, *place, *evened * [SQUEEZE_TOLERANCE * force]])
-    weights = np.ones(len(scale) - 1)
+    force_errors = [SQUEEZE_TOLERANCE * force] * len(closing.members)
+    pose_errors = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])
+    others = [*pose_errors, *force_errors] if len(closing.members) > 2 else pose_errors
+    tolerances = np.array([force_errors[0], *others])
+    weights = np.ones(len(others))
     weights[2] = ROTATION_WEIGHT
     rows, room = closing.limit.rows(grasp.config).one_sided()  # up to the end of the motion
     rollers = len(grasp.config.roller_positions)
     for _ in range(MAX_SEARCH_STEPS):
-        # Errors in units of tolerances: squeeze, pose and, for three members, ratios of forces.
-        missing = _missing(grasp, force, closing.body) / scale
+        # Squeeze, pose and, for three members, ratios of forces.
+        errors = _find_errors(grasp, force, closing.body) / tolerances
         try:
-            held = held_gradient(grasp)
+            gradient = held_gradient(grasp)
         except GraspError:
             break
-        pose, forces = held.pose[:, :rollers], held.normal_forces[:, :rollers]
-        rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(scale)] / scale[:, None]
-        others = weights[:, None] * rates[1:]
+        pose, forces = gradient.pose[:, :rollers], gradient.normal_forces[:, :rollers]
+        rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(errors)]
+        rates = rates / tolerances[:, None]
         # The squeeze is an equality constraint; the other errors are minimised.
-        travel = solve_qp(
-            QuadraticProgram(
-                others.T @ others + MOTION_WEIGHT * np.eye(others.shape[1]),
-                -others.T @ (weights * missing[1:]),
-                rows,
-                room,
-                equality=rates[:1],
-                target=missing[:1],
-            )
-        )
+        matrix = weights[:, None] * rates[1:]
+        hessian = matrix.T @ matrix + MOTION_WEIGHT * np.eye(rollers)
+        slope = -matrix.T @ (weights * errors[1:])
+        program = QuadraticProgram(hessian, slope, rows, room, rates[:1], errors[:1])
+        travel = solve_qp(program)
         if travel is None:
             break
         room = room - rows @ travel
-        gain = rates @ travel
-        before, after = (np.linalg.norm(weights * r[1:]) for r in (missing, missing - gain))
-        if abs(missing[0]) < 1.0 and (
-            np.abs(gain).max() < 1.0 or after > MAX_CONTRACTION * before
-        ):
+        decrease = rates @ travel
+        size_before = np.linalg.norm(weights * errors[1:])
+        size_after = np.linalg.norm(weights * (errors - decrease)[1:])
+        has_converged = np.abs(decrease).max() < 1.0 or size_after > MAX_CONTRACTION * size_before
+        if has_converged and abs(errors[0]) < 1.0:
             state = evaluate_state(grasp.config, grasp.body)
-            least = np.zeros(len(state.gaps))
-            least[closing.members] = -np.inf
-            state.check_bounds(closing.needs.min_rigidity, 0.0, least)
+            min_gaps = np.zeros(len(state.gaps))
+            min_gaps[closing.members] = -np.inf
+            state.check_bounds(closing.needs.min_rigidity, 0.0, min_gaps)
             bound = MAX_SHIFT * grasp.config.robot.description.tube_diameter
             distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
             if distance > bound:
@@ -135,17 +131,16 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     raise RequirementError('squeeze', grasp.squeeze, force)
 
 
-def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
+def _find_errors(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
     """Return the errors of squeeze [N], pose [m, rad] and, for three members, forces [N]."""
     rise = max(force - grasp.squeeze, -MAX_FALL * grasp.squeeze)
-    missing = np.append(rise, pose_difference(body.pose, grasp.pose))
-    owners = grasp.contacts.owners
-    if owners[-1] < 2:
-        return missing
+    errors = np.append(rise, pose_difference(body.pose, grasp.pose))
+    if len(grasp.members) < 3:
+        return errors
     # Forces of three members in the ratios of a balance without friction.
-    normals = grasp.state.normals[np.searchsorted(owners, np.arange(3))]
+    normals = grasp.state.normals[grasp.contacts.member_starts]
     shares = (np.roll(normals, -1).conj() * np.roll(normals, -2)).imag
-    return np.append(missing, 3.0 * force * shares / shares.sum() - grasp.normal_forces)
+    return np.append(errors, 3.0 * force * shares / shares.sum() - grasp.normal_forces)
 
 
 def close_in_place(touch: Configuration, closing: Closing) -> Iterator[ClosedGrip]:

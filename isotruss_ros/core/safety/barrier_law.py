@@ -60,9 +60,9 @@ class BarrierLaw:
 
     def class_k_bound(self, margins: Array) -> Array:
         """Return the largest rates of decrease (k,) at margins (k,), infinite beyond the band."""
-        beyond = np.maximum(margins - self.safety_margin, 0.0)
+        excess = np.maximum(margins - self.safety_margin, 0.0)
         with np.errstate(divide='ignore'):
-            return self.rate * beyond / (1.0 - np.minimum(beyond / self.band, 1.0))
+            return self.rate * excess / (1.0 - np.minimum(excess / self.band, 1.0))
 
     def discrete_bound(self, margins: Array, duration: float, travel: float) -> Array:
         """
@@ -73,16 +73,16 @@ class BarrierLaw:
         positive margin must stay positive. The travel is the largest one of this or the previous
         sample [m].
         """
-        last = MIN_MARGIN_SHARE * self.safety_margin
-        usable = np.maximum(margins, last)
-        slowly = usable - 2.0 * duration * self.class_k_bound(usable + self.safety_margin)
-        kept = np.maximum(np.maximum(MIN_MARGIN_SHARE * usable, slowly), last)
-        allowed = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
-        # A positive margin keeps a last remainder, so that the sum of such effects does not cross
-        # the bound.
-        floor = np.where(margins > 0.0, np.minimum(margins, MIN_MARGIN_SHARE * last), -np.inf)
-        beyond = np.maximum(margins - allowed, floor - ROUNDING)
-        return np.where(margins > last, kept, beyond)
+        small = MIN_MARGIN_SHARE * self.safety_margin
+        usable = np.maximum(margins, small)
+        after_decay = usable - 2.0 * duration * self.class_k_bound(usable + self.safety_margin)
+        bounds = np.maximum(np.maximum(MIN_MARGIN_SHARE * usable, after_decay), small)
+        second_order = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
+        # A positive margin keeps a remainder, so that the sum of such effects does not cross the
+        # bound.
+        remainder = np.where(margins > 0.0, np.minimum(margins, MIN_MARGIN_SHARE * small), -np.inf)
+        bounds_of_small = np.maximum(margins - second_order, remainder - ROUNDING)
+        return np.where(margins > small, bounds, bounds_of_small)
 
 
 #: Indices of values; a slice for all values.
@@ -178,16 +178,17 @@ class BarrierLimit:
         The limit is linearised at the midpoint of the motion, which roller `speeds` (r,) predict.
         """
         law = self.barrier.law
-        before = self.margins - 0.5 * duration * (self.matrix @ speeds)
-        after = self.barrier.values(end, grip, self.indices) - law.bound
+        start_margins = self.margins - 0.5 * duration * (self.matrix @ speeds)
+        end_margins = self.barrier.values(end, grip, self.indices) - law.bound
         longest = max(float(np.abs(travel).max()), duration * float(np.abs(speeds).max()))
-        bound = law.discrete_bound(before, duration, longest)
-        below = np.flatnonzero(after < bound)
+        bounds = law.discrete_bound(start_margins, duration, longest)
+        below = np.flatnonzero(end_margins < bounds)
         if not len(below):
             return None
         # Share of the motion after which the room is used up, with quadratic margins.
-        room, slope = before - bound, self.matrix @ travel
-        root = np.sqrt(np.maximum(slope**2 - 4.0 * (after - before - slope) * room, 0.0))
+        room, slope = start_margins - bounds, self.matrix @ travel
+        curvature = end_margins - start_margins - slope
+        root = np.sqrt(np.maximum(slope**2 - 4.0 * curvature * room, 0.0))
         shares = np.minimum(2.0 * room / np.maximum(root - slope, EPSILON), 1.0)
         names = tuple(self.barrier.names(self.indices[below]))
         return BarrierViolation(float(shares[below].min()), self.status, names)
