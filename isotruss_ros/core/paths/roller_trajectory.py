@@ -156,9 +156,11 @@ class RollerTrajectoryServo:
         self.time = 0.0  #: trajectory time [s]
         self.trajectory: RollerTrajectory | None = None  #: trajectory that is tracked, if any
         self._tolerances = TrajectoryTolerances()
+        unbounded = np.full(len(robot.roller_names), np.inf)
+        self._default_goal = Tolerance(np.full_like(unbounded, TOLERANCE), unbounded)
         self._start = self._before = self._waited = 0.0
         self._measured = 0.0  # time of the last valid measurement [s]
-        self._near_since = math.inf  # since when all rollers are within the end tolerance [s]
+        self._arrived = math.inf  # since when all rollers are within the end tolerance [s]
         self._offsets: Array | float = 0.0
 
     def begin(
@@ -173,7 +175,7 @@ class RollerTrajectoryServo:
         self.trajectory, self._offsets = trajectory, state.offsets
         self._tolerances = tolerances or TrajectoryTolerances()
         self._start = self._before = now if start is None else max(start, now)
-        self.time, self._waited, self._near_since, self._measured = 0.0, 0.0, math.inf, now
+        self.time, self._waited, self._arrived, self._measured = 0.0, 0.0, math.inf, now
 
     def check_start(self, trajectory: RollerTrajectory, now: float) -> RollerState:
         """Return the measured roller state; raise an error if the trajectory begins elsewhere."""
@@ -222,42 +224,43 @@ class RollerTrajectoryServo:
     def _advance(self, measured: StampedInput, now: float, elapsed: float) -> RollerStep:
         """Advance trajectory time unless a roller lags; end on arrival or after a timeout."""
         trajectory, state = self.trajectory, measured.value
-        ahead, positions = min(self.time + elapsed, trajectory.duration), state.positions
-        behind = trajectory.at(self.time).positions - positions
-        error = trajectory.at(ahead).positions - positions
+        next_time = min(self.time + elapsed, trajectory.duration)
+        is_last = next_time >= trajectory.duration
+        error_now = trajectory.at(self.time).positions - state.positions
+        error = trajectory.at(next_time).positions - state.positions
         # The smaller error counts: by the travel of one cycle, rollers at rest seem to lag, and
         # moving rollers seem to lead.
-        waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > MAX_LAG
-        if waits:
-            error = behind
-        lag, at_end = float(np.abs(error).max()), ahead >= trajectory.duration
-        goal, names, violation = self._tolerances.goal, self._robot.roller_names, ''
-        if goal is not None:
-            violation = goal.find_violation(names, trajectory.at(trajectory.duration), state)
-        near = at_end and (not violation if goal is not None else lag <= TOLERANCE)
-        self._near_since = min(self._near_since, now) if near else math.inf
-        if min(measured.time, now) - self._near_since > REST_TIME:
+        has_lag = min(float(np.abs(error).max()), float(np.abs(error_now).max())) > MAX_LAG
+        if has_lag:
+            error = error_now
+        lag, names = float(np.abs(error).max()), self._robot.roller_names
+        is_default = self._tolerances.goal is None
+        goal = self._default_goal if is_default else self._tolerances.goal
+        violation = goal.find_violation(names, trajectory.at(trajectory.duration), state)
+        has_arrived = is_last and not violation
+        self._arrived = min(self._arrived, now) if has_arrived else math.inf
+        if min(measured.time, now) - self._arrived > REST_TIME:
             return self._finish()
-        if not waits and self.time < trajectory.duration:
-            self.time, self._waited = ahead, 0.0
-        elif not near:
+        if not has_lag and self.time < trajectory.duration:
+            self.time, self._waited = next_time, 0.0
+        elif not has_arrived:
             self._waited += elapsed
-        stuck, goal_time = self._waited > PROGRESS_TIMEOUT, self._tolerances.goal_time
+        is_stuck, goal_time = self._waited > PROGRESS_TIMEOUT, self._tolerances.goal_time
         if goal_time is not None:
-            overdue = now > self._start + trajectory.duration + goal_time
-            stuck = overdue or (stuck and not at_end)
-        if stuck and not near:
-            if goal is None and at_end and lag <= NEAR_TOLERANCE:
+            is_overdue = now > self._start + trajectory.duration + goal_time
+            is_stuck = is_overdue or (is_stuck and not is_last)
+        if is_stuck and not has_arrived:
+            if is_default and is_last and lag <= NEAR_TOLERANCE:
                 return self._finish()
             worst = names[int(np.abs(error).argmax())]
             words = f'roller {worst} stays {lag:.4g} m behind the trajectory'
-            late = at_end or self._waited <= PROGRESS_TIMEOUT
-            return self._finish(violation or words, late)
-        speeds = (error - behind) / (elapsed or self.timeout) + POSITION_GAIN * behind
-        if at_end:
+            at_goal = is_last or self._waited <= PROGRESS_TIMEOUT
+            return self._finish(words if is_default else violation or words, at_goal)
+        speeds = (error - error_now) / (elapsed or self.timeout) + POSITION_GAIN * error_now
+        if is_last:
             # Rollers that have arrived stay at rest; they need no further feedback.
-            tolerance = TOLERANCE if goal is None else np.minimum(TOLERANCE, goal.positions)
-            speeds = np.where(np.abs(error) <= tolerance, 0.0, speeds)
+            tolerances = np.minimum(TOLERANCE, goal.positions)
+            speeds = np.where(np.abs(error) <= tolerances, 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit))
 
