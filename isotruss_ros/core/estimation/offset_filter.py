@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers, SlipWatch
 from isotruss_ros.core.estimation.schmidt_filter import condition
@@ -35,8 +36,10 @@ class OffsetFilter:
 
     dphi are the offsets of the r rollers [m]. c consists of the common shift (x, y) of all markers
     [m] and their common rotation about the origin of the robot frame [rad]. m are the mounting
-    offsets of the markers from the joints [m]. Inconsistent markers are rejected; `used`,
-    `left_out`, `swapped` and `slipping` are those of `StateEstimate`.
+    offsets of the markers from the joints [m]. Inconsistent markers are rejected.
+
+    :ivar findings: names of joints and rollers by the fields `used`, `left_out`, `swapped` and
+        `slipping` of `StateEstimate`, as far as there are any.
     """
 
     def __init__(self, robot: Robot, settings: EstimatorSettings) -> None:
@@ -55,10 +58,7 @@ class OffsetFilter:
         self._prior, self._measured = variances, np.zeros(2 * joints, dtype=bool)
         self._names, self._rollers = robot.topology.joint_names, np.array(robot.roller_names)
         self._slips, self._inconsistent = SlipWatch(self._count), 0
-        self.used: tuple[str, ...] = ()
-        self.left_out: tuple[str, ...] = ()
-        self.swapped: tuple[str, ...] = ()
-        self.slipping: tuple[str, ...] = ()
+        self.findings: dict[str, Any] = {}
 
     @property
     def offsets(self) -> Array:
@@ -141,11 +141,12 @@ class OffsetFilter:
         used, slipped = judge_markers(pairs - expected, covariance, rates, reach)
         self.inflate(slipped**2)
         names = np.array(list(markers))
-        self.used = tuple(sorted(names[used].tolist()))
-        self.left_out = tuple(sorted(names[~used].tolist()))
-        swapped = find_swap(pairs, expected, covariance) if self.left_out else None
-        self.swapped = () if swapped is None else tuple(sorted(names[list(swapped)].tolist()))
-        self._inconsistent = 0 if self.used or self.swapped else self._inconsistent + 1
+        swapped = None if used.all() else find_swap(pairs, expected, covariance)
+        swapped_names = () if swapped is None else names[list(swapped)].tolist()
+        self.findings['used'] = tuple(sorted(names[used].tolist()))
+        self.findings['left_out'] = tuple(sorted(names[~used].tolist()))
+        self.findings['swapped'] = tuple(sorted(swapped_names))
+        self._inconsistent = 0 if used.any() or swapped_names else self._inconsistent + 1
         if self._inconsistent >= MAX_INCONSISTENT_MESSAGES:  # e.g. after a restart of the encoders
             self.inflate(np.full(self._count, np.inf))
             self._inconsistent = 0
@@ -155,5 +156,5 @@ class OffsetFilter:
         self.update(measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen], joints)
         variances = np.diag(self.offset_covariance) + self._settings.joint_error**2
         self._slips.add(time, readings, self.offsets, variances)
-        self.slipping = tuple(self._rollers[self._slips.slipping].tolist())
+        self.findings['slipping'] = tuple(self._rollers[self._slips.slipping].tolist())
         return True

@@ -186,11 +186,8 @@ class StateEstimator:
             readings + zeros.offsets,
             values.reshape(-1, 2),
             spread + self.settings.joint_error**2 * np.eye(len(values)),
-            used=zeros.used,
-            left_out=zeros.left_out,
             is_improbable=zeros.is_improbable,
-            swapped=zeros.swapped,
-            slipping=zeros.slipping,
+            **zeros.findings,
         )
         if belief is None:
             return estimate

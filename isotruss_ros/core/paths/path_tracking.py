@@ -191,11 +191,10 @@ class PathTracker:
         """
         if frequency > 0.0:
             settings, path = self.settings, self.path
-            shares = (
-                path.speed / settings.position_tolerance,
-                path.turn_rate / settings.angle_tolerance,
-            )
-            needed = PEAK_DEVIATION_FACTOR * max(shares) / (SLOWING_SHARE * frequency**2)
+            translation = path.speed / settings.position_tolerance
+            rotation = path.turn_rate / settings.angle_tolerance
+            factor = PEAK_DEVIATION_FACTOR / (SLOWING_SHARE * frequency**2)
+            needed = factor * max(translation, rotation)
             self.clock.ramp_time = max(settings.ramp_time, needed)
 
     @property

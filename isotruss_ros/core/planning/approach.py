@@ -214,12 +214,10 @@ def _solve_step(state: SearchState, closing: Closing, targets: Array, share: flo
     if closing.nominal_posture is not None:
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
     unit = np.eye(len(longest))
-    program = QuadraticProgram(
-        matrix.T @ matrix + MOTION_WEIGHT * unit,
-        -matrix.T @ aim - MOTION_WEIGHT * nominal,
-        np.concatenate([-rows, unit, -unit]),
-        np.concatenate([-least, longest, longest]),
-    )
+    hessian = matrix.T @ matrix + MOTION_WEIGHT * unit
+    gradient = -matrix.T @ aim - MOTION_WEIGHT * nominal
+    bounds = np.concatenate([-least, longest, longest])
+    program = QuadraticProgram(hessian, gradient, np.vstack([-rows, unit, -unit]), bounds)
     return require_solution(solve_qp(program))
 
 

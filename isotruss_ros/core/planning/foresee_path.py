@@ -64,18 +64,15 @@ def foresee_grip(
     """
     friction = check_friction(friction)
     foresight = None
-    if record is not None:
-        held = record.restore(config, body)
+    for find_grip in (attach_grip,) if record is None else (record.restore, attach_grip):
+        try:
+            held = find_grip(config, body)
+        except NotHeldError:
+            break
         if held.hold(friction) is HoldStatus.HELD:
             foresight = foresee_path(held, friction, poses)
             if not foresight.why:
-                return foresight
-    try:
-        held = attach_grip(config, body)
-    except NotHeldError:
-        return foresight
-    if held.hold(friction) is HoldStatus.HELD:
-        foresight = foresee_path(held, friction, poses)
+                break
     return foresight
 
 

@@ -102,8 +102,8 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         # The squeeze is an equality constraint; the other errors are minimised.
         matrix = weights[:, None] * rates[1:]
         hessian = matrix.T @ matrix + MOTION_WEIGHT * np.eye(rollers)
-        slope = -matrix.T @ (weights * errors[1:])
-        program = QuadraticProgram(hessian, slope, rows, room, rates[:1], errors[:1])
+        linear = -matrix.T @ (weights * errors[1:])
+        program = QuadraticProgram(hessian, linear, rows, room, rates[:1], errors[:1])
         travel = solve_qp(program)
         if travel is None:
             break
@@ -171,13 +171,10 @@ def _judge(grasp: HeldGrip, closing: Closing) -> ClosedGrip:
 
     Slip margin and chance are those under the required wrench.
     """
-    needs = closing.needs
+    needs, forces = closing.needs, grasp.normal_forces
     closing.tally.analyses += 1
-    needs.check_bounds(
-        max_contact_force=grasp.normal_forces.max(),
-        max_total_force=grasp.normal_forces.sum(),
-        max_utilisation=grasp.sections.used.max(),
-    )
+    needs.check_bounds(max_contact_force=forces.max(), max_total_force=forces.sum())
+    needs.check_bounds(max_utilisation=grasp.sections.used.max())
     margin = chance = None
     if _has_squeeze(grasp, needs):
         with closing.tally.recording():

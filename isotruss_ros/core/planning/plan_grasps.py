@@ -107,14 +107,9 @@ def plan_grasps(
         if search.stopped or len(search.best()) >= needs.count:
             break
     best, tally = tuple(search.best()), search.tally
-    return GraspPlan(
-        grasps=best,
-        complete=not search.stopped,
-        closest_violation=None if best else tally.closest,
-        evaluations=tally.evaluations + tally.analyses,
-        analyses=tally.analyses,
-        computing_time=time.perf_counter() - search.began,
-    )
+    closest, evaluations = None if best else tally.closest, tally.evaluations + tally.analyses
+    spent = time.perf_counter() - search.began
+    return GraspPlan(best, not search.stopped, closest, evaluations, tally.analyses, spent)
 
 
 @dataclass(eq=False)
@@ -186,12 +181,7 @@ class _Search:
     def _report(self) -> None:
         """Pass the progress of the search to its callback."""
         share, spent = self.judged / self.begun, time.perf_counter() - self.began
-        self.on_progress(
-            Progress(
-                self.tally.evaluations + self.tally.analyses,
-                len(self.best()),
-                max((grasp.score for grasp in self.grasps), default=None),
-                share,
-                spent * (1.0 / share - 1.0) if share else None,
-            )
-        )
+        time_left = spent * (1.0 / share - 1.0) if share else None
+        evaluations = self.tally.evaluations + self.tally.analyses
+        best_score = max((grasp.score for grasp in self.grasps), default=None)
+        self.on_progress(Progress(evaluations, len(self.best()), best_score, share, time_left))

@@ -198,12 +198,9 @@ class SqueezeControl:
         share = belief.cache.usage.margin_share(command, period, free)
         if share < 1.0 and twist.any():
             slowed = _solve_within_limits(share * twist + correction, opening, solve)
-            command = replace(
-                slowed,
-                scale=share * slowed.scale,
-                status=Status.SLOWED_SLIP_MARGIN,
-                limiting=(*slowed.limiting, 'the slip margin'),
-            )
+            scale, limiting = share * slowed.scale, (*slowed.limiting, 'the slip margin')
+            status = Status.SLOWED_SLIP_MARGIN
+            command = replace(slowed, scale=scale, status=status, limiting=limiting)
         return belief.cache.usage.limit_utilisation(command, period, self.settings.max_utilisation)
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:

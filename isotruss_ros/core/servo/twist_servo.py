@@ -198,10 +198,8 @@ class TwistServo(ServoState):
     ) -> RollerCommand:
         """Return the roller command for a desired velocity of the joint."""
         if twist[2] != 0.0:
-            raise HaltError(
-                Status.HALT_INVALID_TWIST,
-                f'twist with {twist[2]:.4g} rad/s: a joint has no orientation; must be 0',
-            )
+            words = f'twist with {twist[2]:.4g} rad/s: a joint has no orientation; must be 0'
+            raise HaltError(Status.HALT_INVALID_TWIST, words)
         velocities = {self.settings.joint: twist[:2]}
         command = solve_joint_velocity(config, velocities, self.failed, limits, handling)
         return replace(command, achieved_twist=np.append(command.achieved_twist, 0.0))
@@ -233,11 +231,9 @@ class TwistServo(ServoState):
         try:
             if status not in AT_REST or self.settings.joint is not None:
                 raise HaltError(status, 'the pose of the object is unknown')
+            inputs, timeout = self.inputs, self.settings.timeout
             rollers, pose = require_fresh(
-                now,
-                self.settings.timeout,
-                joint_states=self.inputs.rollers,
-                object_pose=self.inputs.pose,
+                now, timeout, joint_states=inputs.rollers, object_pose=inputs.pose
             )
             config, grip, _ = self._predict(rollers, pose, now)
             fault = squeeze.fault
