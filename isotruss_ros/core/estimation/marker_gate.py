@@ -25,12 +25,8 @@ SLIP_SPAN = 4.0
 
 def passes_gate(innovation: Array, covariance: Array) -> bool:
     """Return whether an innovation (m,) with a covariance (m, m) passes the chi-square gate."""
-    return _size(innovation, covariance) <= _gate(len(innovation))
-
-
-def _gate(count: int) -> float:
-    """Return the largest squared Mahalanobis distance of `count` numbers that passes the gate."""
-    return scipy.special.chdtri(count, FALSE_ALARM_PROBABILITY)
+    gate = scipy.special.chdtri(len(innovation), FALSE_ALARM_PROBABILITY)
+    return _squared_distance(innovation, covariance) <= gate
 
 
 def judge_markers(
@@ -45,29 +41,32 @@ def judge_markers(
     rejected. The hypothesis with more consistent markers is selected.
     """
     count, difference = len(innovation), innovation.ravel()
-    every, kept = np.ones((2, count), dtype=bool)
+    all_markers, no_slip = np.ones(count, dtype=bool), np.zeros_like(reach)
     if passes_gate(difference, covariance):
-        return every, np.zeros_like(reach)
+        return all_markers, no_slip
 
-    def size(some: Flags) -> float:
-        rows = np.flatnonzero(np.repeat(some, 2))
-        return _size(difference[rows], covariance[np.ix_(rows, rows)]) if len(rows) else 0.0
+    def select(markers: Flags) -> tuple[Array, Array]:
+        rows = np.flatnonzero(np.repeat(markers, 2))
+        return difference[rows], covariance[np.ix_(rows, rows)]
 
     # The slip of one roller that best explains the markers.
     weighted = np.linalg.solve(covariance, by_rollers)
     squares = np.einsum('ij,ij->j', by_rollers, weighted)
     slips = np.diag(np.clip(weighted.T @ difference / np.maximum(squares, 1e-12), -reach, reach))
-    sizes = [_size(difference - by_rollers @ slip, covariance) for slip in slips]
-    slip, unexplained = slips[int(np.argmin(sizes))], min(sizes)
-    explained = unexplained <= _gate(2 * count)
-    while kept.any() and size(kept) > _gate(2 * int(kept.sum())):
-        kept = min(kept & ~np.eye(count, dtype=bool)[kept], key=size)
+    distances = [_squared_distance(difference - by_rollers @ slip, covariance) for slip in slips]
+    slip = slips[int(np.argmin(distances))]
+    is_slip = passes_gate(difference - by_rollers @ slip, covariance)
+    kept = all_markers
+    while kept.any() and not passes_gate(*select(kept)):
+        without_one = kept & ~np.eye(count, dtype=bool)[kept]
+        kept = min(without_one, key=lambda markers: _squared_distance(*select(markers)))
     if 2 * kept.sum() < count:
-        kept[:] = False
+        kept = np.zeros_like(kept)
     # A slip that explains all markers is more probable than two simultaneous wrong markers.
-    if explained and count - kept.sum() == 1 and kept.any():
-        explained = unexplained / (2 * count - 1) < size(kept) / (2 * kept.sum())
-    return (every, slip) if explained else (kept, np.zeros_like(reach))
+    if is_slip and count - kept.sum() == 1 and kept.any():
+        mean_square = _squared_distance(*select(kept)) / (2 * kept.sum())
+        is_slip = min(distances) / (2 * count - 1) < mean_square
+    return (all_markers, slip) if is_slip else (kept, no_slip)
 
 
 def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int, int] | None:
@@ -80,7 +79,7 @@ def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int,
     return None
 
 
-def _size(off: Array, covariance: Array) -> float:
+def _squared_distance(off: Array, covariance: Array) -> float:
     """Return the squared Mahalanobis distance of an innovation from zero."""
     return float(off @ np.linalg.solve(covariance, off))
 
@@ -97,9 +96,9 @@ class SlipWatch:
         self._kept.append((time, travel, offsets, variances))
         while time - self._kept[0][0] > SLIP_SPAN:
             self._kept.popleft()
-        _, turned, offsets_then, variances_then = self._kept[0]
-        change, rolled = offsets - offsets_then, travel - turned
-        significant = np.abs(change) > SLIP_SIGMAS * np.sqrt(variances + variances_then)
-        large = np.abs(change) > np.maximum(MIN_SLIP, MIN_SLIP_SHARE * np.abs(rolled))
+        _, travel_then, offsets_then, variances_then = self._kept[0]
+        change, rolled = offsets - offsets_then, travel - travel_then
+        is_significant = np.abs(change) > SLIP_SIGMAS * np.sqrt(variances + variances_then)
+        is_large = np.abs(change) > np.maximum(MIN_SLIP, MIN_SLIP_SHARE * np.abs(rolled))
         # A slipping tube lags behind its roller.
-        self.slipping = significant & large & (change * rolled < 0.0)
+        self.slipping = is_significant & is_large & (change * rolled < 0.0)

@@ -51,9 +51,8 @@ class OffsetFilter:
         #: Jacobian of all marker positions with respect to the markers' constant errors.
         self._constant = np.column_stack([shift, lever.ravel(), np.eye(2 * joints)])
         sizes = settings.marker_shift, settings.marker_turn, settings.joint_error
-        variances = (
-            np.repeat([settings.zero_deviation, *sizes], [self._count, 2, 1, 2 * joints]) ** 2
-        )
+        counts = self._count, 2, 1, 2 * joints
+        variances = np.repeat([settings.zero_deviation, *sizes], counts) ** 2
         self.mean, self.covariance = np.zeros(len(variances)), np.diag(variances)
         self._prior, self._measured = variances, np.zeros(2 * joints, dtype=bool)
         self._names, self._rollers = robot.topology.joint_names, np.array(robot.roller_names)
