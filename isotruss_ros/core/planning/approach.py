@@ -128,27 +128,26 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
     targets = np.full(len(members), STANDOFF * diameter)
     state = evaluate_state(config, closing.body)
     angle, radius = CONE_SHARE * closing.friction_angle, 0.5 * diameter
-    best, idle, share = np.inf, 0, 1.0
+    least_error, idle_steps, share = np.inf, 0, 1.0
     while True:
         yield state.config
         gap = float((state.gaps[members] - targets).max())
         # Rotation that force closure requires [rad]; the members' directions may already admit it.
-        normals, turned, missing = closing.normals(state.config), closing, 0.0
-        if balances(closing.body, normals, angle, radius):
-            turned = replace(closing, facing=None)
-        else:
-            missing = float(np.abs(np.angle(closing.facing / normals)).sum())
-        shortfall = max(gap, 0.0) / diameter + missing
-        if shortfall <= GAP_TOLERANCE:
+        normals = closing.normals(state.config)
+        is_balanced = balances(closing.body, normals, angle, radius)
+        facing = None if is_balanced else closing.facing
+        rotation = 0.0 if is_balanced else float(np.abs(np.angle(facing / normals)).sum())
+        error = max(gap, 0.0) / diameter + rotation
+        if error <= GAP_TOLERANCE:
             return
-        idle = 0 if shortfall < best - GAP_TOLERANCE else idle + 1
-        best = min(best, shortfall)
-        # `idle` counts successive steps with less progress than the tolerance.
-        if idle > MAX_SEARCH_STEPS:
-            far = gap > GAP_TOLERANCE * diameter
-            name, value = ('reach', gap) if far else ('facing', missing)
+        # Successive steps with less progress than the tolerance.
+        idle_steps = 0 if error < least_error - GAP_TOLERANCE else idle_steps + 1
+        least_error = min(least_error, error)
+        if idle_steps > MAX_SEARCH_STEPS:
+            is_far = gap > GAP_TOLERANCE * diameter
+            name, value = ('reach', gap) if is_far else ('facing', rotation)
             raise RequirementError(name, value, 0.0)
-        state, share = _take_step(state, turned, targets, share)
+        state, share = _take_step(state, replace(closing, facing=facing), targets, share)
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
@@ -173,50 +172,50 @@ def _take_step(
 
     The share of the longest step is that of the previous step, and 1 at first.
     """
-    move = _solve_step(state, closing, targets, share)
-    rigidity = min(closing.needs.min_rigidity, state.modes.values[0])
-    room = state.distances.min(initial=0.0)
+    travel = _solve_step(state, closing, targets, share)
+    min_rigidity = min(closing.needs.min_rigidity, state.modes.values[0])
+    min_clearance = state.distances.min(initial=0.0)
     config, diameter = state.config, state.config.robot.description.tube_diameter
     # The gaps may become smaller than the program allows, because it is exact only to first order.
-    bounds = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
-    bounds[closing.members] = targets - GAP_TOLERANCE * diameter
-    bounds = np.minimum(bounds, state.gaps - COINCIDENCE)
+    min_gaps = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
+    min_gaps[closing.members] = targets - GAP_TOLERANCE * diameter
+    min_gaps = np.minimum(min_gaps, state.gaps - COINCIDENCE)
     for halving in range(5):
         closing.tally.evaluations += 1
         try:
-            moved = config.moved_to(config.roller_positions + 0.5**halving * move)
-            there = evaluate_state(moved, closing.body)
-            there.check_bounds(rigidity, room, bounds)
-            return there, min(1.0, share * (0.5**halving if halving else 2.0))
+            moved = config.moved_to(config.roller_positions + 0.5**halving * travel)
+            moved_state = evaluate_state(moved, closing.body)
+            moved_state.check_bounds(min_rigidity, min_clearance, min_gaps)
+            return moved_state, min(1.0, share * (0.5**halving if halving else 2.0))
         except ConfigurationError:
-            blocked = RequirementError('rigidity', 0.0, rigidity)
+            violation = RequirementError('rigidity', 0.0, min_rigidity)
         except RequirementError as error:
-            blocked = error
-    raise blocked
+            violation = error
+    raise violation
 
 
 def _solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
     """Return the roller travel (r,) of one step by solving the quadratic program [m]."""
     config, members = state.config, closing.members
-    size = share * config.robot.home.member_lengths.mean()
-    rows, least = _bound_rows(state, closing, targets)
-    matrix = rows[members]
-    aim = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * size)
+    length = share * config.robot.home.member_lengths.mean()
+    rows, lower = _bound_rows(state, closing, targets)
+    rates = rows[members]
+    changes = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * length)
     if closing.facing is not None:
-        turned = np.angle(closing.facing * closing.normals(config).conj())
-        turned = np.clip(turned, -MAX_TURN_STEP, MAX_TURN_STEP)
+        rotations = np.angle(closing.facing * closing.normals(config).conj())
+        rotations = np.clip(rotations, -MAX_TURN_STEP, MAX_TURN_STEP)
         names = tuple(config.robot.member_names[member] for member in members)
-        turning = member_rows(config, names)[2::3]
-        matrix = np.concatenate([matrix, TURNING_ARM * turning])
-        aim = np.append(aim, TURNING_ARM * turned)
-    longest = np.full(len(config.roller_positions), MAX_STEP * size)
+        rotation_rates = member_rows(config, names)[2::3]  # after the two rows of a translation
+        rates = np.vstack([rates, TURNING_ARM * rotation_rates])
+        changes = np.append(changes, TURNING_ARM * rotations)
+    longest = np.full(len(config.roller_positions), MAX_STEP * length)
     nominal = np.zeros(len(longest))
     if closing.nominal_posture is not None:
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
     unit = np.eye(len(longest))
-    hessian = matrix.T @ matrix + MOTION_WEIGHT * unit
-    gradient = -matrix.T @ aim - MOTION_WEIGHT * nominal
-    bounds = np.concatenate([-least, longest, longest])
+    hessian = rates.T @ rates + MOTION_WEIGHT * unit
+    gradient = -rates.T @ changes - MOTION_WEIGHT * nominal
+    bounds = np.concatenate([-lower, longest, longest])
     program = QuadraticProgram(hessian, gradient, np.vstack([-rows, unit, -unit]), bounds)
     return require_solution(solve_qp(program))
 
@@ -227,18 +226,19 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
 
     The first bound the gaps of all parts to the object, by targets for grasping members.
     """
-    config, members, robot = state.config, closing.members, state.config.robot
+    config, robot = state.config, state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()
     clearance = CLEARANCE * robot.description.tube_diameter
-    gaps = BOUND_SHARE * (clearance - state.gaps)
-    gaps[members] = targets - state.gaps[members]
+    gap_bounds = BOUND_SHARE * (clearance - state.gaps)
+    gap_bounds[closing.members] = targets - state.gaps[closing.members]
     # Two singular values, because they may exchange their order during a step.
-    few = Modes(*(values[..., :2] for values in state.modes))
-    near = np.flatnonzero(state.distances < MAX_CONSTRAINED_DISTANCE * length)
-    apart = state.distances[near] - clearance
-    margins = np.append(few.values - closing.needs.min_rigidity, apart)
-    shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]
-    limits, most = closing.limit.rows(config).one_sided()
-    by_nodes = config.roller_rows(np.concatenate([state.gaps_by_nodes, *shape]))
-    least = np.minimum(0.0, np.concatenate([gaps, -BOUND_SHARE * margins]))
-    return np.concatenate([by_nodes, -limits]), np.concatenate([least, -most])
+    modes = Modes(*(values[..., :2] for values in state.modes))
+    pairs = np.flatnonzero(state.distances < MAX_CONSTRAINED_DISTANCE * length)
+    rigidity_margins = modes.values - closing.needs.min_rigidity
+    margins = np.append(rigidity_margins, state.distances[pairs] - clearance)
+    rigidity_rows = rigidity_index(robot).gradients(config, modes)
+    pair_rows = collisions.gradients(config, pairs)
+    rows = config.roller_rows(np.vstack([state.gaps_by_nodes, rigidity_rows, pair_rows]))
+    bounds = np.minimum(0.0, np.concatenate([gap_bounds, -BOUND_SHARE * margins]))
+    limits, upper = closing.limit.rows(config).one_sided()
+    return np.vstack([rows, -limits]), np.concatenate([bounds, -upper])

@@ -67,8 +67,11 @@ class BeliefStart:
                 between = place_between(config, grip.members, shape, angle, self._depth)
                 placed = grip.moved_to(between.body.pose)
             grasp = attach_model(config, placed, pressures, prior.zero_deviation)
-            if self._assuming:
-                self._require_squeeze(grasp.squeeze, settings.force)
+            difference = abs(grasp.squeeze - settings.force)
+            if self._assuming and difference > 2.0 * PRIOR.squeeze_error * settings.force:
+                depth = self._depth * settings.force / grasp.squeeze
+                self._depth = min(depth, 4.0 * PRIOR.zero_deviation)
+                raise NotHeldError(HoldStatus.NO_BALANCE)
             belief = GripBelief(grasp, grip, prior, zero_covariance, is_assumed=self._assuming)
             if belief.hold is not HoldStatus.HELD:
                 raise NotHeldError(belief.hold)
@@ -77,9 +80,3 @@ class BeliefStart:
             raise
         self._missed = False
         return belief
-
-    def _require_squeeze(self, squeeze: float, desired: float) -> None:
-        """Correct the depth and raise NotHeldError unless an assumed squeeze is desired [N]."""
-        if abs(squeeze - desired) > 2.0 * PRIOR.squeeze_error * desired:
-            self._depth = min(self._depth * desired / squeeze, 4.0 * PRIOR.zero_deviation)
-            raise NotHeldError(HoldStatus.NO_BALANCE)
