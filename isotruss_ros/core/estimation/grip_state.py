@@ -62,52 +62,53 @@ class GripState(SchmidtFilter):
     def initialise(self, cache: EquilibriumCache, friction: float) -> Array:
         """Set the prior covariance, and update it for a pose; return the gain (n, 3)."""
         settings = self._settings
-        shifts = shift_deviations(cache.grasp, cache.shifted, friction)
         variances = np.diag(self.covariance).copy()
-        variances[LOAD], variances[BIAS] = settings.load**2, settings.pose_error**2
-        variances[SHIFTS:] = shifts**2
+        variances[LOAD] = settings.load**2
+        variances[BIAS] = settings.pose_error**2
+        variances[SHIFTS:] = shift_deviations(cache.grasp, cache.shifted, friction) ** 2
         self.reset(np.diag(variances))
         # The part of the pose that shifts within friction do not explain: roller offsets.
         rates, by_offsets = cache.rates[:3], cache.by_offsets.outputs[:3]
-        shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
+        by_shifts = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
         constant = settings.pose_error**2 * np.eye(3)
-        unexplained = np.linalg.solve(shifted + constant, constant).T @ by_offsets
+        unexplained = np.linalg.solve(by_shifts + constant, constant).T @ by_offsets
         self.covariance[BIAS, BIAS] += unexplained @ self.prior @ unexplained.T
         return self.condition(rates, by_offsets, np.diag(self.noise.variances))
 
     def explains(self, pose: ArrayLike, cache: EquilibriumCache) -> bool:
         """Return whether load, offsets and noise explain the distance of a pose from the model."""
-        off = cache.scale[:3] * pose_difference(pose, cache.grasp.pose)
-        rates, give = cache.by_offsets.outputs[:3], cache.rates[:3, LOAD] * self._settings.load
-        spread = rates @ self.prior @ rates.T + give @ give.T + np.diag(self.noise.variances)
-        return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
+        distance = cache.scale[:3] * pose_difference(pose, cache.grasp.pose)
+        rates, by_load = cache.by_offsets.outputs[:3], cache.rates[:3, LOAD] * self._settings.load
+        spread = rates @ self.prior @ rates.T + by_load @ by_load.T + np.diag(self.noise.variances)
+        return float(distance @ np.linalg.solve(spread, distance)) <= MAX_DEVIATIONS**2
 
-    def correct(self, off: Array, speed: Array, cache: EquilibriumCache, time: float) -> Array:
+    def correct(self, error: Array, speed: Array, cache: EquilibriumCache, time: float) -> Array:
         """
-        Update the belief with the innovation `off` (3,) of a pose [m]; return the change (n,).
+        Update the belief with the innovation (3,) of a pose [m]; return the change (n,).
 
         The `speed` (3,) of the object is that at the pose's time, rotations times the arm [m/s].
         """
         rates, noise = cache.rates[:3].copy(), np.diag(self.noise.variances)
         rates[:, DELAY] = -speed
-        prior, walking = self.covariance, np.zeros_like(rates)
-        walking[:, BIAS], walking[:, SHIFTS:] = rates[:, BIAS], rates[:, SHIFTS:]
-        walked = walking @ prior @ walking.T
-        spread = rates @ prior @ rates.T + noise
-        self.innovation, self.jump = float(off @ np.linalg.solve(spread, off)), 0.0
+        covariance, walk_rates = self.covariance, cache.rates[:3].copy()
+        walk_rates[:, LOAD] = 0.0
+        walk_covariance = walk_rates @ covariance @ walk_rates.T
+        spread = rates @ covariance @ rates.T + noise
+        self.innovation, self.jump = float(error @ np.linalg.solve(spread, error)), 0.0
         if self.innovation > MAX_DEVIATIONS**2:  # contacts and unexplained pose may be anywhere
-            self.jump = math.hypot(*off)
-            freed = np.zeros(len(prior))
-            freed[BIAS] = freed[SHIFTS:] = self.jump**2
-            self.covariance = prior + np.diag(freed)
+            self.jump = math.hypot(*error)
+            added = np.zeros(len(covariance))
+            added[BIAS] = added[SHIFTS:] = self.jump**2
+            self.covariance = covariance + np.diag(added)
         by_offsets = cache.by_offsets.outputs[:3]
-        change = self.condition(rates, by_offsets, noise) @ off
+        change = self.condition(rates, by_offsets, noise) @ error
         delay = self.delay + float(change[DELAY])
         self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
-        give = cache.rates[:3, LOAD] * self._settings.load
-        expected, moved = noise + give @ give.T, walking @ change
-        self.walk.add(time, moved, walked, expected, by_offsets, self.prior)
+        by_load = cache.rates[:3, LOAD] * self._settings.load
+        expected = noise + by_load @ by_load.T
+        correction = walk_rates @ change
+        self.walk.add(time, correction, walk_covariance, expected, by_offsets, self.prior)
         return change
 
     def propagate(

@@ -81,9 +81,8 @@ class ServoState:
         else:
             self.squeeze.settings = settings.squeeze
         self._limits = (*default_limits(self.robot), *settings.limits)
-        self._guard: ShapeGuard | None = None
-        if settings.bounds is not None:
-            self._guard = ShapeGuard(self.robot, settings.bounds, settings.barriers)
+        bounds, barriers = settings.bounds, settings.barriers
+        self._guard = None if bounds is None else ShapeGuard(self.robot, bounds, barriers)
         self.settings = settings
 
     def receive(self, **inputs: Any) -> None:
