@@ -17,6 +17,7 @@ holds up to a larger p. The gain of the squeeze is p, up to `MAX_SQUEEZE_GAIN`.
 
 from __future__ import annotations
 
+from collections import deque
 import itertools
 import math
 
@@ -91,29 +92,27 @@ class Swings:
 
     def __init__(self, longest: float) -> None:
         self._longest = longest
-        self._extreme = self._turned = math.nan
-        self._rising, self._age, self._travel, self._poses = True, 0.0, 0.0, 0
-        self._sizes: list[float] = []
+        self._extremum = self._previous = math.nan  # last extremum so far, and the one before
+        self._sign, self._age, self._travel, self._poses = 1.0, 0.0, 0.0, 0
+        self._sizes: deque[float] = deque(maxlen=SWING_COUNT)
 
     def update(self, value: float, elapsed: float, least: float, travel: float) -> bool:
         """Add a value of the signal; return whether its oscillation does not decay."""
-        if math.isnan(self._extreme):
-            self._extreme = self._turned = value
+        if math.isnan(self._extremum):
+            self._extremum = self._previous = value
         self._age += elapsed
         self._travel += travel
         self._poses += 1
-        sign = 1.0 if self._rising else -1.0
-        if sign * (value - self._extreme) >= 0.0:
-            self._extreme = value
-        elif sign * (self._extreme - value) > max(least, TRAVEL_SHARE * self._travel):
-            if self._age > self._longest or self._poses < MIN_SWING_POSES:
-                self._sizes.clear()
-            self._sizes.append(abs(self._extreme - self._turned))
-            self._turned, self._extreme = self._extreme, value
-            self._rising, self._age = not self._rising, 0.0
-            self._travel, self._poses = 0.0, 0
-            last = self._sizes[-SWING_COUNT:]
-            return len(self._sizes) >= SWING_COUNT and all(
-                size >= MIN_SWING_RATIO * before for before, size in itertools.pairwise(last)
-            )
-        return False
+        decrease = self._sign * (self._extremum - value)
+        if decrease <= 0.0:
+            self._extremum = value
+        if decrease <= max(least, TRAVEL_SHARE * self._travel):
+            return False
+        if self._age > self._longest or self._poses < MIN_SWING_POSES:
+            self._sizes.clear()
+        self._sizes.append(abs(self._extremum - self._previous))
+        self._previous, self._extremum = self._extremum, value
+        self._sign, self._age, self._travel, self._poses = -self._sign, 0.0, 0.0, 0
+        return len(self._sizes) == SWING_COUNT and all(
+            size >= MIN_SWING_RATIO * before for before, size in itertools.pairwise(self._sizes)
+        )
