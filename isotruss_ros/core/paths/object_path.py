@@ -56,11 +56,11 @@ class ObjectPath:
         smooth: bool = False,
         first: int = 0,
     ) -> None:
-        self.speed = _limit('speed', speed, 10.0, 'm/s')
-        self.turn_rate = _limit('turn rate', turn_rate, 100.0, 'rad/s')
-        self.poses = _distinct(_continuous(poses, first))
+        self.speed = _check_limit('speed', speed, 10.0, 'm/s')
+        self.turn_rate = _check_limit('turn rate', turn_rate, 100.0, 'rad/s')
+        self.poses = _drop_repeated(_read_poses(poses, first))
         if smooth:
-            self.poses = _distinct(_smoothed(self.poses, self._durations()))
+            self.poses = _drop_repeated(_sample_spline(self.poses, self._durations()))
         self.times = np.concatenate([[0.0], np.cumsum(self._durations())])
 
     def _durations(self) -> Array:
@@ -100,13 +100,13 @@ class ObjectPath:
         return np.array([np.interp(time, self.times, values) for values in self.poses.T])
 
 
-def _limit(name: str, value: float, most: float, unit: str) -> float:
+def _check_limit(name: str, value: float, most: float, unit: str) -> float:
     if not 0.0 < value <= most:  # also refuses NaN
         raise PathError(f'{name} {value!r} {unit}: must be positive, at most {most:g} {unit}')
     return float(value)
 
 
-def _continuous(poses: ArrayLike, first: int) -> Array:
+def _read_poses(poses: ArrayLike, first: int) -> Array:
     """Return the poses (n, 3), with angles that are continued beyond one turn."""
     what = 'the poses of the path (x, y, angle) [m, rad]'
     array = finite_rows(poses, 3, what, PathError, MAX_MAGNITUDE)
@@ -127,7 +127,7 @@ def _continuous(poses: ArrayLike, first: int) -> Array:
     return array
 
 
-def _distinct(poses: Array) -> Array:
+def _drop_repeated(poses: Array) -> Array:
     """Return the poses without the poses that equal their predecessors."""
     cells = np.round(poses / ROUNDING)
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
@@ -138,7 +138,7 @@ def _distinct(poses: Array) -> Array:
     return poses[np.concatenate([[True], differs])]
 
 
-def _smoothed(poses: Array, durations: Array) -> Array:
+def _sample_spline(poses: Array, durations: Array) -> Array:
     """Return samples of the centripetal Catmull-Rom spline with durations as knot intervals."""
     knots = np.concatenate([[0.0], np.cumsum(np.sqrt(durations))])
     # Tangents of the parabola through each pose and its neighbours.

@@ -47,7 +47,7 @@ def contact_ends(body: ConvexObject, normals: Points, radius: float) -> tuple[Po
 
 
 @functools.lru_cache(maxsize=16)
-def _pairs(shape: Shape, radius: float) -> tuple[Points, Points, Array]:
+def _find_pairs(shape: Shape, radius: float) -> tuple[Points, Points, Array]:
     """Return candidates of two directions in the object's frame, with their friction angles."""
     firsts, corner = np.exp(2j * np.pi * np.arange(72) / 72).tolist(), 0
     smooth = shape.smoothed(radius)
@@ -87,7 +87,7 @@ def find_facing(
 
     They minimise a weighted sum of required friction angle and rotation.
     """
-    firsts, others, used = _pairs(body.shape, radius)
+    firsts, others, used = _find_pairs(body.shape, radius)
     firsts, others = firsts * body.turn, others * body.turn
     turns = np.abs(np.angle([firsts / normals[0], others / normals[1]]))
     price = np.where(used <= angle, used + turning * turns.sum(axis=0), math.inf)

@@ -38,7 +38,7 @@ def judge_candidate(config: Configuration, closing: Closing) -> Judgement:
                 if closing.needs.carry:
                     tally.closest = None
                     grip = _check_carry(grip, closing)
-                grasp = _planned(closing.needs, [*opened, *pressed], len(opened), grip)
+                grasp = _describe_grasp(closing.needs, [*opened, *pressed], len(opened), grip)
     except IsotrussError as error:
         # A candidate without a solution is rejected; its tally is kept.
         tally.record(Violation(str(error), 0.0, 0.0))
@@ -80,7 +80,7 @@ def _check_carry(grip: ClosedGrip, closing: Closing) -> ClosedGrip:
     return grip._replace(chance=find_chance(foresight.grips, needs.friction, covariance))
 
 
-def _planned(
+def _describe_grasp(
     needs: GraspRequirements, configs: list[Configuration], touch: int, grip: ClosedGrip
 ) -> PlannedGrasp:
     """Return the planned grasp, with the index of the first configuration in contact."""

@@ -44,10 +44,10 @@ class EvaluatedState(NamedTuple):
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """Return whether all distances have fallen by less than `spare` since the evaluation."""
         moved = float(np.abs(config.points - self.config.points).max())
-        return moved + max(moved, _moved(grip, self.grip)) < self.spare
+        return moved + max(moved, _bound_displacement(grip, self.grip)) < self.spare
 
 
-def _moved(grip: Grip | None, then: Grip | None) -> float:
+def _bound_displacement(grip: Grip | None, then: Grip | None) -> float:
     """Return an upper bound of the object's displacement [m]; infinite for another object."""
     if grip is then:
         return 0.0

@@ -64,12 +64,12 @@ def object_distances(
     near = np.flatnonzero(distances < far)
     if len(near):
         distances[near] = segment_gaps(body, starts[near], ends[near]).gaps - radii[near]
-    distances[_left_out(config.robot, members)[parts]] = np.inf
+    distances[_mask_grip(config.robot, members)[parts]] = np.inf
     return distances
 
 
 @functools.lru_cache(maxsize=64)
-def _left_out(robot: Robot, members: tuple[str, ...]) -> Array:
+def _mask_grip(robot: Robot, members: tuple[str, ...]) -> Array:
     """Return a mask (3m,) of the parts that `object_distances` excludes."""
     topology, grasping = robot.topology, find_members(robot.topology, members).members
     held = np.zeros((3, topology.n_modules), dtype=bool)

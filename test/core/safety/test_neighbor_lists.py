@@ -10,7 +10,7 @@ from hypothesis import given
 from isotruss_ros.core import ConvexObject, Grip, Polygon
 from isotruss_ros.core.model.convex_object import ORIGIN
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.safety.barriers import _moved
+from isotruss_ros.core.safety.barriers import _bound_displacement
 import numpy as np
 import pytest
 import robots
@@ -34,7 +34,7 @@ def test_the_bound_of_the_displacement_is_at_least_that_of_every_point(rng):
     moved = np.abs(
         one.body.center + one.body.turn * points - other.body.center - other.body.turn * points
     )
-    bound = _moved(one, other)
+    bound = _bound_displacement(one, other)
     assert moved.max() <= bound + 1e-12
     turned = abs(one.body.turn - other.body.turn) * shape.reach
     assert bound == pytest.approx(abs(one.body.center - other.body.center) + turned)
@@ -47,7 +47,7 @@ def test_another_grip_or_shape_has_no_bound(one, other):
     first, second = (
         grip_of(shape, members=tuple(names[i] for i in each)) for each in (one, other)
     )
-    assert _moved(first, second) == math.inf
+    assert _bound_displacement(first, second) == math.inf
     larger = Polygon([(0.0, 0.0), (0.3, 0.0), (0.0, 0.2)])
-    assert _moved(first, grip_of(larger, members=first.members)) == math.inf
-    assert _moved(first, replace(first)) == 0.0
+    assert _bound_displacement(first, grip_of(larger, members=first.members)) == math.inf
+    assert _bound_displacement(first, replace(first)) == 0.0
