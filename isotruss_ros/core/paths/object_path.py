@@ -65,10 +65,10 @@ class ObjectPath:
 
     def _durations(self) -> Array:
         """Return the durations (n - 1,) of the segments [s]."""
-        steps = np.diff(self.poses, axis=0)
-        length = np.hypot(steps[:, 0], steps[:, 1])
+        steps = np.abs(np.diff(self.poses, axis=0))
+        lengths = np.hypot(steps[:, 0], steps[:, 1])
         with np.errstate(over='ignore'):  # infinite at a very low speed; refused below
-            durations = np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
+            durations = np.maximum(lengths / self.speed, steps[:, 2] / self.turn_rate)
             total = float(durations.sum())
         if total > MAX_DURATION:
             raise PathError(
@@ -85,8 +85,7 @@ class ObjectPath:
     @property
     def length(self) -> float:
         """Return the length of the path of the object's centre [m]."""
-        steps = np.diff(self.poses, axis=0)
-        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+        return float(np.abs(np.diff(self.poses[:, :2] @ [1.0, 1.0j])).sum())
 
     def pose(self, time: float) -> Array:
         """
@@ -143,10 +142,10 @@ def _sample_spline(poses: Array, durations: Array) -> Array:
     knots = np.concatenate([[0.0], np.cumsum(np.sqrt(durations))])
     # Tangents of the parabola through each pose and its neighbours.
     tangents = np.gradient(poses, knots, axis=0, edge_order=2 if len(poses) > 2 else 1)
-    steps = np.diff(poses, axis=0)
-    wanted = np.maximum(np.hypot(*steps[:, :2].T) / PIECE, np.abs(steps[:, 2]) / PIECE_TURN)
-    wanted *= min(1.0, MAX_POSES / wanted.sum())
-    counts = np.ceil(wanted).clip(1).astype(int)
+    steps = np.abs(np.diff(poses, axis=0))
+    pieces = np.maximum(np.hypot(steps[:, 0], steps[:, 1]) / PIECE, steps[:, 2] / PIECE_TURN)
+    pieces *= min(1.0, MAX_POSES / pieces.sum())
+    counts = np.ceil(pieces).clip(1).astype(int)
     ends = np.concatenate([[0], np.cumsum(counts)])
     samples = np.interp(np.arange(ends[-1] + 1), ends, knots)
     return scipy.interpolate.CubicHermiteSpline(knots, poses, tangents)(samples)

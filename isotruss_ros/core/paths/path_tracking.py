@@ -175,9 +175,8 @@ class PathTracker:
     def __init__(self, path: ObjectPath, settings: TrackingSettings, period: float) -> None:
         self.path = path
         self.settings = settings
-        self.clock = PathClock(
-            path.duration, settings.ramp_time, settings.progress_timeout, period
-        )
+        ramp_time, timeout = settings.ramp_time, settings.progress_timeout
+        self.clock = PathClock(path.duration, ramp_time, timeout, period)
         self.max_position_error = self.max_angle_error = 0.0
         self._watched, self._squares = 0.0, 0.0
 
@@ -215,9 +214,8 @@ class PathTracker:
         :param held: whether the robot is stopped.
         :raises PathError: the measured pose is not three finite numbers within range.
         """
-        finite_array(
-            measured, 3, 'the measured pose (x, y, angle) [m, rad]', PathError, MAX_MAGNITUDE
-        )
+        what = 'the measured pose (x, y, angle) [m, rad]'
+        finite_array(measured, 3, what, PathError, MAX_MAGNITUDE)
         age, elapsed = max(age, 0.0), max(elapsed, 0.0)
         clock, settings = self.clock, self.settings
         error = pose_difference(self.path.pose(clock.time_then(elapsed, age)), measured)

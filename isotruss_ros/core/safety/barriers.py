@@ -10,6 +10,7 @@ Distances are evaluated for those pairs of parts that a Verlet neighbour list se
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 import math
 from typing import NamedTuple
 
@@ -110,9 +111,8 @@ class ClearanceBarrier:
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """Return the distances that are near the bound; see `Barrier.active`."""
         moving = grip if self.needs_object else None
-        close, distances = self._neighbors.find_close(
-            config, moving, lambda indices: self.values(config, grip, indices)
-        )
+        measure = partial(self.values, config, grip)
+        close, distances = self._neighbors.find_close(config, moving, measure)
         if not len(close):
             return NO_ACTIVE_VALUES
         if moving is None:

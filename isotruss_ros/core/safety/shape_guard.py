@@ -180,9 +180,8 @@ class Watch(NamedTuple):
                 grip = roll_object(grip, start, end)
             except GraspError:  # a contact is lost during the motion
                 return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
-        limited = [
-            limit.violation(end, grip, travel, velocities, duration) for limit in self.limits
-        ]
+        motion = end, grip, travel, velocities, duration
+        limited = [limit.violation(*motion) for limit in self.limits]
         violations = [violation for violation in limited if violation is not None]
         for barrier in self.barriers if is_long else ():
             # Values that fell from outside of the band to below the bound.

@@ -210,9 +210,8 @@ class TwistServo(ServoState):
         """Return the predicted configuration and grip at mid-cycle, and the last command."""
         failed = self.failed
         still = np.array([name in failed for name in self.robot.roller_names])
-        before, travel, last = self._history.expected_travel(
-            rollers, (pose or rollers).time, now, 0.5 * self.settings.period, still
-        )
+        then, ahead = (pose or rollers).time, 0.5 * self.settings.period
+        before, travel, last = self._history.expected_travel(rollers, then, now, ahead, still)
         measured = self._tracker.configuration(rollers.value.positions)
         config = measured.predict(travel)
         if pose is None:
