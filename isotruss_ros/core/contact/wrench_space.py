@@ -48,7 +48,12 @@ def wrench_space(
     Points (k, 2) are relative to the reference point of the moments [m], unit normals (k, 2) away
     from the object; `arm` is the characteristic radius [m].
     """
-    edges = _edge_wrenches(points, normals, friction, arm)
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+    # Forces and wrenches (k, 2, ...) at the edges of the friction cones, with normal forces of 1.
+    forces = -normals[:, None] + friction * np.stack([tangents, -tangents], axis=1)
+    x, y = points[:, None].transpose(2, 0, 1)
+    moments = (x * forces[..., 1] - y * forces[..., 0]) / arm
+    edges = np.concatenate([forces, moments[..., None]], axis=2)
     if norm == 'L1':
         vertices = np.vstack([np.zeros((1, 3)), edges.reshape(-1, 3)])
     elif norm == 'Linf':
@@ -63,12 +68,3 @@ def wrench_space(
         return WrenchSpace(0.0, 0.0)
     epsilon = -float(hull.equations[:, -1].max())
     return WrenchSpace(epsilon if epsilon > ROUNDING else 0.0, float(hull.volume))
-
-
-def _edge_wrenches(points: Array, normals: Array, friction: float, arm: float) -> Array:
-    """Return the wrenches (k, 2, 3) of the edges of the cones, with normal forces of 1 [-]."""
-    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
-    edges = -normals[:, None] + friction * np.stack([tangents, -tangents], axis=1)
-    x, y = points[:, None].transpose(2, 0, 1)
-    moments = (x * edges[..., 1] - y * edges[..., 0]) / arm
-    return np.concatenate([edges, moments[..., None]], axis=2)

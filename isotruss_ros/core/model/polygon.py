@@ -103,10 +103,9 @@ class Polygon(PolygonalShape):
     @cached_property
     def reach(self) -> float:
         """Return the largest distance of the surface from the origin [m]."""
-        ends = self.arc_centers + self.radii * np.stack([np.roll(self.normals, 1), self.normals])
-        facing = self._corner_of(self.arc_centers) == np.arange(len(self.vertices))
-        middle = np.where(facing, np.abs(self.arc_centers) + self.radii, 0.0)
-        return float(max(np.abs(ends).max(), middle.max()))
+        # The normal at the farthest point is along the line from the origin to this point.
+        normals = np.exp(1j * np.angle(self.arc_centers))
+        return float(np.abs(self.support_points(normals)).max())
 
     @cached_property
     def _directions(self) -> Array:
@@ -157,21 +156,19 @@ class Polygon(PolygonalShape):
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths to points on corners' arcs; see `Shape.unroll`."""
         middles, starts = self._unrolled_corners
-        middle = middles[corners]
-        turns = np.round((angles - middle) / (2.0 * np.pi))
-        within = angles - 2.0 * np.pi * turns - middle
+        from_middles = angles - middles[corners]
+        turns = np.round(from_middles / (2.0 * np.pi))
+        within = from_middles - 2.0 * np.pi * turns
         return starts[corners] + self.radii[corners] * within + self.perimeter * turns
 
     @cached_property
     def _unrolled_corners(self) -> tuple[Array, Array]:
         """Return angles (k,) of the corners' middle normals, and arc lengths (k,) there."""
-        turns, along = self.turns, 1j * self.normals
-        middles = np.angle(self.normals[0]) - 0.5 * turns[0]
-        middles = middles + np.append(0.0, np.cumsum(0.5 * (turns[1:] + turns[:-1])))
-        ahead = np.roll(self.arc_centers, -1) - self.arc_centers
-        flats = (along.conj() * ahead).real
-        halves = 0.5 * self.radii * turns
-        steps = halves[:-1] + flats[:-1] + halves[1:]
+        middles = np.angle(self.normals[0]) + self._directions - 0.5 * self.turns
+        between_centers = np.roll(self.arc_centers, -1) - self.arc_centers
+        faces = (between_centers * (1j * self.normals).conj()).real
+        half_arcs = 0.5 * self.radii * self.turns
+        steps = half_arcs[:-1] + faces[:-1] + half_arcs[1:]
         return middles, np.append(0.0, np.cumsum(steps))
 
     def nearest(self, points: Points) -> SurfacePoints:
