@@ -126,7 +126,7 @@ class Constraints:
         and the direction angle t of v.
         """
         m = self._topology.n_modules
-        stretched = (points[self._heads] - points[self._tails])[:, None]
+        stretched = self.spans(points)[:, None]
         nodes = np.ascontiguousarray(motions.T).view(np.complex128).T
         moved = nodes[self._heads] - nodes[self._tails]
         lengths = np.abs(stretched)

@@ -53,21 +53,27 @@ class RigidityIndex:
         m = robot.topology.n_modules
         self._scale = np.ones((robot.constraints.n_rows, 1))
         bisection = slice(4 * m, 5 * m)
-        self._scale[bisection] = robot.description.module.rod_length
+        rod = robot.description.module.rod_length
+        self._scale[bisection] = rod
         size = robot.constraints.n_columns
         noise = np.random.default_rng(0).standard_normal((size, min(BLOCK_SIZE, size)))
-        self._at_home = 1.0
+        self._at_home, self._start = 1.0, noise
         # Iterations from random vectors, once for each robot.
-        home = self._modes(robot.home, noise, 60)
+        home = self.modes(robot.home, 60)
         self._at_home = float(home.values[0])
-        rod = robot.description.module.rod_length
         self.weights = np.repeat([1.0, rod], [8 * m, 5 * m]) / self._at_home
         # Random components find weakest modes that are orthogonal to those at home.
         self._start = home.nodes + 0.3 * noise / np.sqrt(size)
 
-    def modes(self, config: Configuration) -> Modes:
+    def modes(self, config: Configuration, iterations: int = ITERATIONS) -> Modes:
         """Return the smallest singular values and vectors of the Jacobian in a configuration."""
-        return self._modes(config, self._start, ITERATIONS)
+        factor, scale, basis = config.factor, self._scale, self._start
+        for _ in range(iterations):
+            # (M^T M)^-1 with M = scale * matrix.
+            basis = np.linalg.qr(factor.solve(factor.solve_transposed(basis) / scale**2))[0]
+        weak = factor.solve_transposed(basis) / scale
+        rows, inverse, turned = np.linalg.svd(weak, full_matrices=False)
+        return Modes(1.0 / (self._at_home * inverse), rows, basis @ turned.T)
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
         """
@@ -79,15 +85,6 @@ class RigidityIndex:
             config.points, self._scale * modes.rows, modes.nodes
         )
         return turning.T / self._at_home
-
-    def _modes(self, config: Configuration, basis: Array, iterations: int) -> Modes:
-        factor, scale = config.factor, self._scale
-        for _ in range(iterations):
-            # (M^T M)^-1 with M = scale * matrix.
-            basis = np.linalg.qr(factor.solve(factor.solve_transposed(basis) / scale**2))[0]
-        weak = factor.solve_transposed(basis) / scale
-        rows, inverse, turned = np.linalg.svd(weak, full_matrices=False)
-        return Modes(1.0 / (self._at_home * inverse), rows, basis @ turned.T)
 
 
 @functools.lru_cache(maxsize=16)
