@@ -69,11 +69,12 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
 def _respond(structure: Structure, pieces: tuple[int, ...]) -> tuple[Indices, Array]:
     """Return the coordinates (6 p,) of pieces' ends, and the nodes' motion (3 n, 6 p) by them."""
     layout = structure.frame.layout
+    constraints = layout.numbering.rows
     nodes = np.stack([layout.start[list(pieces)], layout.end[list(pieces)]], axis=1)
     ends = (3 * nodes[:, :, None] + np.arange(3)).ravel()
     loads = np.zeros((3 * len(structure.frame.points), len(ends)))
     loads[ends, np.arange(len(ends))] = 1.0
-    return ends, structure.unloaded.respond(loads)[layout.numbering.rows :]
+    return ends, structure.unloaded.respond(loads)[constraints:]
 
 
 def clamped_pieces(
