@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 Points = NDArray[np.complex128]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+#: Largest finite number of double precision [-].
+LARGEST_NUMBER = float(np.finfo(float).max)
 #: Largest magnitude of a number from outside, in SI units; its inverse is the smallest positive
 #: number. Numbers out of this range are mistakes, and products of such numbers overflow.
 MAX_MAGNITUDE = 1e12
@@ -30,7 +32,7 @@ def finite_array(
     size: int | tuple[int, ...],
     what: str,
     error: type[IsotrussError],
-    most: float = np.inf,
+    most: float = LARGEST_NUMBER,
 ) -> NDArray[np.float64]:
     """Return a copy of finite numbers of magnitudes up to `most` as an array of this size."""
     shape = (size,) if isinstance(size, int) else size
@@ -41,20 +43,24 @@ def finite_array(
         array = np.asarray(None)
     if 0 in shape and array.size == 0:
         return np.zeros(shape)
-    fits = array.dtype.kind in 'iuf' and array.shape == shape and np.isfinite(array).all()
-    if not fits or (np.abs(array) > most).any():
+    fits = array.dtype.kind in 'iuf' and array.shape == shape
+    if not (fits and (np.abs(array) <= most).all()):
         text = repr(values.tolist() if hasattr(values, 'tolist') else values)
         shown = text if len(text) <= 80 else text[:77] + '...'
         count = ' x '.join(map(str, shape)) + ' finite numbers'
         if shape == (1,):
             shown, count = shown.removeprefix('[').removesuffix(']'), 'a finite number'
-        bound = '' if most == np.inf else f', at most {most:g}'
+        bound = '' if most == LARGEST_NUMBER else f', at most {most:g}'
         raise error(f'{what}: {shown}: must be {count}{bound}')
     return array.astype(np.float64)
 
 
 def finite_rows(
-    values: ArrayLike, columns: int, what: str, error: type[IsotrussError], most: float = np.inf
+    values: ArrayLike,
+    columns: int,
+    what: str,
+    error: type[IsotrussError],
+    most: float = LARGEST_NUMBER,
 ) -> NDArray[np.float64]:
     """Return a copy of rows of finite real numbers as an array (n, columns)."""
     rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)

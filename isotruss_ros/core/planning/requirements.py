@@ -12,7 +12,7 @@ import math
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import check_member_names
 from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
-from isotruss_ros.core.numerics.arrays import finite_array, MAX_LOAD
+from isotruss_ros.core.numerics.arrays import finite_array, LARGEST_NUMBER, MAX_LOAD
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
@@ -76,7 +76,7 @@ class GraspRequirements:
 
     def __post_init__(self) -> None:
         """Check the values; names are checked against the robot when a search begins."""
-        for name, most in ('external_wrench', MAX_LOAD), ('direction', math.inf):
+        for name, most in ('external_wrench', MAX_LOAD), ('direction', LARGEST_NUMBER):
             what = f'requirement {name}'
             values = finite_array(getattr(self, name), 3, what, GraspError, most)
             object.__setattr__(self, name, tuple(values.tolist()))
