@@ -31,23 +31,16 @@ class Constraints:
     def __init__(self, topology: Topology) -> None:
         self._topology = topology
         m, n = topology.n_modules, topology.n_nodes
-        a, b, c, following, previous = (
-            topology.joint,
-            topology.b,
-            topology.c,
-            topology.following,
-            topology.previous,
-        )
+        a, b, c, member_end = topology.joint, topology.b, topology.c, topology.end
         self.n_rows = 5 * m + len(topology.grounded)
         self.n_columns = 2 * n
-        self._heads = np.concatenate([c[following], b, c, c])
+        self._heads = np.concatenate([member_end, b, c, c])
         self._tails = np.concatenate([b, a, a, b])
         stretch = np.arange(4 * m)
         bend = 4 * m + np.arange(m)
         self._rows = np.concatenate([stretch, stretch, bend, bend, bend, bend, bend])
-        self._nodes = np.concatenate(
-            [self._heads, self._tails, c[following], b, c, a, b[previous]]
-        )
+        bisection = [member_end, b, c, a, b[topology.previous]]
+        self._nodes = np.concatenate([self._heads, self._tails, *bisection])
         self._ground_rows = 5 * m + np.arange(len(topology.grounded))
         self._places = self._rows * n + self._nodes
         self._sparse: csc_matrix | None = None

@@ -71,19 +71,17 @@ class CollisionModel:
         tube = 0.5 * file.tube_diameter
         self._robot = robot
         disc = 0.5 * file.module.pinch_separation + tube
-        own_b, own_c, own_a = topology.b, topology.c, topology.joint
-        next_c = topology.end
-        # Segments: members, modules (of no length), rods.
-        starts = [np.concatenate([own_b, own_b, own_a]), np.concatenate([own_b, own_c, own_a])]
-        ends = [np.concatenate([next_c, own_b, own_b]), np.concatenate([next_c, own_c, own_c])]
-        self._start, self._end = np.stack(starts), np.stack(ends)
+        a, b, c, member_end = topology.joint, topology.b, topology.c, topology.end
+        # Segments between midpoints of two nodes: members, modules (of no length), rods.
+        self._start = np.array([[b, b, a], [b, c, a]]).reshape(2, -1)
+        self._end = np.array([[member_end, b, b], [member_end, c, c]]).reshape(2, -1)
         self.part_radii = np.repeat([tube, disc, 0.0], m)
         self.part_radii.flags.writeable = False
         # Points: modules, joints.
-        points = [np.concatenate([own_b, joints]), np.concatenate([own_c, joints])]
+        points = np.array([np.append(b, joints), np.append(c, joints)])
         point_radius = np.repeat([disc, 0.0], [m, len(joints)])
         self._first, self._second = np.nonzero(_measured(robot))
-        self._point = np.stack(points)[:, self._first]
+        self._point = points[:, self._first]
         self._reach = point_radius[self._first] + self.part_radii[self._second]
 
     def names(self, pairs: Indices) -> list[str]:

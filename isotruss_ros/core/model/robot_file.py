@@ -37,36 +37,29 @@ def read_robot_file(name_or_path: str | Path) -> RobotDescription:
 def describe_robot(path: Path, content: Any) -> RobotDescription:
     """Return the checked description of a robot file's content."""
     check_form(path, content)
-    joints = {name: (float(x), float(y)) for name, (x, y) in content['joints'].items()}
-    tubes = tuple(
-        Tube(name, tuple(tube['joints']), tube['passive'])
-        for name, tube in content['tubes'].items()
-    )
-    supports = {joint: tuple(axes) for joint, axes in content['supports'].items()}
-    limits = {key: float(value) for key, value in content['members'].items()}
-    pressure = content['tube']['pressure']
-    refuse_if_any(path, _cross_check(joints, tubes, supports, limits, content))
-    if not isinstance(pressure, Mapping):
-        pressure = dict.fromkeys(content['tubes'], pressure)
-    pressures = {tube.name: float(pressure[tube.name]) for tube in tubes}
+    refuse_if_any(path, _cross_check(content))
+    tubes, pressure = content['tubes'], content['tube']['pressure']
+    pressures = pressure if isinstance(pressure, Mapping) else dict.fromkeys(tubes, pressure)
     max_speed = float(content['rollers']['max_speed'])
     description = RobotDescription(
         source=str(path),
         name=content['name'],
         frame=content.get('frame', DEFAULT_FRAME),
-        joints=joints,
-        tubes=tubes,
+        joints={name: (float(x), float(y)) for name, (x, y) in content['joints'].items()},
+        tubes=tuple(
+            Tube(name, tuple(tube['joints']), tube['passive']) for name, tube in tubes.items()
+        ),
         module=Module(**{key: float(value) for key, value in content['module'].items()}),
         tube_diameter=float(content['tube']['diameter']),
-        pressures=pressures,
+        pressures={name: float(pressures[name]) for name in tubes},
         stiffness=content['tube'].get('stiffness', {'model': 'inflatable_beam'}),
-        supports=supports,
+        supports={joint: tuple(axes) for joint, axes in content['supports'].items()},
         max_speed=max_speed,
         # By default the rollers reach the largest speed in 0.1 s.
         max_acceleration=float(content['rollers'].get('max_acceleration', 10.0 * max_speed)),
         calibration=content.get('calibration', {}),
         uncertainty=content.get('uncertainty', {}),
-        **limits,
+        **{key: float(value) for key, value in content['members'].items()},
         **{
             name: float(content['tube'][key])
             for key, name in TUBE_KEYS.items()
@@ -98,45 +91,42 @@ def _unknown(where: str, kind: str, names: Iterable[str], valid: Iterable[str]) 
             yield f'{where}: unknown {kind} {name!r}; known are {", ".join(valid)}'
 
 
-def _cross_check(
-    joints: Mapping[str, tuple[float, float]],
-    tubes: tuple[Tube, ...],
-    supports: Mapping[str, tuple[str, ...]],
-    limits: Mapping[str, float],
-    content: Mapping[str, Any],
-) -> Iterator[str]:
+def _cross_check(content: Mapping[str, Any]) -> Iterator[str]:
     """Yield faults that the schema cannot express, such as names of joints that do not exist."""
-    used = {joint for tube in tubes for joint in tube.joints}
-    for tube in tubes:
-        yield from _unknown(f'tubes.{tube.name}.joints', 'joint', tube.joints, joints)
-        if tube.passive not in tube.joints:
+    joints, tubes, limits = content['joints'], content['tubes'], content['members']
+    used = {joint for tube in tubes.values() for joint in tube['joints']}
+    for name, tube in tubes.items():
+        yield from _unknown(f'tubes.{name}.joints', 'joint', tube['joints'], joints)
+        if tube['passive'] not in tube['joints']:
             yield (
-                f'tubes.{tube.name}.passive: {tube.passive!r} is not a joint of this tube; '
-                f'must be one of {", ".join(tube.joints)}'
+                f'tubes.{name}.passive: {tube["passive"]!r} is not a joint of this tube; '
+                f'must be one of {", ".join(tube["joints"])}'
             )
     for joint in joints:
         if joint not in used:
             yield f'joints.{joint}: no tube has this joint; add it to a tube, or remove it'
-    for joint in supports:
+    for joint in content['supports']:
         yield from _unknown(f'supports.{joint}', 'joint', [joint], joints)
     pressure = content['tube']['pressure']
     if isinstance(pressure, Mapping):
-        names = [tube.name for tube in tubes]
-        yield from _unknown('tube.pressure', 'tube', pressure, names)
-        for name in names:
+        yield from _unknown('tube.pressure', 'tube', pressure, tubes)
+        for name in tubes:
             if name not in pressure:
                 yield f'tube.pressure: tube {name} is missing; give one number, or one per tube'
-    pairs = [(tube, joint) for tube in tubes for joint in tube.joints if joint != tube.passive]
-    driven = [f'{tube.name}/{joint}' for tube, joint in pairs]
+    driven = [
+        f'{name}/{joint}'
+        for name, tube in tubes.items()
+        for joint in tube['joints']
+        if joint != tube['passive']
+    ]
     for key in ('zero_deviations', 'checked_rollers'):
         names = content.get('calibration', {}).get(key, ())
         yield from _unknown(f'calibration.{key}', 'roller', names, driven)
     occupants: dict[tuple[float, float], str] = {}
-    for joint, position in joints.items():
-        other = occupants.setdefault(position, joint)
+    for joint, (x, y) in joints.items():
+        other = occupants.setdefault((x, y), joint)
         if other != joint:
-            where = f'joints.{joint}: {list(position)}'
-            yield f'{where}: joint {other} is at this position; must differ'
+            yield f'joints.{joint}: [{x}, {y}]: joint {other} is at this position; must differ'
     if limits['min_length'] >= limits['max_length']:
         yield (
             f'members.min_length: {limits["min_length"]}: '

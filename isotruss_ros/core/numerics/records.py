@@ -82,26 +82,22 @@ class Record:
 
 def as_plain(value: Any) -> Any:
     """Convert a value to numbers, texts, lists and dictionaries."""
-    if value is None or (
-        isinstance(value, (bool, int, float, str)) and not isinstance(value, enum.Enum)
-    ):
+    if isinstance(value, enum.Enum):
+        return value.value if isinstance(value.value, str) else value.name
+    if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if hasattr(value, 'to_dict'):
         return value.to_dict()
-    if isinstance(value, enum.Enum):
-        return value.value if isinstance(value.value, str) else value.name
-    if isinstance(value, (complex, np.complexfloating)):
-        return [float(value.real), float(value.imag)]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return as_plain(value.tolist())
+    if isinstance(value, complex):
+        return [value.real, value.imag]
     if isinstance(value, slice):
         return [value.start, value.stop]
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, np.ndarray):
-        return [as_plain(item) for item in value] if value.dtype.kind == 'c' else value.tolist()
     if isinstance(value, Mapping):
         return {key: as_plain(item) for key, item in value.items()}
     if hasattr(value, '_asdict'):
-        return {key: as_plain(item) for key, item in value._asdict().items()}
+        return as_plain(value._asdict())
     if isinstance(value, (tuple, list, set, frozenset)):
         return [as_plain(item) for item in value]
     if dataclasses.is_dataclass(value):
