@@ -301,9 +301,8 @@ class Disc(Shape):
 
     def nearest(self, points: Points) -> SurfacePoints:
         """Return the nearest points of the surface; see `Shape.nearest`."""
-        sizes = np.abs(points)
-        normals = np.where(sizes > 0.0, points, 1j) / np.where(sizes > 0.0, sizes, 1.0)
-        return SurfacePoints(sizes - 0.5 * self.diameter, normals)
+        normals = np.exp(1j * np.angle(points))
+        return SurfacePoints(np.abs(points) - 0.5 * self.diameter, normals)
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths to points with given normals; see `Shape.unroll`."""
