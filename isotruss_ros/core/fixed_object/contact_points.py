@@ -12,6 +12,7 @@ penetration.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.fixed_object.straight_compliance import straight_points, StraightPoints
@@ -85,28 +86,29 @@ def find_contact_points(
 
     Points are placed where a member may touch the surface, offset by the tube radius.
     """
-    config = structure.config
-    start, axis = config.points[config.robot.topology.b], config.member_axes
-    length = config.member_lengths
+    config, body = structure.config, surface.body
+    starts, axes = config.points[config.robot.topology.b], config.member_axes
+    lengths = config.member_lengths
     # The margin of two spacings is for a tube that bends and touches beyond the object's chord.
-    margin, body = 2.0 * spacing, surface.body
-    away = (body.middle - start) * axis.conj()
+    margin = 2.0 * spacing
     reach = body.shape.reach + abs(body.shape.centroid) + surface.margin + margin
-    chord = np.sqrt(np.maximum(0.0, reach**2 - away.imag**2))
-    # Points are counted from the foot of the object's centre on the tube, where contact begins.
+    centroids = (body.middle - starts) * axes.conj()  # along + i across each member
+    half_chords = np.sqrt(np.maximum(0.0, reach**2 - centroids.imag**2))
+    # Points are counted from the foot of the object's centroid on the tube, where contact begins.
     # So a symmetric grasp has symmetric points.
-    foot = away.real
-    low, high = np.maximum(foot - chord, 0.0), np.minimum(foot + chord, length)
-    near = np.flatnonzero(high > low)
-    first, last = (((bound - foot) / spacing)[near] for bound in (low, high))
-    first, last = np.ceil(first).astype(int), np.floor(last).astype(int)
-    counts = last - first + 1
-    member = np.repeat(near, counts)
-    number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
-    place = np.clip(foot[member] + spacing * number, 0.0, length[member])
-    points = start[member] + place * axis[member]
-    normals = surface.facing(points, axis[member])
+    feet = centroids.real
+    lowest, highest = np.maximum(feet - half_chords, 0.0), np.minimum(feet + half_chords, lengths)
+    crossing = np.flatnonzero(highest > lowest)
+    numbers = [
+        np.arange(math.ceil((low - foot) / spacing), math.floor((high - foot) / spacing) + 1)
+        for low, high, foot in np.stack([lowest, highest, feet], axis=1)[crossing].tolist()
+    ]
+    member = crossing.repeat([len(counted) for counted in numbers])
+    along = feet[member] + spacing * np.concatenate([np.zeros(0), *numbers])
+    places = np.clip(along, 0.0, lengths[member])
+    points = starts[member] + places * axes[member]
+    normals = surface.facing(points, axes[member])
     close = surface.open_gaps(points, normals) <= margin
-    member, place = member[close], place[close]
-    tubes = straight_points(structure, member, place)
-    return ContactPoints(points[close], normals[close], member, tubes.compliance), place, tubes
+    member, places = member[close], places[close]
+    tubes = straight_points(structure, member, places)
+    return ContactPoints(points[close], normals[close], member, tubes.compliance), places, tubes
