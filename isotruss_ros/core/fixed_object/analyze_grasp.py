@@ -22,7 +22,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration, require_co
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
 from isotruss_ros.core.model.pose import check_range
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.section import Pressure
@@ -117,42 +117,40 @@ def analyze_grasp(
     require_configuration(config)
     mu, wrench = check_load(body, friction, external_wrench)
     distance = _check_arguments(config, body, method, spacing)
-    margin = 0.5 * config.robot.description.tube_diameter
-    surface = Surface(body, margin)
+    surface = Surface(body, 0.5 * config.robot.description.tube_diameter)
     structure = structure_of(config, pressure)
-    points, positions, tubes = find_contact_points(structure, surface, distance)
+    points, places, tubes = find_contact_points(structure, surface, distance)
     contact = SOLVERS[method](points, surface)
-    forces, member = contact.forces, points.member
-    pressed, levers = _pressed(body, points, contact, margin)
-    normals = contact.normals.view(np.float64).reshape(-1, 2)
-    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
-    x, y, moment = pressed + wrench
-    away = body.middle - body.center
-    load = np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])
-    closure = balance_by_friction(tangents, forces, load, mu, levers)
-    names, push = config.robot.member_names, forces * contact.normals
-    pressing = np.bincount(member, forces, len(names))
+    deformed, forces = points.points + contact.displacements, contact.forces
+    normal_wrench, levers = _sum_pressure(surface, deformed, contact)
+    x, y, moment = normal_wrench + wrench
+    offset = body.middle - body.center
+    load = np.array([x, y, (moment - offset.real * y + offset.imag * x) / body.arm])
+    closure = balance_by_friction(as_xy(1j * contact.normals), forces, load, mu, levers)
+    names, member = config.robot.member_names, points.member
+    member_forces = np.bincount(member, forces, len(names))
     # A point in contact represents half a spacing to both sides.
-    length = distance * np.bincount(member, forces > 0.0, len(names))
-    touching = np.flatnonzero(pressing).tolist()
+    lengths = distance * np.bincount(member, forces > 0.0, len(names))
+    touching = np.flatnonzero(member_forces).tolist()
+    utilisation = find_utilisation(tubes, forces * contact.normals)
     return GraspAnalysis(
-        points=(points.points + contact.displacements).view(np.float64).reshape(-1, 2),
+        points=as_xy(deformed),
         members=member,
-        places=positions,
+        places=places,
         gaps=contact.gaps,
-        normals=normals,
+        normals=as_xy(contact.normals),
         normal_forces=forces,
         friction_forces=closure.friction_forces,
-        normal_wrench=pressed,
+        normal_wrench=normal_wrench,
         # Without contact the forces are in balance, but the object is not held.
         closed_by_friction=closure.closed and bool(touching),
         closure_residual=closure.residual,
         closure_tolerance=closure.tolerance,
         required_friction=closure.required_friction,
         closure_margin=closure.margin,
-        contact_lengths={names[i]: float(length[i]) for i in touching},
-        contact_forces={names[i]: float(pressing[i]) for i in touching},
-        utilisation=dict(zip(names, find_utilisation(tubes, push).tolist(), strict=True)),
+        contact_lengths={names[i]: float(lengths[i]) for i in touching},
+        contact_forces={names[i]: float(member_forces[i]) for i in touching},
+        utilisation=dict(zip(names, utilisation.tolist(), strict=True)),
     )
 
 
@@ -175,14 +173,13 @@ def _check_arguments(
     return distance
 
 
-def _pressed(
-    body: ConvexObject, points: ContactPoints, contact: ContactState, margin: float
+def _sum_pressure(
+    surface: Surface, deformed: Points, contact: ContactState
 ) -> tuple[Array, Array]:
     """Return the tubes' wrench (3,) on the object, and the lever arms (c,) of friction forces."""
-    push, normals = contact.forces * contact.normals, contact.normals
-    # Points of the object's surface at which the forces act, relative to its frame's origin.
-    arms: Points = points.points + contact.displacements - body.center
-    arms = arms - (contact.gaps + margin) * normals
-    force, moment = push.sum(), (arms.conj() * push).imag.sum()
-    levers = ((arms + body.center - body.middle) * normals.conj()).real / body.arm
+    body, normals, push = surface.body, contact.normals, contact.forces * contact.normals
+    # Points of the object's surface at which the forces act.
+    feet = deformed - (contact.gaps + surface.margin) * normals
+    force, moment = push.sum(), ((feet - body.center).conj() * push).imag.sum()
+    levers = ((feet - body.middle) * normals.conj()).real / body.arm
     return -np.array([force.real, force.imag, moment]), levers

@@ -64,21 +64,23 @@ def _balance(
 ) -> tuple[Array, float]:
     """Return ratios (k,) of friction to normal force that balance a load, and the residual [N]."""
     normals, support = facets
-    offs, size = normals @ load, float(np.linalg.norm(load))
-    room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
-    nearest = find_nearest(np.concatenate([normals, -normals]).T, room, size, 0.0)
-    missing = np.zeros(3) if nearest is None else nearest.point
+    sides = np.concatenate([normals, -normals])
+    room = friction * np.tile(support, 2) + sides @ load
+    nearest = find_nearest(sides.T, room, float(np.linalg.norm(load)), 0.0)
+    unbalanced = np.zeros(3) if nearest is None else nearest.point
     # Friction is at its bound at each contact whose friction wrench has a component along the
     # residual. Only the ratios of the few contacts without such a component are unknown.
-    lever, reach = segments @ missing, np.linalg.norm(segments, axis=1) * np.linalg.norm(missing)
-    free = np.abs(lever) <= NEGLIGIBLE_SHARE * reach
-    shares = np.where(free, 0.0, -friction * np.sign(lever))
+    components = segments @ unbalanced
+    largest = np.linalg.norm(segments, axis=1) * np.linalg.norm(unbalanced)
+    free = np.abs(components) <= NEGLIGIBLE_SHARE * largest
+    shares = np.where(free, 0.0, -friction * np.sign(components))
     if free.any() and friction > 0.0:
-        shares[free] = _smallest(segments[free], missing - load - shares @ segments, friction)
+        wanted = unbalanced - load - shares @ segments
+        shares[free] = _smallest_ratios(segments[free], wanted, friction)
     return shares, float(np.linalg.norm(segments.T @ shares + load))
 
 
-def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
+def _smallest_ratios(segments: Array, wanted: Array, friction: float) -> Array:
     """Return the smallest friction ratios (k,) that produce a wrench, or the closest wrench."""
     shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
@@ -114,27 +116,26 @@ def _extremes(
 
 def _facets(segments: Array) -> tuple[Array, Array]:
     """Return unit normals (f, 3) of a zonotope's facets, and their distances (f,)."""
-    first, second = np.triu_indices(len(segments), 1)
-    normals = _cross(segments[first], segments[second])
-    sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)
-    good = sizes > ROUNDING * reach[first] * reach[second]
-    normals = normals[good] / sizes[good, None]
+    one, other = np.triu_indices(len(segments), 1)
+    products = _cross(segments[one], segments[other])
+    sizes, lengths = np.linalg.norm(products, axis=1), np.linalg.norm(segments, axis=1)
+    spanning = sizes > ROUNDING * lengths[one] * lengths[other]
+    normals = products[spanning] / sizes[spanning, None]
     # The products of all pairs of hundreds of contacts with all contacts would take gigabytes.
     parts = np.array_split(normals, 1 + len(normals) // FACET_BATCH)
     support = np.concatenate([np.abs(part @ segments.T).sum(axis=1) for part in parts])
-    if (support > ROUNDING * np.linalg.norm(segments, axis=1).sum()).any():
+    if (support > ROUNDING * lengths.sum()).any():
         return normals, support
-    return _flat_facets(segments, len(normals) > 0)
+    return _flat_facets(segments, min(len(segments), 2 if len(normals) else 1))
 
 
-def _flat_facets(segments: Array, plane: bool) -> tuple[Array, Array]:
-    """Return facet normals and extents of a degenerate zonotope (planar or linear)."""
-    rank = min(len(segments), 1 + plane)
+def _flat_facets(segments: Array, rank: int) -> tuple[Array, Array]:
+    """Return facet normals and extents of a zonotope of a lower rank: planar, linear or empty."""
     axes = np.linalg.svd(segments)[2]
-    within = _cross(segments, axes[2:]) if rank == 2 else axes[:rank]
-    within = within / np.linalg.norm(within, axis=1)[:, None]
-    extent = np.abs(within @ segments.T).sum(axis=1)
-    return np.concatenate([axes[rank:], within]), np.append(np.zeros(3 - rank), extent)
+    edges = _cross(segments, axes[2:]) if rank == 2 else axes[:rank]
+    within = edges / np.linalg.norm(edges, axis=1)[:, None]
+    extents = np.abs(within @ segments.T).sum(axis=1)
+    return np.concatenate([axes[rank:], within]), np.append(np.zeros(3 - rank), extents)
 
 
 def _cross(one: Array, other: Array) -> Array:
