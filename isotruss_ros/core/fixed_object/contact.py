@@ -45,24 +45,26 @@ def solve_contact(points: ContactPoints, surface: Surface) -> ContactState:
     # admissible for the updated normals, whose solution has less or equal energy. Therefore the
     # steps converge, but slowly; `_settle_normals` makes them few.
     for _ in range(MAX_STEPS):
-        pressing, active = solve_complementarity(points.normal_compliance(normals), gaps)
-        ahead = np.zeros_like(normals)
-        ahead[active] = _settle_normals(
+        sizes, active = solve_complementarity(points.normal_compliance(normals), gaps)
+        settled = np.zeros_like(normals)
+        settled[active] = _settle_normals(
             points.part(active), normals[active], gaps[active], surface
         )
-        for push in (ahead, pressing * normals):
-            displacements = points.displacements(push)
-            gaps_left, turned = surface.nearest(points.points + displacements)  # (5)
+        for forces in (settled, sizes * normals):
+            displacements = points.displacements(forces)
+            deformed_gaps, deformed_normals = surface.nearest(points.points + displacements)  # (5)
             # (6), (7): no force pulls, and none is tangential.
-            local, sizes = push * turned.conj(), np.abs(push)
+            local = forces * deformed_normals.conj()
+            sideways = NEGLIGIBLE_SHARE * np.abs(forces).max(initial=0.0)
             if (
                 (local.real >= 0.0).all()
-                and (np.abs(local.imag) <= NEGLIGIBLE_SHARE * sizes.max(initial=0.0)).all()
-                and (gaps_left >= -ROUNDING).all()
-                and (gaps_left[active] <= ROUNDING).all()
+                and (np.abs(local.imag) <= sideways).all()
+                and (deformed_gaps >= -ROUNDING).all()
+                and (deformed_gaps[active] <= ROUNDING).all()
             ):
-                return ContactState(local.real, gaps_left, turned, displacements)
-        normals, gaps = turned, gaps_left - (displacements * turned.conj()).real
+                return ContactState(local.real, deformed_gaps, deformed_normals, displacements)
+        normals = deformed_normals
+        gaps = deformed_gaps - (displacements * normals.conj()).real
     raise SolverError(
         f'the contact did not converge in {MAX_STEPS} steps; the object is pressed in too deeply'
     )
@@ -75,14 +77,15 @@ def _settle_normals(
     if not len(normals):
         return np.zeros(0, dtype=np.complex128)
     for _ in range(MAX_NEWTON_ITERATIONS):
-        _, pressing, failed = lapack.dposv(points.normal_compliance(normals), -gaps)
+        _, sizes, failed = lapack.dposv(points.normal_compliance(normals), -gaps)
         if failed:
             raise SolverError('the contact compliance is not positive definite')
-        forces = pressing * normals
-        moved = points.displacements(forces)
-        distances, turned = surface.nearest(points.points + moved)
-        change = float(np.abs(turned - normals).max())
-        normals, gaps = turned, distances - (moved * turned.conj()).real
+        forces = sizes * normals
+        displacements = points.displacements(forces)
+        deformed_gaps, deformed_normals = surface.nearest(points.points + displacements)
+        change = float(np.abs(deformed_normals - normals).max())
+        normals = deformed_normals
+        gaps = deformed_gaps - (displacements * normals.conj()).real
         # The change in the next step is negligible.
         if change < 0.01 * NEGLIGIBLE_SHARE:
             break
@@ -100,14 +103,14 @@ def relax_contact(points: ContactPoints, surface: Surface) -> ContactState:
     is beyond 1e6 for points on a smooth beam; with momentum (Nesterov 1983), restarted where it
     points uphill (O'Donoghue and Candes 2015), a number proportional to its square root.
     """
-    at, normals, forces = points.points, points.normals, np.zeros(len(points.points))
+    normals, forces = points.normals, np.zeros(len(points.points))
     for _ in range(MAX_STEPS):
-        gaps, compliance = surface.open_gaps(at, normals), points.normal_compliance(normals)
-        forces = _iterate(gaps, compliance, forces)
+        gaps = surface.open_gaps(points.points, normals)
+        forces = _iterate(gaps, points.normal_compliance(normals), forces)
         displacements = points.displacements(forces * normals)
-        distances, normals = surface.nearest(at + displacements)
-        if (distances >= -MAX_GAP).all() and (distances[forces > 0.0] <= MAX_GAP).all():
-            return ContactState(forces, distances, normals, displacements)
+        deformed_gaps, normals = surface.nearest(points.points + displacements)
+        if (deformed_gaps >= -MAX_GAP).all() and (deformed_gaps[forces > 0.0] <= MAX_GAP).all():
+            return ContactState(forces, deformed_gaps, normals, displacements)
     raise SolverError(
         f'the relaxation (9) did not converge in {10 * MAX_STEPS**2} steps; the object '
         "must be pressed in less, or the method be 'exact'"
@@ -117,17 +120,17 @@ def relax_contact(points: ContactPoints, surface: Surface) -> ContactState:
 def _iterate(gaps: Array, compliance: Array, forces: Array) -> Array:
     """Return the forces (c,) after the steps of (9) with fixed normals."""
     gain = 1.0 / np.linalg.eigvalsh(compliance)[-1] if len(gaps) else 1.0
-    ahead, momentum = forces, 1.0
+    extrapolated, momentum = forces, 1.0
     for _ in range(10 * MAX_STEPS):
-        gap = gaps + compliance @ ahead
-        following = np.maximum(ahead - gain * gap, 0.0)
-        step = following - forces
-        if (ahead - following) @ step > 0.0:  # the momentum points uphill
-            ahead, momentum = forces, 1.0
+        deformed_gaps = gaps + compliance @ extrapolated
+        updated = np.maximum(extrapolated - gain * deformed_gaps, 0.0)
+        step = updated - forces
+        if (extrapolated - updated) @ step > 0.0:  # the momentum points uphill
+            extrapolated, momentum = forces, 1.0
             continue
-        growing = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * momentum**2))
-        ahead = following + (momentum - 1.0) / growing * step
-        forces, momentum = following, growing
+        next_momentum = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * momentum**2))
+        extrapolated = updated + (momentum - 1.0) / next_momentum * step
+        forces, momentum = updated, next_momentum
         if np.abs(step).max(initial=0.0) <= 0.1 * MAX_GAP * gain:
             break
     return forces

@@ -46,23 +46,25 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
     pieces, number = np.unique(piece, return_inverse=True)
     section, pinned = frame.section[:, piece], frame.layout.pinned[piece]
     local, along, across = clamped_pieces(frame.length[piece], section, within, pinned)
-    x, y = xy = np.array([frame.axis[piece].real, frame.axis[piece].imag])
-    turned = frame.axis[piece] * local
-    turned[0::3], turned[1::3] = (
-        turned[0::3] * x - turned[1::3] * y,
-        turned[0::3] * y + turned[1::3] * x,
+    axes = frame.axis[piece]
+    # Displacements x + iy of the points, for displacements x, y and rotations of the ends.
+    motions = axes * local
+    motions[0::3], motions[1::3] = (
+        motions[0::3] * axes.real - motions[1::3] * axes.imag,
+        motions[0::3] * axes.imag + motions[1::3] * axes.real,
     )
-    shapes = np.zeros((2, count, len(pieces), 6))
-    shapes[:, np.arange(count), number] = turned.real.T, turned.imag.T
+    by_piece = np.zeros((2, count, len(pieces), 6))
+    by_piece[:, np.arange(count), number] = motions.real.T, motions.imag.T
     ends, response = _respond(structure, tuple(pieces.tolist()))
-    spread = shapes.reshape(2 * count, len(ends))
-    compliance = spread @ response[ends] @ spread.T
-    together = number[:, None] == number
-    across, softer = np.where(together, (across, along - across), 0.0)
-    compliance += np.tile(softer, (2, 2)) * np.outer(xy, xy)
+    shapes = by_piece.reshape(2 * count, len(ends))
+    compliance = shapes @ response[ends] @ shapes.T
+    same_piece = number[:, None] == number
+    across, softer = np.where(same_piece, (across, along - across), 0.0)
+    directions = np.concatenate([axes.real, axes.imag])
+    compliance += np.tile(softer, (2, 2)) * np.outer(directions, directions)
     compliance[:count, :count] += across
     compliance[count:, count:] += across
-    return StraightPoints(structure, pieces, number, within, spread, response, compliance)
+    return StraightPoints(structure, pieces, number, within, shapes, response, compliance)
 
 
 @functools.lru_cache(maxsize=16)
