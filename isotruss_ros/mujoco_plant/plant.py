@@ -90,7 +90,7 @@ class MujocoPlant:
     def nodes(self) -> Array:
         """Return the node positions (n, 2), robot frame, ordered as `Robot.node_names` [m]."""
         topology = self.robot.topology
-        nodes = np.empty((topology.n_nodes, 2))
+        nodes = np.empty((len(topology.node_names), 2))
         nodes[: len(topology.joint_names)] = self.data.xpos[self._joint_bodies, :2]
         nodes[topology.b] = self.data.xpos[self._b_bodies, :2]
         nodes[topology.c] = self.data.site_xpos[self._c_sites, :2]

@@ -134,7 +134,7 @@ def analyze_grasp(
     touching = np.flatnonzero(member_forces).tolist()
     utilisation = find_utilisation(tubes, forces * contact.normals)
     return GraspAnalysis(
-        points=as_xy(deformed),
+        points=deformed.view(np.float64).reshape(-1, 2),
         members=member,
         places=places,
         gaps=contact.gaps,

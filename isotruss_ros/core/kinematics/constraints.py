@@ -30,7 +30,7 @@ class Constraints:
 
     def __init__(self, topology: Topology) -> None:
         self._topology = topology
-        m, n = topology.n_modules, topology.n_nodes
+        m, n = topology.n_modules, len(topology.node_names)
         a, b, c, member_end = topology.joint, topology.b, topology.c, topology.end
         self.n_rows = 5 * m + len(topology.grounded)
         self.n_columns = 2 * n
@@ -84,7 +84,7 @@ class Constraints:
             return csc_matrix(
                 (data[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape
             )
-        gradients = np.zeros(self.n_rows * self._topology.n_nodes, dtype=np.complex128)
+        gradients = np.zeros(self.n_rows * len(points), dtype=np.complex128)
         gradients[self._places] = values
         matrix = gradients.view(np.float64).reshape(self.n_rows, self.n_columns)
         matrix[self._ground_rows, self._topology.grounded] = 1.0

@@ -12,8 +12,7 @@ locked rollers must be rigid and kinematically determinate.
 from __future__ import annotations
 
 from isotruss_ros.core.errors import RobotFileError
-from isotruss_ros.core.kinematics.constraints import Constraints
-from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.factorization import estimate_condition, factorize
@@ -29,13 +28,11 @@ MIN_CORNER_ANGLE = np.deg2rad(1.0)
 MAX_CONDITION = 1e8
 
 
-def place_home(
-    description: RobotDescription, topology: Topology, constraints: Constraints
-) -> Points:
+def place_home(robot: Mechanism) -> Points:
     """Return the nodes at home, (n,) x + iy [m]."""
-    joints = np.array([complex(*place) for place in description.joints.values()])
-    inward, left = _corners(description, topology, joints)
-    module = description.module
+    topology, constraints, module = robot.topology, robot.constraints, robot.description.module
+    joints = np.array([complex(*place) for place in robot.description.joints.values()])
+    inward, left = _corners(robot, joints)
     # Relative to the joint along the rod: B and C on both sides of its end.
     b_arm = module.rod_length + 0.5j * module.pinch_separation * left
     angles, points = np.angle(inward), np.append(joints, np.zeros(2 * topology.n_modules))
@@ -61,87 +58,80 @@ def place_home(
         angles = angles - np.clip(step, -0.3, 0.3)
     if not np.abs(bisection).max() < 1e-9:
         worst = int(np.abs(bisection).argmax())
-        raise _misfit(description, topology, worst, 'no angle of its rod bisects its sides')
-    _refuse_misfits(description, topology, points, angles, left)
+        raise _misfit(robot, worst, 'no angle of its rod bisects its sides')
+    _refuse_misfits(robot, points, angles, left)
     return points
 
 
-def _corners(
-    description: RobotDescription, topology: Topology, joints: Points
-) -> tuple[Points, Array]:
+def _corners(robot: Mechanism, joints: Points) -> tuple[Points, Array]:
     """Return the corners' inward directions, and 1 if the next side is on their left, else -1."""
-    here = joints[topology.joint]
-    ahead = joints[topology.joint[topology.following]] - here
-    back = joints[topology.joint[topology.previous]] - here
-    opening = np.angle(ahead * back.conj())
-    for i in np.flatnonzero(
-        (np.abs(opening) < MIN_CORNER_ANGLE) | (np.abs(opening) > np.pi - MIN_CORNER_ANGLE)
-    ):
+    topology, corners = robot.topology, joints[robot.topology.joint]
+    to_next, to_previous = (
+        corners[topology.following] - corners,
+        corners[topology.previous] - corners,
+    )
+    opening = np.abs(np.angle(to_next * to_previous.conj()))
+    for i in np.flatnonzero((opening < MIN_CORNER_ANGLE) | (opening > np.pi - MIN_CORNER_ANGLE)):
         raise RobotFileError(
-            f'{description.source}: module {topology.module_names[i]} does not fit its corner: '
-            f'the sides meet at {np.rad2deg(abs(opening[i])):.3g} degrees; '
+            f'{robot.description.source}: module {robot.module_names[i]} does not fit its corner: '
+            f'the sides meet at {np.rad2deg(opening[i]):.3g} degrees; '
             f'must be between 1 and 179 degrees (move the joints)'
         )
-    inward = ahead / np.abs(ahead) + back / np.abs(back)
-    return inward, np.sign((inward.conj() * ahead).imag)
+    inward = to_next / np.abs(to_next) + to_previous / np.abs(to_previous)
+    return inward, np.sign((inward.conj() * to_next).imag)
 
 
-def _refuse_misfits(
-    description: RobotDescription, topology: Topology, points: Points, angles: Array, left: Array
-) -> None:
-    source, module = description.source, description.module
-    ends = points[: len(topology.joint_names)][topology.joint]
-    apart = ends[topology.following] - ends
-    side = points[topology.end] - points[topology.b]
-    along = (side.conj() * apart).real / np.abs(apart)
-    for i in np.flatnonzero(along <= 0.0):
-        distance = abs(apart[i])
-        raise _misfit(
-            description,
-            topology,
-            i,
-            f'member {topology.member_names[i]} would be {along[i]:.4g} m long: its joints are '
-            f'{distance:.4g} m apart, and the modules take up {distance - along[i]:.4g} m of that',
+def _refuse_misfits(robot: Mechanism, points: Points, angles: Array, left: Array) -> None:
+    """Raise RobotFileError if a module or a member does not fit at home."""
+    file, topology = robot.description, robot.topology
+    corners, sides = points[topology.joint], points[topology.end] - points[topology.b]
+    between_joints = corners[topology.following] - corners
+    distances = np.abs(between_joints)
+    projections = (sides.conj() * between_joints).real / distances
+    for i in np.flatnonzero(projections <= 0.0):
+        what = (
+            f'member {robot.member_names[i]} would be {projections[i]:.4g} m long: its joints are '
+            f'{distances[i]:.4g} m apart, and the modules take up '
+            f'{distances[i] - projections[i]:.4g} m of that'
         )
+        raise _misfit(robot, i, what)
     # Both sides continue into the triangle, each on its own side of the rod.
-    half = np.rad2deg(left * np.angle(side * np.exp(-1j * angles)))
+    half = np.rad2deg(left * np.angle(sides * np.exp(-1j * angles)))
     for i in np.flatnonzero((half <= 0.0) | (half >= 90.0)):
-        raise _misfit(
-            description,
-            topology,
-            i,
+        what = (
             f'its sides would leave it at {half[i]:.4g} degrees to the rod; must be more than 0, '
-            'where they cross, and less than 90, where they run back past the joint',
+            'where they cross, and less than 90, where they run back past the joint'
         )
-    lengths = np.abs(side)
-    lower, upper = description.min_length, description.max_length
-    for i in np.flatnonzero((lengths < lower) | (lengths > upper)):
+        raise _misfit(robot, i, what)
+    lengths, ring = np.abs(sides), file.module.guide_ring_distance
+    for i in np.flatnonzero((lengths < file.min_length) | (lengths > file.max_length)):
         raise RobotFileError(
-            f'{source}: members: {topology.member_names[i]} is {lengths[i]:.6g} m long at home, '
-            f'pinch to pinch; must be from min_length {lower} to max_length {upper} m'
+            f'{file.source}: members: {robot.member_names[i]} is {lengths[i]:.6g} m long at home, '
+            f'pinch to pinch; must be from min_length {file.min_length} to max_length '
+            f'{file.max_length} m'
         )
-    for i in np.flatnonzero(lengths <= 2 * module.guide_ring_distance):
+    for i in np.flatnonzero(lengths <= 2.0 * ring):
         raise RobotFileError(
-            f'{source}: module.guide_ring_distance: {module.guide_ring_distance}: member '
-            f'{topology.member_names[i]} is {lengths[i]:.6g} m long and must hold two of them; '
+            f'{file.source}: module.guide_ring_distance: {ring}: member {robot.member_names[i]} '
+            f'is {lengths[i]:.6g} m long and must hold two of them; '
             f'must be less than {lengths[i] / 2:.6g} m'
         )
 
 
-def _misfit(
-    description: RobotDescription, topology: Topology, module: int, what: str
-) -> RobotFileError:
+def _misfit(robot: Mechanism, module: int, what: str) -> RobotFileError:
     """Return the error for a module that does not fit into its corner."""
-    size = description.module
+    file, size = robot.description, robot.description.module
     return RobotFileError(
-        f'{description.source}: module {topology.module_names[module]} does not fit its corner: '
+        f'{file.source}: module {robot.module_names[module]} does not fit its corner: '
         f'with rod_length {size.rod_length} m and pinch_separation {size.pinch_separation} m '
         f'{what}; use a smaller module, or move the joints apart'
     )
 
 
-def require_determinate(source: str, topology: Topology, matrix: Array | csc_matrix) -> None:
+def require_determinate(robot: Mechanism, points: Points) -> None:
     """Raise RobotFileError if the matrix of (12) at home is not square and regular."""
+    source, topology = robot.description.source, robot.topology
+    matrix = robot.constraints.matrix(points)
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
     needed = 2 * joints - m
     if grounded == needed and estimate_condition(matrix) < MAX_CONDITION:
@@ -173,6 +163,6 @@ def _what_moves(topology: Topology, matrix: Array | csc_matrix) -> list[str]:
     _, values, vectors = np.linalg.svd(dense)
     rank = int((values > values[0] / MAX_CONDITION).sum())
     first = min(rank, dense.shape[1] - 1)
-    free = vectors[first:].reshape(-1, topology.n_nodes, 2)
+    free = vectors[first:].reshape(-1, len(topology.node_names), 2)
     motion = np.linalg.norm(free[:, : len(topology.joint_names)], axis=2).max(axis=0)
     return [topology.joint_names[i] for i in np.flatnonzero(motion > 1e-3 * motion.max())]

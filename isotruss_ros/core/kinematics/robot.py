@@ -39,8 +39,8 @@ class Robot(
     def __init__(self, description: RobotDescription) -> None:
         super().__init__(description)
         self._hash = hash((description.name, tuple(description.joints.items())))
-        points = place_home(description, self.topology, self.constraints)
-        require_determinate(description.source, self.topology, self.constraints.matrix(points))
+        points = place_home(self)
+        require_determinate(self, points)
         self.home_lengths = np.abs(self.constraints.spans(points))
         self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
         model = collision_model(self)

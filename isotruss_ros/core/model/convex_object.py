@@ -64,11 +64,9 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         """Check the fields, and set the derived quantities."""
         if not callable(getattr(self.shape, 'nearest', None)):
             raise GraspError(f'shape {self.shape!r}: must be a Disc, a Polygon or an Ellipse')
-        for name, value in _placement(self.shape, self.pose).items():
-            object.__setattr__(self, name, value)
+        self._place(self.pose)
         if fault := pose_fault(*self.pose):
             raise GraspError(f"the object's pose {tuple(self.pose)}: {fault}")
-        object.__setattr__(self, 'arm', self.shape.perimeter / (2.0 * math.pi))
         if self.mass is not None:
             mass = check_range(self.mass, "the object's mass", 'kg', ROUNDING, MAX_MASS)
             object.__setattr__(self, 'mass', mass)
@@ -83,6 +81,24 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         if self.friction is not None:
             friction = check_friction(self.friction, "the object's friction")
             object.__setattr__(self, 'friction', friction)
+
+    def _place(self, pose: ArrayLike) -> None:
+        """Set the pose, and the quantities that follow from shape and pose."""
+        try:
+            x, y, angle = map(float, pose)
+            fits = all(-MAX_MAGNITUDE <= number <= MAX_MAGNITUDE for number in pose)
+            fits = fits and not {bool, np.bool_}.issuperset(map(type, pose))
+        except (TypeError, ValueError):
+            fits = False
+        if not fits:
+            finite_array(pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
+            raise GraspError(f"the object's pose {pose!r}: must be within {MAX_MAGNITUDE:g} m")
+        center, turn = complex(x, y), cmath.rect(1.0, angle)
+        object.__setattr__(self, 'pose', Pose(x, y, angle))
+        object.__setattr__(self, 'center', center)
+        object.__setattr__(self, 'turn', turn)
+        object.__setattr__(self, 'middle', center + turn * self.shape.centroid)
+        object.__setattr__(self, 'arm', self.shape.perimeter / (2.0 * math.pi))
 
     @classmethod
     def disc(
@@ -118,7 +134,9 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         :param pose: pose (x, y, angle) of the object's frame in the robot frame [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
-        return _copy_with(self, **_placement(self.shape, pose))
+        moved = copy.copy(self)  # the other fields were checked when this object was created
+        moved._place(pose)
+        return moved
 
     def smoothed(self, length: float) -> ConvexObject:
         """
@@ -131,8 +149,10 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         shape = self.shape.smoothed(length)
         if shape is self.shape:
             return self
-        arm, placement = shape.perimeter / (2.0 * math.pi), _placement(shape, self.pose)
-        return _copy_with(self, shape=shape, arm=arm, **placement)
+        smooth = copy.copy(self)
+        object.__setattr__(smooth, 'shape', shape)
+        smooth._place(self.pose)
+        return smooth
 
     def support(self, normals: Points) -> Array:
         """
@@ -158,30 +178,6 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         :param spacing: largest distance of successive points where the surface is curved [m].
         """
         return self.center + self.turn * self.shape.outline(spacing)
-
-
-def _placement(shape: Shape, pose: ArrayLike) -> dict[str, object]:
-    """Return the fields of an object that its pose determines."""
-    try:
-        x, y, angle = map(float, pose)
-        fits = all(-MAX_MAGNITUDE <= number <= MAX_MAGNITUDE for number in pose)
-        fits = fits and not {bool, np.bool_}.issuperset(map(type, pose))
-    except (TypeError, ValueError):
-        fits = False
-    if not fits:
-        finite_array(pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
-        raise GraspError(f"the object's pose {pose!r}: must be within {MAX_MAGNITUDE:g} m")
-    center, turn = complex(x, y), cmath.rect(1.0, angle)
-    middle = center + turn * shape.centroid
-    return {'pose': Pose(x, y, angle), 'center': center, 'turn': turn, 'middle': middle}
-
-
-def _copy_with(body: ConvexObject, **fields: object) -> ConvexObject:
-    """Return a copy of an object with other fields, which are not checked again."""
-    duplicate = copy.copy(body)
-    for name, value in fields.items():
-        object.__setattr__(duplicate, name, value)
-    return duplicate
 
 
 def check_friction(value: float, what: str = 'friction') -> float:

@@ -32,7 +32,6 @@ class Topology:
     member_names: tuple[str, ...]  #: names t/j-k of the members, in module order
     roller_names: tuple[str, ...]  #: names of the driven modules, in module order
     n_modules: int  #: number m of modules, equal to the number of members
-    n_nodes: int  #: number of kinematic nodes: joints and pinch points
     joint: Indices  #: (m,) index of node A of each module
     b: Indices  #: (m,) index of node B of each module
     c: Indices  #: (m,) index of node C of each module
@@ -73,7 +72,6 @@ def make_topology(description: RobotDescription) -> Topology:
         member_names=tuple(f'{modules[i]}-{pairs[k][1]}' for i, k in enumerate(following)),
         roller_names=tuple(modules[i] for i in driven),
         n_modules=count,
-        n_nodes=len(joints) + 2 * count,
         joint=np.array([joints.index(name) for _, name in pairs], dtype=np.intp),
         b=b,
         c=b + 1,

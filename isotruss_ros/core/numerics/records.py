@@ -43,12 +43,15 @@ class Record:
 
     def __repr__(self) -> str:
         """Return the name of the class, and one line for each name in the headline."""
-        lines = [f'{name}: {_show(getattr(self, name))}' for name in _shown(type(self))]
+        lines = [
+            f'{name}: {_show(getattr(self, name))}'
+            for name in self.headline or _names(type(self))[:5]
+        ]
         return '\n  '.join([type(self).__name__, *lines])
 
     def _repr_html_(self) -> str:
         """Return the headline as two tables: single values, and dictionaries in columns."""
-        values = {name: getattr(self, name) for name in _shown(type(self))}
+        values = {name: getattr(self, name) for name in self.headline or _names(type(self))[:5]}
         by_name = {name: value for name, value in values.items() if isinstance(value, Mapping)}
         rows = [
             f'<tr><th>{html.escape(name)}</th><td>{html.escape(_show(value))}</td></tr>'
@@ -135,10 +138,6 @@ def _names(kind: type[Record]) -> tuple[str, ...]:
             if isinstance(member, (property, cached_property)) and not name.startswith('_')
         ]
     return tuple(dict.fromkeys(names))
-
-
-def _shown(kind: type[Record]) -> tuple[str, ...]:
-    return kind.headline or _names(kind)[:5]
 
 
 def _show(value: Any) -> str:

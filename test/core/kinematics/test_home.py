@@ -8,10 +8,9 @@ from pathlib import Path
 from hypothesis import given, strategies
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError
-from isotruss_ros.core.kinematics.constraints import Constraints
 from isotruss_ros.core.kinematics.home import place_home
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.robot_file import describe_robot
-from isotruss_ros.core.model.topology import make_topology
 import numpy as np
 import pytest
 import robots
@@ -120,11 +119,9 @@ def pinched(opening, module):
 
 def placed_lengths(document):
     """Return the lengths of the members at home, whether or not parts overlap there [m]."""
-    description = describe_robot(Path('pinched.yaml'), document)
-    topology = make_topology(description)
-    constraints = Constraints(topology)
-    points = place_home(description, topology, constraints)
-    return np.abs(constraints.spans(points))[: topology.n_modules]
+    robot = Mechanism(describe_robot(Path('pinched.yaml'), document))
+    points = place_home(robot)
+    return np.abs(robot.constraints.spans(points))[: robot.topology.n_modules]
 
 
 def test_module_fits_until_the_members_have_no_length():
