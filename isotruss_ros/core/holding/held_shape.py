@@ -110,7 +110,7 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     nodes = bent.load_changes(loads, np.zeros((len(loads), 3))).nodes
     pinches = bent.structure.frame.layout.start[bent.structure.pieces]
     b, c, _ = (nodes[:, 0] + 1j * nodes[:, 1])[pinches]
-    half = 0.5 * description.tube_mass * grip.config.member_lengths
+    half = 0.5 * description.mass_per_length * grip.config.member_lengths
     masses = np.concatenate(
         [np.full(len(b), description.module.mass), half, half[topology.previous]]
     )

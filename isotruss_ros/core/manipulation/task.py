@@ -66,9 +66,7 @@ class WorkingRollers:
 def working_rollers(topology: Topology, failed: frozenset[str]) -> WorkingRollers:
     """Return the working rollers of a robot."""
     check_names('failed rollers', failed, topology.roller_names, topology.robot)
-    indices = np.array(
-        [i for i, name in enumerate(topology.roller_names) if name not in failed], dtype=int
-    )
+    indices = np.flatnonzero([name not in failed for name in topology.roller_names])
     # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
     incidence = topology.incidence[:, indices]
     cost = incidence.T @ incidence

@@ -55,7 +55,7 @@ class RobotDescription:
     #: ratio of the true flattening stiffness to the theoretical one [-]
     local_stiffness: float = 1.0
     stiffness_scale: float = 1.0  #: ratio of the tubes' true stiffness to the modelled one [-]
-    tube_mass: float = 0.1  #: mass of the tubes per length [kg/m]
+    mass_per_length: float = 0.1  #: mass of the tubes per length [kg/m]
     #: block `calibration` of the file, with the standard deviations of roller offsets and
     #: stiffness
     calibration: Mapping[str, Any] = field(default_factory=dict)

@@ -18,12 +18,8 @@ from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.stiffness_law import find_contradictions
 
 DEFAULT_FRAME = 'truss'
-#: Optional keys of the block `tube`, with the names of their fields in the description.
-TUBE_KEYS = {
-    'stiffness_scale': 'stiffness_scale',
-    'local_stiffness': 'local_stiffness',
-    'mass_per_length': 'tube_mass',
-}
+#: Optional keys of the block `tube`, and fields of the description.
+TUBE_KEYS = ('stiffness_scale', 'local_stiffness', 'mass_per_length')
 
 
 def read_robot_file(name_or_path: str | Path) -> RobotDescription:
@@ -60,11 +56,7 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
         calibration=content.get('calibration', {}),
         uncertainty=content.get('uncertainty', {}),
         **{key: float(value) for key, value in content['members'].items()},
-        **{
-            name: float(content['tube'][key])
-            for key, name in TUBE_KEYS.items()
-            if key in content['tube']
-        },
+        **{key: float(content['tube'][key]) for key in TUBE_KEYS if key in content['tube']},
     )
     refuse_if_any(path, _check_stiffness(description))
     return description

@@ -65,8 +65,7 @@ class SmoothOutline(PolygonalShape):
     @cached_property
     def perimeter(self) -> float:
         """Return the length of the smooth curve [m]."""
-        integral = self._functions[0]
-        return float(integral(self._angles[-1]) - integral(self._angles[0]))
+        return float(np.diff(self._integral(self._angles[[0, -1]]))[0])
 
     @cached_property
     def reach(self) -> float:
@@ -81,15 +80,14 @@ class SmoothOutline(PolygonalShape):
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))
 
     @cached_property
-    def _functions(self) -> list[scipy.interpolate.PPoly]:
-        """Return the support function h of the normal's angle: its integral, h, h' and h''."""
+    def _integral(self) -> scipy.interpolate.PPoly:
+        """Return the integral of the support function h over the normal's angle."""
         away = self.corners - self.centroid
         heights = (away * np.exp(-1j * self._angles[:-1])).real
         spline = scipy.interpolate.make_interp_spline(
             self._angles, np.append(heights, heights[0]), k=5, bc_type='periodic'
         )
-        integral = scipy.interpolate.PPoly.from_spline(spline.antiderivative())
-        return [integral, *(integral.derivative(order) for order in (1, 2, 3))]
+        return scipy.interpolate.PPoly.from_spline(spline.antiderivative())
 
     @cached_property
     def _sampled(self) -> Array:
@@ -107,9 +105,9 @@ class SmoothOutline(PolygonalShape):
         return bool((values[1] + values[3]).min() > 0.0)
 
     def _around(self, angles: Array) -> Array:
-        """Return values (4, k) of `_functions` at given angles (k,) of the normals."""
-        angles = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
-        return np.array([function(angles) for function in self._functions])
+        """Return the integral of h, h, h' and h'' (4, k) at angles (k,) of the normals."""
+        within_turn = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
+        return np.array([self._integral(within_turn, order) for order in range(4)])
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points of the surface with given normals; see `Shape.surface_at`."""

@@ -22,7 +22,7 @@ STEP = 1e-3
 def grip_of(module_mass, tube_mass, **options):
     """Return the equilibrium of a box of 2 kg between two tubes."""
     module = replace(FILE.module, mass=module_mass)
-    robot = Robot(replace(FILE, module=module, tube_mass=tube_mass))
+    robot = Robot(replace(FILE, module=module, mass_per_length=tube_mass))
     body = place_between(robot.home, MEMBERS, BOX, 0.4, 0.01).body
     return attach_grip(robot.home, ConvexObject(BOX, body.pose, mass=2.0, **options))
 
@@ -62,7 +62,7 @@ def frequency(grip):
             column.append(np.sqrt(robot.description.module.mass) * middle)
         for name, length in zip(robot.member_names, grip.config.member_lengths, strict=True):
             tube, _, joints = name.partition('/')
-            half = np.sqrt(0.5 * robot.description.tube_mass * length)
+            half = np.sqrt(0.5 * robot.description.mass_per_length * length)
             for joint, node in zip(joints.split('-'), 'BC', strict=True):
                 column.append(half * moved[f'{tube}/{joint}/{node}'])
         columns.append(np.concatenate(column))
