@@ -56,74 +56,78 @@ def limit_acceleration(
         object is moved.
     """
     motion, contacts = command.motion, command.contact_rows
-    velocities = wanted = command.roller_velocities
-    weighted = motion * (0.0 if arm is None else np.array([[1.0], [1.0], [arm]]))
-    top = float(np.linalg.norm(weighted.dot(previous))) + SURFACE_ACCELERATION * change
-    faster = bool(np.linalg.norm(weighted.dot(wanted)) > top)
-    limited = faster or bool(np.abs(wanted - previous).max() > change)
-    if not limited and not _reverses(step, wanted - previous, change):
+    velocities = desired = command.roller_velocities
+    surface_rows = motion * (0.0 if arm is None else np.array([[1.0], [1.0], [arm]]))
+    top_speed = float(np.linalg.norm(surface_rows.dot(previous))) + SURFACE_ACCELERATION * change
+    surface_limited = bool(np.linalg.norm(surface_rows.dot(desired)) > top_speed)
+    limited = surface_limited or bool(np.abs(desired - previous).max() > change)
+    if not limited and not _reverses(step, desired - previous, change):
         return command
     rows = find_rows()
-    moving = (wanted != 0.0) | (previous != 0.0)  # failed rollers stand still
+    moving = (desired != 0.0) | (previous != 0.0)  # failed rollers stand still
     if limited:
-        start = previous - np.linalg.pinv(contacts).dot(contacts.dot(previous))
-        start = _nearest(start, contacts, moving, rows, 0.0 * start)
-        away, step_to = start - previous, wanted - start
-        changed = step_to != 0.0
-        shares = (np.copysign(change, step_to) - away)[changed] / step_to[changed]
+        projected = previous - np.linalg.pinv(contacts).dot(contacts.dot(previous))
+        start = _nearest(projected, contacts, moving, rows, 0.0 * projected)
+        to_start, to_desired = start - previous, desired - start
+        changed = to_desired != 0.0
+        shares = (np.copysign(change, to_desired) - to_start)[changed] / to_desired[changed]
         share = float(max(min(shares.min(initial=1.0), 1.0), 0.0))
-        if faster:
-            share = min(share, _surface_share(weighted.dot(start), weighted.dot(wanted), top))
-        velocities = limit_change(start + share * (wanted - start), previous, change)
+        if surface_limited:
+            surface_start, surface_desired = surface_rows.dot(start), surface_rows.dot(desired)
+            share = min(share, _surface_share(surface_start, surface_desired, top_speed))
+        velocities = limit_change(start + share * to_desired, previous, change)
     if _reverses(step, velocities - previous, change):
         # The closest roller speeds with the same twist and without reversals, if there are any.
-        small, away = REVERSAL_SHARE * change, velocities - previous
-        lower = np.where(step > small, -small, np.minimum(away, -change))
-        upper = np.where(step < -small, small, np.maximum(away, change))
+        small, next_step = REVERSAL_SHARE * change, velocities - previous
+        lower = np.where(step > small, -small, np.minimum(next_step, -change))
+        upper = np.where(step < -small, small, np.maximum(next_step, change))
         rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
-        rows = Rows(
-            np.concatenate([rows.matrix, np.eye(len(away))]),
+        bounds = Rows(
+            np.concatenate([rows.matrix, np.eye(len(next_step))]),
             np.concatenate([np.minimum(rows.lower, rates), previous + lower]),
             np.concatenate([np.maximum(rows.upper, rates), previous + upper]),
         )
-        kept = np.concatenate([motion, contacts])
-        velocities = _nearest(velocities, kept, moving, rows, velocities)
-    achieved, moved = command.achieved_twist.copy(), motion.dot(velocities)
-    achieved[: len(moved)] = moved
+        fixed = np.concatenate([motion, contacts])
+        velocities = _nearest(velocities, fixed, moving, bounds, velocities)
+    twist = motion.dot(velocities)
+    achieved = command.achieved_twist.copy()
+    achieved[: len(twist)] = twist
     status = Status.ACCELERATING if limited else command.status
     return replace(command, roller_velocities=velocities, achieved_twist=achieved, status=status)
 
 
-def _reverses(step: Array, away: Array, change: float) -> bool:
+def _reverses(step: Array, next_step: Array, change: float) -> bool:
     """Return whether a roller's speed changes back after its change in the previous cycle."""
-    least = np.minimum(np.abs(step), np.abs(away))
-    return bool(((step * away < 0.0) & (least > REVERSAL_SHARE * change)).any())
+    smaller = np.minimum(np.abs(step), np.abs(next_step))
+    return bool(((step * next_step < 0.0) & (smaller > REVERSAL_SHARE * change)).any())
 
 
-def _nearest(speeds: Array, kept: Array, moving: Flags, rows: Rows, otherwise: Array) -> Array:
+def _nearest(speeds: Array, fixed: Array, moving: Flags, rows: Rows, otherwise: Array) -> Array:
     """
     Return the roller speeds (r,) closest to given ones that fulfil all rows, or else `otherwise`.
 
-    The product of `kept` (k, r) with the speeds does not change, nor do rollers not `moving`.
+    The product of `fixed` (k, r) with the speeds does not change, nor do rollers not `moving`.
     """
     if (rows.slack(speeds) >= 0.0).all():
         return speeds
-    _, values, right = np.linalg.svd(kept[:, moving])  # unlike SciPy's, also of empty matrices
-    fixed = right[: (values > ROUNDING * values.max(initial=0.0)).sum()]
+    _, values, right = np.linalg.svd(fixed[:, moving])  # unlike SciPy's, also of empty matrices
+    equality = right[: (values > ROUNDING * values.max(initial=0.0)).sum()]
     size, unit = float(np.abs(speeds).max()) or 1.0, np.eye(len(right))
     matrix, room = rows.about(speeds).one_sided()
-    matrix, room, none = matrix[:, moving], room / size, np.zeros(len(fixed))
-    step = solve_qp(QuadraticProgram(unit, 0.0 * unit[0], matrix, room, fixed, none))
-    if step is None:
+    target = np.zeros(len(equality))
+    change = solve_qp(
+        QuadraticProgram(unit, 0.0 * unit[0], matrix[:, moving], room / size, equality, target)
+    )
+    if change is None:
         return otherwise
-    changed = speeds.copy()
-    changed[moving] += size * step
-    return changed
+    nearest = speeds.copy()
+    nearest[moving] += size * change
+    return nearest
 
 
-def _surface_share(start: Array, wanted: Array, top: float) -> float:
+def _surface_share(start: Array, desired: Array, top: float) -> float:
     """Return the largest fraction (0 to 1) of a change at which the velocity is at most `top`."""
-    step = wanted - start
+    step = desired - start
     square, slope = float(step.dot(step)), float(step.dot(start))
     if square == 0.0:
         return 1.0

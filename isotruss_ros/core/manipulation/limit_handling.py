@@ -74,54 +74,52 @@ def apply_limits(
     """Return roller velocities (r,) under limits, scale, status, and names at binding limits."""
     reach, max_speed = task.reach, config.robot.description.max_speed
     working, gain = reach.working, float(np.abs(task.free).max())
-    asked = gain * task.speed
+    desired_speed = gain * task.speed  # largest roller speed of the least-cost speeds [m/s]
     # The solver's tolerance is absolute, so speeds are divided by the smaller of desired and
     # possible speed.
-    unit = min(max_speed, asked)
+    unit = min(max_speed, desired_speed)
     largest = unit / ROUNDING  # bounds above it are not used: the division could overflow
     bounds = Rows(
         rows.matrix.take(working.indices, -1),
         np.maximum(rows.lower, -largest) / unit,
         np.minimum(rows.upper, largest) / unit,
     )
-    farthest, direction = min(asked / unit, 1.0 / NEGLIGIBLE_SHARE), task.direction / gain
-    free = task.free / gain
-    least = float(free.dot(working.cost.dot(free)))
+    direction, free = task.direction / gain, task.free / gain
+    desired = min(desired_speed / unit, 1.0 / NEGLIGIBLE_SHARE)
+    least_cost = float(free.dot(working.cost.dot(free)))
     penalty, weight = EXACT_PENALTY, NEGLIGIBLE_SHARE
     if handling.regularized:
         penalty = min(penalty, PROGRESS_WEIGHT * max_speed / (unit * gain))
         weight = 1.0 / PROGRESS_WEIGHT
-    fixed, slid = bounds, False
     named = [(limit, name) for limit in limits for name in limit.row_names(config)]
-    if handling.slide_along_limits:
-        rigid = np.array([not limit.can_slide for limit, _ in named])
-        fixed = Rows(*(part[rigid] for part in bounds))
-    solution, made = maximize_progress(
-        working.cost, reach.rows, direction, farthest, fixed, least, penalty
+    slides = np.array([limit.can_slide for limit, _ in named]) & handling.slide_along_limits
+    scaling_bounds = Rows(*(part[~slides] for part in bounds))
+    solution, progress = maximize_progress(
+        working.cost, reach.rows, direction, desired, scaling_bounds, least_cost, penalty
     )
-    slack = bounds.slack(solution)
+    slack, is_sliding = bounds.slack(solution), False
     if handling.slide_along_limits and (slack < -NEGLIGIBLE_SHARE).any():
-        slid, rank, room = True, len(reach.directions), bounds.about(solution)
-        opening = made * direction[rank:]
-        change = least_deviation(working.cost, reach.rows, rank, opening, room, weight)
+        is_sliding, rank = True, len(reach.directions)
+        opening, bounds_left = progress * direction[rank:], bounds.about(solution)
+        change = least_deviation(working.cost, reach.rows, rank, opening, bounds_left, weight)
         solution = solution + change
-        made += gain * float(task.direction.dot(reach.rows.dot(change)))
+        progress += gain * float(task.direction.dot(reach.rows.dot(change)))
         slack = bounds.slack(solution)
-    scale = min(1.0, max(0.0, made * unit / gain / task.speed))
-    if made < ROUNDING:
+    scale = min(1.0, max(0.0, progress * unit / gain / task.speed))
+    if progress < ROUNDING:
         # Speeds without progress are rounding errors.
         solution, scale = np.zeros_like(solution), 0.0
     velocities = working.spread(solution * unit)
     if scale > 1.0 - ROUNDING:
         return velocities, 1.0, task.status, ()
     # A row binds if a step toward the free solution would violate it.
-    binding = (slack < NEGLIGIBLE_SHARE) & (rows.slack(task.velocities) < 0.0)
-    bound = [named[place] for place in np.flatnonzero(binding)]
+    is_binding = (slack < NEGLIGIBLE_SHARE) & (rows.slack(task.velocities) < 0.0)
+    binding = [named[i] for i in np.flatnonzero(is_binding)]
     status = task.status
     if status is Status.OK:
-        slowed = bound[0][0].status if bound else Status.SLOWED_ROLLER_SPEED
-        status = Status.SLIDING if slid else slowed
-    return velocities, scale, status, tuple(name for _, name in bound)
+        slowed = binding[0][0].status if binding else Status.SLOWED_ROLLER_SPEED
+        status = Status.SLIDING if is_sliding else slowed
+    return velocities, scale, status, tuple(name for _, name in binding)
 
 
 def maximize_progress(

@@ -108,9 +108,9 @@ class RollingGrip:
         if rolled.misfit <= ROUNDING or len(self.owners) == len(self.sides):
             return rolled
         # A face in contact with a member may have lifted at one of its ends.
-        ends = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
-        for chosen in itertools.product(*([both, *([k] for k in both)] for both in ends)):
-            kept = [k for some in chosen for k in some]
+        contacts = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
+        for chosen in itertools.product(*([ends, *([k] for k in ends)] for ends in contacts)):
+            kept = [k for ends in chosen for k in ends]
             if len(kept) == len(self.owners):
                 continue
             fewer = replace(
@@ -119,13 +119,13 @@ class RollingGrip:
                 corners=self.corners[kept],
                 invariants=self.invariants[:, kept],
             )
-            other = fewer._rolled(config)
-            if other.misfit < rolled.misfit:
-                center, angle = other.grip.center, other.grip.body.pose.angle
+            lifted = fewer._rolled(config)
+            if lifted.misfit < rolled.misfit:
+                center, angle = lifted.grip.center, lifted.grip.body.pose.angle
                 (gaps, _), _ = self._touch(self._lines(config), center, angle, self.corners)
                 # A lifted end must not penetrate the member.
-                if (gaps >= self.invariants[0] - other.misfit - ROUNDING).all():
-                    rolled = other
+                if (gaps >= self.invariants[0] - lifted.misfit - ROUNDING).all():
+                    rolled = lifted
         return rolled
 
     def _rolled(self, config: Configuration) -> RollingGrip:
@@ -135,21 +135,21 @@ class RollingGrip:
         for step in range(MAX_NEWTON_ITERATIONS):
             if step < 10 and not self.shape.is_round:  # later fixed, against cycling by rounding
                 # Both ends of a face remain; the outermost corner may change.
-                alone = np.bincount(owners)[owners] == 1
+                is_single = np.bincount(owners)[owners] == 1
                 normals = lines.normals * cmath.rect(1.0, -angle)
                 farthest = np.array([self.shape.corner_at(n) for n in normals.tolist()])
-                corners = np.where(alone, farthest[owners], self.corners)
+                corners = np.where(is_single, farthest[owners], self.corners)
             values, rates = self._touch(lines, center, angle, corners)
-            off = (values - self.invariants).ravel()
+            deviations = (values - self.invariants).ravel()
             rows = rates * (1.0, 1.0, 1.0 / body.arm)
-            x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=ROUNDING)[0]
+            x, y, turn = change = np.linalg.lstsq(rows, -deviations, rcond=ROUNDING)[0]
             center += complex(x, y)
             angle += turn / body.arm
             size = max(abs(x), abs(y), abs(turn))
             settled = size <= COINCIDENCE * max(1.0, abs(center) / body.arm)
             if settled or (body.shape.is_round and size <= body.arm):
                 # For a disc the invariants are linear in the step.
-                misfit = float(np.abs(off + rows.dot(change)).max())
+                misfit = float(np.abs(deviations + rows.dot(change)).max())
                 grip = self.grip.moved_to((center.real, center.imag, angle))
                 if grip.corners is not None:
                     grip = grip.touching(self.owners, corners)
@@ -192,12 +192,13 @@ class RollingGrip:
         points = shape.surface_at(corners, normals[owners])[0]
         axes, sides = lines.axes[owners], self.sides[owners]
         arms = turn * points
-        local, turned = axes.conj() * (center + arms - lines.starts[owners]), axes.conj() * arms
+        local_arms = axes.conj() * arms
+        local = axes.conj() * (center + arms - lines.starts[owners])
         arcs = shape.unroll(self._unwrapped(lines.normals, angle)[owners], corners)
         values = np.array([sides * local.imag, local.real - lines.travel[owners] - sides * arcs])
         # Gaps along i side axis, anchors along the axis.
-        by_gap = np.stack([-axes.imag, axes.real, turned.real], axis=1) * sides[:, None]
-        by_anchor = np.stack([axes.real, axes.imag, -turned.imag], axis=1)
+        by_gap = np.stack([-axes.imag, axes.real, local_arms.real], axis=1) * sides[:, None]
+        by_anchor = np.stack([axes.real, axes.imag, -local_arms.imag], axis=1)
         return values, np.concatenate([by_gap, by_anchor])
 
 

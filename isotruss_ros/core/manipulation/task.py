@@ -98,23 +98,23 @@ class Reach(NamedTuple):
         """Return the reachable motions for the Jacobian of a grip (3 + g, r), or of joints."""
         count, rows = len(weights), jacobian.take(working.indices, -1)
         rows[:count] *= weights[:, None]
-        motion, task, grip = jacobian[:count], rows[:count], rows[count:]
+        motion, twist_rows, contact_rows = jacobian[:count], rows[:count], rows[count:]
         # Fast path for full rank: eigenvalues of the Gram matrix replace the two singular value
         # decompositions below.
         squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0].tolist()
         if squares[0] > 100.0 * RANK_TOLERANCE**2 * max(1.0, squares[-1]):
-            opening = np.zeros(len(grip))
+            opening = np.zeros(len(contact_rows))
             opening[:1] = 1.0
             return cls(working, motion, rows, np.eye(count), weights, opening)
-        mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
-        held = gains > RANK_TOLERANCE
-        kept = basis[held]
-        projected = task - task.dot(kept.T).dot(kept)
-        directions, sizes, _ = np.linalg.svd(projected, full_matrices=False)
-        reachable = directions[:, sizes > RANK_TOLERANCE].T
-        rows = np.concatenate([reachable.dot(task), kept])
-        opening = mixed[:1, held].sum(axis=0) / gains[held]
-        return cls(working, motion, rows, reachable, weights, opening)
+        mixed, gains, basis = np.linalg.svd(contact_rows, full_matrices=False)
+        effective = gains > RANK_TOLERANCE
+        constraints = basis[effective]
+        projected = twist_rows - twist_rows.dot(constraints.T).dot(constraints)
+        axes, sizes, _ = np.linalg.svd(projected, full_matrices=False)
+        directions = axes[:, sizes > RANK_TOLERANCE].T
+        independent = np.concatenate([directions.dot(twist_rows), constraints])
+        opening = mixed[:1, effective].sum(axis=0) / gains[effective]
+        return cls(working, motion, independent, directions, weights, opening)
 
 
 class Task(NamedTuple):
@@ -139,14 +139,16 @@ def find_task(
     opening = (reach.opening * opening_rate).tolist() if opening_rate else []
     # The twist is scaled so that no finite twist overflows.
     size = max(map(abs, twist.tolist() + opening)) or 1.0
-    unit = reach.weights * (twist / size)
-    closest = reach.directions.dot(unit)
-    direction[: len(closest)] = closest
-    missing, norm = closest.dot(reach.directions) - unit, math.sqrt(unit.dot(unit))
-    missed = math.sqrt(missing.dot(missing)) / (norm or 1.0)
+    scaled = reach.weights * (twist / size)
+    norm = math.sqrt(scaled.dot(scaled))
+    closest = reach.directions.dot(scaled)
+    unreachable = closest.dot(reach.directions) - scaled
+    missed = math.sqrt(unreachable.dot(unreachable)) / (norm or 1.0)
     status = Status.OK if missed <= ROUNDING else Status.UNREACHABLE
+    count = len(closest)
+    direction[:count] = closest
     if opening:
-        direction[len(closest) :] = np.divide(opening, size)  # noqa: E203
+        direction[count:] = np.divide(opening, size)
     if soft_rank > 0.0 and _damp(reach, direction, soft_rank):
         status = Status.UNREACHABLE
     length = math.sqrt(direction.dot(direction))
