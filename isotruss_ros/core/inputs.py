@@ -218,11 +218,13 @@ class Timeline:
 
     def at(self, time: float) -> Any:
         """Return the interpolated value; the function is constant beyond its end points."""
-        after = bisect_right(self._known, time, key=itemgetter(0))
-        if after in (0, len(self._known)):
-            return self._known[min(after, len(self._known) - 1)][1]
-        (start, value), (end, following) = self._known[after - 1], self._known[after]
-        return value + (time - start) / (end - start) * (following - value)
+        number = bisect_right(self._known, time, key=itemgetter(0))
+        if number == 0:
+            return self.first[1]
+        if number == len(self._known):
+            return self.last[1]
+        (start, start_value), (end, end_value) = self._known[number - 1], self._known[number]
+        return start_value + (time - start) / (end - start) * (end_value - start_value)
 
 
 class UsedReadings:
@@ -283,22 +285,22 @@ class CommandHistory:
         return self._until(end, before) - self._until(begin, before)
 
     def expected_travel(
-        self, rollers: StampedInput, then: float, now: float, ahead: float, still: Array
+        self, rollers: StampedInput, then: float, now: float, lead: float, stopped: Array
     ) -> tuple[Array, Array, Array]:
         """
         Predict the roller travel from a measurement to a moment slightly in the future.
 
-        This moment is `ahead` after `now`. The rollers are assumed to follow the commands, except
-        `still` (r,). Before the first command the measured speeds are used, because another client
-        may have moved the rollers. The result is the travel from the measurement to `then` [m] and
-        to that moment [m], and the mean speeds from now to it [m/s].
+        This moment is `lead` after `now`. The rollers are assumed to follow the commands, except
+        `stopped` (r,). Before the first command the measured speeds are used, because another
+        client may have moved the rollers. The result is the travel from the measurement to `then`
+        [m] and to that moment [m], and the mean speeds from now to it [m/s].
         """
         measured = rollers.value.velocities
-        last = np.where(still, 0.0, measured if self.last is None else self.last)
-        before, travel = (
-            np.where(still, 0.0, self.travel(rollers.time, end, measured)) for end in (then, now)
+        speeds = np.where(stopped, 0.0, measured if self.last is None else self.last)
+        travel_then, travel_now = (
+            np.where(stopped, 0.0, self.travel(rollers.time, end, measured)) for end in (then, now)
         )
-        return before, travel + ahead * last, last
+        return travel_then, travel_now + lead * speeds, speeds
 
     def _until(self, time: float, before: Array) -> Array:
         """Return the integral (r,) of the speeds [m], with `before` until the first command."""

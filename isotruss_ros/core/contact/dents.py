@@ -84,17 +84,19 @@ class DentSample:
     def inflated(self) -> tuple[Spline, Spline, float]:
         """Return `depth` at a higher and a lower pressure, and the pressures' difference [Pa]."""
         # This step minimises the error of central differences, about step^2 + EPSILON / step.
-        rates, step = [0.0], EPSILON ** (1.0 / 3.0) * self._kernel.pressure.real
+        step = EPSILON ** (1.0 / 3.0) * self._kernel.pressure.real
+        rates = [0.0]
         for _, spacing, _, forces in self._skins:
             # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
-            closed = np.flatnonzero(forces)
-            dents = self._kernel.compliance(closed, spacing)
-            by_gaps = np.linalg.solve(dents, np.ones(len(closed)))
-            lost = float(by_gaps @ self._kernel.compliance_rates(closed, spacing) @ forces[closed])
-            rates.append(-DEPTH_EXPONENT * forces.sum() ** (DEPTH_EXPONENT - 1.0) * lost)
+            pressed = np.flatnonzero(forces)
+            compliance = self._kernel.compliance(pressed, spacing)
+            by_gaps = np.linalg.solve(compliance, np.ones(len(pressed)))
+            compliance_rates = self._kernel.compliance_rates(pressed, spacing)
+            force_loss = float(by_gaps @ compliance_rates @ forces[pressed])
+            rates.append(-DEPTH_EXPONENT * forces.sum() ** (DEPTH_EXPONENT - 1.0) * force_loss)
         change = step * np.array(rates)
-        wide, narrow = (Spline(self._places + way * change, self._depths) for way in (1.0, -1.0))
-        return wide, narrow, 2.0 * step
+        at_more, at_less = (Spline(self._places + sign * change, self._depths) for sign in (1, -1))
+        return at_more, at_less, 2.0 * step
 
 
 class DentTable:
@@ -137,8 +139,8 @@ class DentTable:
         place = abs(force) ** DEPTH_EXPONENT
         samples, near, weights = self._find_samples(place, angle)
         rates = [
-            (wide(place, near)[0] - narrow(place, near)[0]) / difference
-            for wide, narrow, difference in (sample.inflated for sample in samples)
+            (at_more(place, near)[0] - at_less(place, near)[0]) / difference
+            for at_more, at_less, difference in (sample.inflated for sample in samples)
         ]
         return math.copysign(1.0, force) * float(weights[0] @ rates)
 

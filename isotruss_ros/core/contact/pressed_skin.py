@@ -53,30 +53,29 @@ def _press(kernel: Flattening, positions: Array, heights: Array, depth: float) -
 
 def find_profile(outline: Points, point: complex, normal: complex) -> tuple[Array, Array]:
     """Return positions along a tube, counter-clockwise, and the surface's heights there [m]."""
-    seen = (outline - point) * -normal.conjugate()
+    local = (outline - point) * -normal.conjugate()
     # Positions along the tube, counter-clockwise, and heights into the object.
-    along, height = -seen.imag, seen.real
-    first, last = int(along.argmin()), int(along.argmax())
-    count = (last - first) % len(along)
-    chain = (first + np.arange(count + 1)) % len(along)
-    positions, heights = along[chain], np.maximum(height[chain], 0.0)
+    along, height = -local.imag, local.real
+    start, end = int(along.argmin()), int(along.argmax())
+    facing = (start + np.arange((end - start) % len(along) + 1)) % len(along)
+    positions, heights = along[facing], np.maximum(height[facing], 0.0)
     # The contact point may be between two points of the outline.
-    place = int(np.searchsorted(positions, 0.0))
-    return np.insert(positions, place, 0.0), np.insert(heights, place, 0.0)
+    number = int(np.searchsorted(positions, 0.0))
+    return np.insert(positions, number, 0.0), np.insert(heights, number, 0.0)
 
 
 def press_corner(
     kernel: Flattening, positions: Array, heights: Array, reach: Array, depth: float
 ) -> PressedSkin:
     """Return the skin under a corner at a given depth."""
-    low = np.flatnonzero(heights <= depth)
-    first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(positions) - 1)
+    dented = np.flatnonzero(heights <= depth)
+    before, after = max(dented[0] - 1, 0), min(dented[-1] + 1, len(positions) - 1)
     # Interpolated positions at which the height of the surface is the depth.
-    begin, end = (
+    edges = [
         float(np.interp(depth, heights[pair], positions[pair]))
-        for pair in ([low[0], first], [low[-1], last])
-    )
-    begin, end = max(begin, -float(reach[0])), min(end, float(reach[1]))
+        for pair in ([dented[0], before], [dented[-1], after])
+    ]
+    begin, end = max(edges[0], -float(reach[0])), min(edges[1], float(reach[1]))
     spacing = max(end - begin, 1e-6) / CHORD_POINTS
     # Each point is in the middle of a piece of tube; the outer pieces end at `begin` and `end`.
     middles = begin + (np.arange(CHORD_POINTS) + 0.5) * spacing

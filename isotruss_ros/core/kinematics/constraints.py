@@ -127,8 +127,8 @@ class Constraints:
         gradients = weights[: 4 * m] * ((across.conj() * moved).real / lengths) * across
         sides, arms, bisection = slice(m), slice(m, 3 * m), slice(4 * m, 5 * m)
         bend = weights[bisection]
-        both = bend + bend[self._topology.following]
-        gradients[sides] += both * (1j * moved[sides] / stretched[sides] ** 2).conj()
+        at_both_ends = bend + bend[self._topology.following]
+        gradients[sides] += at_both_ends * (1j * moved[sides] / stretched[sides] ** 2).conj()
         rod = stretched[arms].reshape(2, m, 1).sum(axis=0)
         rod_moved = moved[arms].reshape(2, m, -1).sum(axis=0)
         turned = -2.0 * bend * (1j * rod_moved / rod**2).conj()

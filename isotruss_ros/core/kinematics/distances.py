@@ -36,16 +36,16 @@ import numpy as np
 
 def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
     """Return distances (k,) [m], unit vectors to the points, positions along segments, 0 to 1."""
-    arm, along = point - start, end - start
-    squares = np.maximum(along.real**2 + along.imag**2, COINCIDENCE**2)
-    shares = np.clip((along.conj() * arm).real / squares, 0.0, 1.0)
-    away = arm - shares * along
-    distances = np.abs(away)
+    from_start, span = point - start, end - start
+    squares = np.maximum(span.real**2 + span.imag**2, COINCIDENCE**2)
+    shares = np.clip((span.conj() * from_start).real / squares, 0.0, 1.0)
+    from_segment = from_start - shares * span
+    distances = np.abs(from_segment)
     # The vector to a point on the segment is the normal of the segment.
     normals = np.where(
         distances > COINCIDENCE,
-        away / np.maximum(distances, COINCIDENCE),
-        1j * along / np.sqrt(squares),
+        from_segment / np.maximum(distances, COINCIDENCE),
+        1j * span / np.sqrt(squares),
     )
     return distances, normals, shares
 

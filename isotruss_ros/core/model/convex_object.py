@@ -74,8 +74,8 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
             x, y = finite_array(
                 self.center_of_mass, 2, 'center_of_mass (x, y) in the object [m]', GraspError
             )
-            away = max(abs(x), abs(y)) > MAX_MAGNITUDE  # squares of larger values may overflow
-            if away or self.shape.nearest(np.array([complex(x, y)])).gaps[0] > 0.0:
+            too_far = max(abs(x), abs(y)) > MAX_MAGNITUDE  # squares of larger values may overflow
+            if too_far or self.shape.nearest(np.array([complex(x, y)])).gaps[0] > 0.0:
                 raise GraspError(f'center_of_mass ({x:g}, {y:g}) m: must be within the object')
             object.__setattr__(self, 'center_of_mass', (float(x), float(y)))
         if self.friction is not None:
@@ -204,8 +204,8 @@ class SegmentGaps(NamedTuple):
 
 def facing_normals(middle: complex, points: Points, axes: Points) -> Points:
     """Return the unit normals (k,) of lines along `axes` (k,), away from an object's centroid."""
-    aside = (axes.conj() * (middle - points)).imag
-    return -1j * np.where(aside < 0.0, -axes, axes)
+    is_right = (axes.conj() * (middle - points)).imag < 0.0
+    return -1j * np.where(is_right, -axes, axes)
 
 
 def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGaps:
@@ -217,16 +217,16 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     """
     spans = ends - starts
     lengths = np.abs(spans)
-    some = lengths > COINCIDENCE
-    axes = np.where(some, spans, 1.0) / np.where(some, lengths, 1.0)
-    normals, turn = facing_normals(body.middle, starts, axes), body.turn
-    points = body.center + turn * body.shape.support_points(normals * turn.conjugate())
+    has_length = lengths > COINCIDENCE
+    axes = np.where(has_length, spans, 1.0) / np.where(has_length, lengths, 1.0)
+    normals = facing_normals(body.middle, starts, axes)
+    points = body.center + body.turn * body.shape.support_points(normals * body.turn.conjugate())
     gaps = ((starts - points) * normals.conj()).real
     shares = (axes.conj() * (points - starts)).real / np.maximum(lengths, COINCIDENCE)
-    beside = np.flatnonzero((shares < 0.0) | (shares > 1.0) | ~some)
-    if len(beside):
-        first = shares[beside] < 0.0
-        nearest = body.nearest(np.where(first, starts[beside], ends[beside]))
-        gaps[beside], normals[beside] = nearest.gaps, nearest.normals
-        shares[beside] = np.where(first, 0.0, 1.0)
+    at_ends = np.flatnonzero((shares < 0.0) | (shares > 1.0) | ~has_length)
+    if len(at_ends):
+        at_start = shares[at_ends] < 0.0
+        nearest = body.nearest(np.where(at_start, starts[at_ends], ends[at_ends]))
+        gaps[at_ends], normals[at_ends] = nearest.gaps, nearest.normals
+        shares[at_ends] = np.where(at_start, 0.0, 1.0)
     return SegmentGaps(gaps, normals, shares)

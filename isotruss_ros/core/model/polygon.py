@@ -46,9 +46,9 @@ class Polygon(PolygonalShape):
         step = 1 if polygon_moments(corners - corners[0])[0] > 0.0 else -1
         vertices = tuple((float(z.real), float(z.imag)) for z in corners[::step])
         object.__setattr__(self, 'vertices', vertices)
-        same = not isinstance(self.corner_radius, Sequence)
-        kept = float(radii[0]) if same else tuple(map(float, radii[::step]))
-        object.__setattr__(self, 'corner_radius', kept)
+        one_for_each = isinstance(self.corner_radius, Sequence)
+        corner_radius = tuple(map(float, radii[::step])) if one_for_each else float(radii[0])
+        object.__setattr__(self, 'corner_radius', corner_radius)
 
     @cached_property
     def normals(self) -> Points:
@@ -174,23 +174,23 @@ class Polygon(PolygonalShape):
     def nearest(self, points: Points) -> SurfacePoints:
         """Return the nearest points of the surface; see `Shape.nearest`."""
         rows = np.arange(len(points))
-        away = points[:, None] - self.arc_centers
-        # Projections on the side after a vertex and on the side before it.
-        after = away * self.normals.conj()
-        before = (away * np.roll(self.normals, 1).conj()).imag
-        beyond = after.real - self.radii
-        side = beyond.argmax(axis=1)
-        gaps, normals = beyond[rows, side], self.normals[side]
+        from_centers = points[:, None] - self.arc_centers
+        # Components across and along the side after a vertex, and along the side before it.
+        after = from_centers * self.normals.conj()
+        along_before = (from_centers * np.roll(self.normals, 1).conj()).imag
+        from_sides = after.real - self.radii
+        side = from_sides.argmax(axis=1)
+        gaps, normals = from_sides[rows, side], self.normals[side]
         # An arc is nearest where the direction from its centre is in its normal cone.
-        beside = (after.imag < 0.0) & (before > 0.0)
-        if not beside.any():
+        in_cone = (after.imag < 0.0) & (along_before > 0.0)
+        if not in_cone.any():
             return SurfacePoints(gaps, normals)
-        distance = np.where(beside, np.abs(away) - self.radii, -np.inf)
-        corner = distance.argmax(axis=1)
-        gap = distance[rows, corner]
-        at = np.flatnonzero(gap > gaps)
-        near = away[at, corner[at]]
-        gaps[at], normals[at] = gap[at], near / np.abs(near)
+        from_arcs = np.where(in_cone, np.abs(from_centers) - self.radii, -np.inf)
+        corner = from_arcs.argmax(axis=1)
+        arc_gaps = from_arcs[rows, corner]
+        at_arc = np.flatnonzero(arc_gaps > gaps)
+        from_center = from_centers[at_arc, corner[at_arc]]
+        gaps[at_arc], normals[at_arc] = arc_gaps[at_arc], from_center / np.abs(from_center)
         return SurfacePoints(gaps, normals)
 
     def smoothed(self, length: float) -> Shape:

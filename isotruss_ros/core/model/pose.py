@@ -41,10 +41,10 @@ class Pose(NamedTuple):
 
 def pose_fault(x: float, y: float, angle: float = 0.0) -> str:
     """Return the fault of a pose that is too far away or turned by more than once; else empty."""
-    _, far = plausible_range('joints')
+    _, farthest = plausible_range('joints')
     for name, value, unit, most in (
-        ('x', x, 'm', far),
-        ('y', y, 'm', far),
+        ('x', x, 'm', farthest),
+        ('y', y, 'm', farthest),
         ('angle', angle, 'rad', 2.0 * math.pi),
     ):
         if not abs(value) <= most:
@@ -55,9 +55,9 @@ def pose_fault(x: float, y: float, angle: float = 0.0) -> str:
 
 def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
     """Return the first pose minus the second, (3,) [m, rad]; the angle is wrapped to (-pi, pi]."""
-    away = np.subtract(pose, other)
-    away[2] = math.remainder(away[2], 2.0 * math.pi)
-    return away
+    difference = np.subtract(pose, other)
+    difference[2] = math.remainder(difference[2], 2.0 * math.pi)
+    return difference
 
 
 def check_range(value: float, what: str, unit: str, low: float, high: float) -> float:
