@@ -68,16 +68,16 @@ class Flattening:
     def compliance(self, points: Indices, spacing: float) -> Array:
         """Return the compliances (c, c) of points on the skin, numbered by spacings [m/N]."""
         # Load and depth are averaged over pieces of tube that are one spacing long.
-        apart, ratio = np.abs(points[:, None] - points), spacing / self.reach
+        distances, ratio = np.abs(points[:, None] - points), spacing / self.reach
         # Compliance of the modes for a line load, at the load.
         peak = 0.5 / np.sqrt(self.stiffness * self.tension)
-        steps = np.arange(apart.max(initial=0) + 1) - 1.0
+        steps = np.arange(distances.max(initial=0) + 1) - 1.0
         # exp(-k ratio) (2 / ratio sinh(ratio / 2))^2, in a form that cannot overflow.
         spread = peak * (np.expm1(-ratio) / ratio) ** 2
         table = spread @ np.exp(-np.outer(ratio, steps))
         alone = peak * (2.0 / ratio) * (1.0 + np.expm1(-ratio) / ratio)
         table[0] = alone.sum() + self.rest / spacing
-        return table[apart]
+        return table[distances]
 
     def compliance_rates(self, points: Indices, spacing: float) -> Array:
         """Return the derivatives (c, c) of `compliance` with respect to pressure [m/N/Pa]."""

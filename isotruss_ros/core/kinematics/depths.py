@@ -32,15 +32,15 @@ def member_depths(config: Configuration, body: ConvexObject) -> Array:
 
 def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     """Return an object translated along normals, out of the members that it overlaps."""
-    begin, end = member_lines(config).T
+    starts, ends = member_lines(config).T
     reach = 0.5 * config.robot.description.tube_diameter
     for _ in range(200):  # a closing wedge needs many small pushes
-        near = segment_gaps(body, begin, end)
-        deepest = int(np.argmin(near.gaps))
-        depth = reach - float(near.gaps[deepest])
+        nearest = segment_gaps(body, starts, ends)
+        deepest = int(np.argmin(nearest.gaps))
+        depth = reach - float(nearest.gaps[deepest])
         if depth <= ROUNDING:
             break
-        away = -depth * complex(near.normals[deepest])
+        push = -depth * complex(nearest.normals[deepest])
         x, y, angle = body.pose
-        body = body.moved_to((x + away.real, y + away.imag, angle))
+        body = body.moved_to((x + push.real, y + push.imag, angle))
     return body

@@ -155,15 +155,15 @@ def _measured(robot: Mechanism) -> Array:
     m = topology.n_modules
     joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])
     point, member = np.arange(len(joint))[:, None], np.arange(m)
-    corner, ahead = topology.joint, topology.joint[topology.following]
+    own_joint, next_joint = topology.joint, topology.joint[topology.following]
     # A member is fixed to the modules and joints at its ends, but not to other tubes there.
     of_members = np.where(
         point < m,
         (member != point) & (topology.following != point),
-        (joint[:, None] != corner) & (joint[:, None] != ahead),
+        (joint[:, None] != own_joint) & (joint[:, None] != next_joint),
     )
     of_modules = (point < m) & (point < member)
-    of_rods = joint[:, None] != corner
+    of_rods = joint[:, None] != own_joint
     return np.hstack([of_members, of_modules, of_rods])
 
 

@@ -45,12 +45,12 @@ class Robot(
         self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
         model = collision_model(self)
         distances = model.distances(self.home)
-        least = int(distances.argmin())
-        if distances[least] < 0.0:
-            (parts,) = model.names(np.array([least]))
+        closest = int(distances.argmin())
+        if distances[closest] < 0.0:
+            (parts,) = model.names(np.array([closest]))
             raise RobotFileError(
                 f'{description.source}: {parts} overlap at home: their clearance is '
-                f'{distances[least]:.3f} m; must not be negative: move the joints apart, or use '
+                f'{distances[closest]:.3f} m; must not be negative: move the joints apart, or use '
                 f'smaller modules or a tube of less than {description.tube_diameter:g} m'
             )
 

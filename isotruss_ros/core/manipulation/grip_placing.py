@@ -42,13 +42,13 @@ def place_between(
         not fit between these members.
     """
     require_configuration(config)
-    turned, depth = finite_array([angle, indentation], 2, 'angle, indentation', GraspError)
+    direction, depth = finite_array([angle, indentation], 2, 'angle, indentation', GraspError)
     names = Grip(tuple(members), ConvexObject(shape)).members
     nodes = find_members(config.robot.topology, names)
     starts, ends = config.points[nodes.lines.T]
     spans = ends - starts
     middle = complex((starts + 0.5 * spans).mean())
-    turn = complex(math.cos(turned), math.sin(turned))
+    turn = complex(math.cos(direction), math.sin(direction))
     skin = 0.5 * config.robot.description.tube_diameter - depth
     grips: list[Grip] = []
     for sides in itertools.product((1.0, -1.0), repeat=len(names)):
@@ -59,7 +59,7 @@ def place_between(
         rows = normals.view(np.float64).reshape(-1, 2)
         x, y = np.linalg.lstsq(rows, gaps, rcond=ROUNDING)[0]
         place = middle + complex(x, y)
-        pose = Pose(place.real, place.imag, float(turned))
+        pose = Pose(place.real, place.imag, float(direction))
         grip = Grip(names, ConvexObject(shape, pose))
         try:
             contacts = find_contacts(config, grip)

@@ -29,21 +29,21 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     """Return the reachable twists closest to a twist if ends of faces may lift."""
     contacts = find_contacts(config, grip)
     choices = rolled_corners(contacts, grip.friction)
-    least, working = find_task(reach, twist).missed if choices else 0.0, reach.working
-    if least <= ROUNDING:
+    smallest_miss, working = find_task(reach, twist).missed if choices else 0.0, reach.working
+    if smallest_miss <= ROUNDING:
         return reach
     (hand, rigid), members = contact_rows(config, grip), member_rows(config, grip.members)
     inward = as_xy(-np.array([contact.normal for contact in contacts]))
     for kept in choices:
-        fewer = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
-        task = find_task(fewer, twist)
-        if task.missed >= least * (1.0 - NEGLIGIBLE_SHARE) or task.speed == 0.0:
+        rolling = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
+        task = find_task(rolling, twist)
+        if task.missed >= smallest_miss * (1.0 - NEGLIGIBLE_SHARE) or task.speed == 0.0:
             continue
         speeds = working.spread(task.free)
-        moved = rigid @ (fewer.motion @ speeds) - hand @ speeds
+        moved = rigid @ (rolling.motion @ speeds) - hand @ speeds
         lifting = (moved.reshape(-1, 2) * inward).sum(axis=1)
         if lifting.min() >= -ROUNDING * np.abs(speeds).max():
-            reach, least = fewer, task.missed
+            reach, smallest_miss = rolling, task.missed
     return reach
 
 

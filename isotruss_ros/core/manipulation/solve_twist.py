@@ -146,8 +146,9 @@ def solve_twist_ahead(
     command = solve_twist(config, grip, twist, failed, limits, handling)
     if lead == 0.0 or not command.roller_velocities.any():
         return command
-    ahead = config.moved_to(config.roller_positions + lead * command.roller_velocities)
-    return solve_twist(ahead, roll_object(grip, config, ahead), twist, failed, limits, handling)
+    predicted = config.moved_to(config.roller_positions + lead * command.roller_velocities)
+    rolled = roll_object(grip, config, predicted)
+    return solve_twist(predicted, rolled, twist, failed, limits, handling)
 
 
 @single_threaded

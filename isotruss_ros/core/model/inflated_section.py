@@ -79,13 +79,13 @@ def find_implausible(file: RobotDescription) -> Iterator[str]:
 def _overstretched(key: str, pressure: float, radius: float, modulus: float) -> Iterator[str]:
     """Yield a fault if a pressure p [Pa] stretches the wall of modulus E t [N/m] too far."""
     if pressure * radius > MAX_WALL_STRAIN * modulus:
-        most = MAX_WALL_STRAIN * modulus / radius
-        low, _ = plausible_range('tube.pressure')
+        highest = MAX_WALL_STRAIN * modulus / radius
+        lowest, _ = plausible_range('tube.pressure')
         yield (
-            f'{key}: {pressure:g}: must be at most {most:.6g} Pa gauge, because the wall of the '
-            f'block stiffness, E t = {modulus:.6g} N/m, is strained around by p R / (E t) = '
+            f'{key}: {pressure:g}: must be at most {highest:.6g} Pa gauge, because the wall of '
+            f'the block stiffness, E t = {modulus:.6g} N/m, is strained around by p R / (E t) = '
             f'{pressure * radius / modulus:.2g}, beyond {MAX_WALL_STRAIN:g}'
-            f'{likely_unit(pressure, "Pa", low, most)}'
+            f'{likely_unit(pressure, "Pa", lowest, highest)}'
         )
 
 
@@ -93,29 +93,29 @@ def _bounds(
     radius: float, pressure: float, length: float, softening: float
 ) -> tuple[SectionStiffness, SectionStiffness]:
     """Return the smallest plausible EA, EI and GA of a member, and the largest, of metal foil."""
-    soft, hard = plausible_range('tube.stiffness.membrane_modulus')
-    _, stiff = plausible_range('tube.stiffness.membrane_shear_modulus')
-    less, _ = plausible_range('tube.stiffness_scale')
-    soft = max(soft, pressure * radius / MAX_WALL_STRAIN)
-    smallest = inflated_section(radius, soft, 0.0, END_SOFTENING, length, pressure)
-    largest = inflated_section(radius, hard, stiff, softening, length, pressure)
-    return SectionStiffness(*(less * x for x in smallest)), largest
+    min_modulus, max_modulus = plausible_range('tube.stiffness.membrane_modulus')
+    _, max_shear = plausible_range('tube.stiffness.membrane_shear_modulus')
+    min_scale, _ = plausible_range('tube.stiffness_scale')
+    min_modulus = max(min_modulus, pressure * radius / MAX_WALL_STRAIN)
+    smallest = inflated_section(radius, min_modulus, 0.0, END_SOFTENING, length, pressure)
+    largest = inflated_section(radius, max_modulus, max_shear, softening, length, pressure)
+    return SectionStiffness(*(min_scale * x for x in smallest)), largest
 
 
 def _implausible_section(
     block: Mapping[str, Any], radius: float, pressures: Mapping[str, float], length: float
 ) -> Iterator[str]:
     """Yield a fault for each of EA, EI and GA of the model `section` out of its range."""
-    given = float(block.get('pressure', next(iter(pressures.values()))))
+    reference = float(block.get('pressure', next(iter(pressures.values()))))
     ranges = zip(
         ('axial_rigidity', 'flexural_rigidity', 'shear_rigidity'),
         ('N', 'N m^2', 'N'),
-        *_bounds(radius, given, length, np.inf),
+        *_bounds(radius, reference, length, np.inf),
         strict=True,
     )
     wrong = [
         f'tube.stiffness.{key}: {float(block[key]):g}: must be from {low:.4g} to {high:.4g} '
-        f'{unit} in a tube of {2.0 * radius:g} m at {given:g} Pa'
+        f'{unit} in a tube of {2.0 * radius:g} m at {reference:g} Pa'
         f'{likely_unit(float(block[key]), unit, low, high)}'
         for key, unit, low, high in ranges
         if not low <= float(block[key]) <= high
@@ -123,11 +123,11 @@ def _implausible_section(
     yield from wrong
     if not wrong:
         # The wall without the share of the pressure.
-        modulus = float(block['flexural_rigidity']) / (np.pi * radius**3) - 0.5 * given * radius
-        modulus = max(modulus, SMALLEST_NORMAL)
+        with_pressure = float(block['flexural_rigidity']) / (np.pi * radius**3)
+        modulus = max(with_pressure - 0.5 * reference * radius, SMALLEST_NORMAL)
         yield from _overstretched('tube.pressure', max(pressures.values()), radius, modulus)
         if 'pressure' in block:
-            yield from _overstretched('tube.stiffness.pressure', given, radius, modulus)
+            yield from _overstretched('tube.stiffness.pressure', reference, radius, modulus)
 
 
 def _implausible_laws(file: RobotDescription, radius: float) -> Iterator[str]:

@@ -26,11 +26,11 @@ def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Arra
 
 def polygon_moments(corners: Points) -> tuple[float, complex, float]:
     """Return the integrals of 1, z and |z|^2, z = x + iy, over a polygon; clockwise times -1."""
-    following = np.roll(corners, -1)
-    cross = (corners.conj() * following).imag
-    squares = np.abs(corners) ** 2 + np.abs(following) ** 2 + (corners * following.conj()).real
-    first = (cross * (corners + following)).sum() / 6.0
-    return float(0.5 * cross.sum()), complex(first), float((cross * squares).sum() / 12.0)
+    ends = np.roll(corners, -1)
+    cross = (corners.conj() * ends).imag
+    squares = np.abs(corners) ** 2 + np.abs(ends) ** 2 + (corners * ends.conj()).real
+    first_moment = (cross * (corners + ends)).sum() / 6.0
+    return float(0.5 * cross.sum()), complex(first_moment), float((cross * squares).sum() / 12.0)
 
 
 def _validate_vertices(vertices: object) -> Points:
@@ -46,9 +46,9 @@ def _validate_vertices(vertices: object) -> Points:
     corners = np.empty(count, dtype=np.complex128)
     for i, vertex in enumerate(vertices):  # type: ignore[arg-type, var-annotated]
         x, y = finite_array(vertex, 2, f'vertex {i + 1} (x, y) [m]', GraspError)
-        away = float(max(abs(x), abs(y)))
-        if away > MAX_SIZE:
-            hint = likely_unit(away, 'm', MIN_DIAMETER, MAX_SIZE)
+        distance = float(max(abs(x), abs(y)))
+        if distance > MAX_SIZE:
+            hint = likely_unit(distance, 'm', MIN_DIAMETER, MAX_SIZE)
             raise GraspError(
                 f'vertex {i + 1} ({x:g}, {y:g}) m: must be within '
                 f'{MAX_SIZE:g} m of the origin{hint}'
@@ -94,11 +94,11 @@ def _check_convex(corners: Points) -> None:
             f'{_name(corners[i], i)}: on one line with its neighbours; remove it, or move it so '
             'that the outline is convex'
         )
-    turned = float(turns.sum())
-    wrong = np.flatnonzero(turns * turned < 0.0)
+    total_turn = float(turns.sum())
+    concave = np.flatnonzero(turns * total_turn < 0.0)
     # An outline that winds more than once crosses itself, though all turns have one sign.
-    if len(wrong) or not 1.0 < abs(turned) < 3.0 * np.pi:
-        i = int(wrong[0]) if len(wrong) else 0
+    if len(concave) or not 1.0 < abs(total_turn) < 3.0 * np.pi:
+        i = int(concave[0]) if len(concave) else 0
         raise GraspError(
             f'{_name(corners[i], i)}: the polygon is concave there, or its sides cross each '
             'other; must be convex: list the vertices in their order around the polygon, remove '
@@ -115,12 +115,12 @@ def _check_fit(corners: Points, radii: Array) -> None:
     """Raise GraspError if the arcs at both ends of a side do not fit on the side."""
     sides = np.roll(corners, -1) - corners
     half = 0.5 * np.abs(np.angle(sides * np.roll(sides, 1).conj()))
-    taken = radii * np.tan(half)
-    straight = np.abs(sides) - taken - np.roll(taken, -1)
+    arcs = radii * np.tan(half)
+    straight = np.abs(sides) - arcs - np.roll(arcs, -1)
     i = int(straight.argmin())
     if straight[i] < -ROUNDING * abs(sides[i]):  # arcs may take all of a side, up to rounding
         raise GraspError(
             f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
             f'begins at {_name(corners[i], i)} must be at least '
-            f'{taken[i] + np.roll(taken, -1)[i]:g} m long for its two arcs; use a smaller radius'
+            f'{arcs[i] + np.roll(arcs, -1)[i]:g} m long for its two arcs; use a smaller radius'
         )

@@ -22,9 +22,9 @@ def preset_names() -> list[str]:
 
 def find_robot_file(name_or_path: str | Path) -> Path:
     """Return the path of a robot file, given as the name of a preset or as a path."""
-    given = str(name_or_path)
-    if given in preset_names():
-        return config_directory() / f'{given}.yaml'
+    text = str(name_or_path)
+    if text in preset_names():
+        return config_directory() / f'{text}.yaml'
     try:
         path = Path(name_or_path).expanduser()
         if path.is_file():
@@ -33,6 +33,6 @@ def find_robot_file(name_or_path: str | Path) -> Path:
     except (OSError, ValueError, RuntimeError, TypeError):
         pass
     raise RobotFileError(
-        f'robot {given!r}: there is no such preset and no such file; '
+        f'robot {text!r}: there is no such preset and no such file; '
         f'give one of {", ".join(preset_names())}, or the path of a robot file'
     )

@@ -48,17 +48,17 @@ def find_faults(content: Any, block: str | None = None) -> Iterator[str]:
 
 def suggest(key: str, allowed: Iterable[str]) -> str:
     """Return a question with the allowed key that is most similar to an unknown one, or none."""
-    close = difflib.get_close_matches(key, list(allowed), n=1)
-    return f'did you mean {close[0]}? ' if close else ''
+    similar = difflib.get_close_matches(key, list(allowed), n=1)
+    return f'did you mean {similar[0]}? ' if similar else ''
 
 
 def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
     """Raise RobotFileError if a robot file has faults."""
-    first = [f'{path}: {line}' for line in itertools.islice(complaints, MAX_COMPLAINTS + 1)]
-    if len(first) > MAX_COMPLAINTS:
-        first[MAX_COMPLAINTS:] = [f'{path}: and more like these']
-    if first:
-        raise RobotFileError('\n'.join(first))
+    lines = [f'{path}: {line}' for line in itertools.islice(complaints, MAX_COMPLAINTS + 1)]
+    if len(lines) > MAX_COMPLAINTS:
+        lines[MAX_COMPLAINTS:] = [f'{path}: and more like these']
+    if lines:
+        raise RobotFileError('\n'.join(lines))
 
 
 def _is_number(_checker: jsonschema.TypeChecker, value: Any) -> bool:

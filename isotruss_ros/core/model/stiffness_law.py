@@ -58,17 +58,17 @@ def find_contradictions(file: RobotDescription) -> Iterator[str]:
         )
         return
     transverse, rotary = laws['transverse'], laws['rotary']
-    slope, between = rotary.b - transverse.b - 2.0, np.log(np.array(limits) - 2.0 * ring)
-    factors = np.log(12.0) + np.log(rotary.C) - np.log(transverse.C)
-    least = np.log(4.0) + np.log1p(-ROUNDING)
+    slope, log_lengths = rotary.b - transverse.b - 2.0, np.log(np.array(limits) - 2.0 * ring)
+    log_factor = np.log(12.0) + np.log(rotary.C) - np.log(transverse.C)
+    log_bound = np.log(4.0) + np.log1p(-ROUNDING)
     for tube, pressure in file.pressures.items():
-        level = factors + (rotary.a - transverse.a) * np.log(pressure)
-        short, long = level + slope * between < least
+        log_ratio = log_factor + (rotary.a - transverse.a) * np.log(pressure)
+        short, long = log_ratio + slope * log_lengths < log_bound
         if not (short or long):
             continue
         where = 'at every length of a member'
         if not (short and long):
-            length = float(np.exp((least - level) / slope))
+            length = float(np.exp((log_bound - log_ratio) / slope))
             where = (
                 f'{"below" if short else "above"} {length:.6g} m from ring to ring, '
                 f'{length + 2.0 * ring:.6g} m from pinch to pinch'

@@ -77,8 +77,8 @@ def estimate_condition(matrix: Array | csc_matrix) -> float:
 
 def count_negative_pivots(matrix: Array | csc_matrix) -> int:
     """Return the number of negative eigenvalues of a symmetric matrix (Sylvester)."""
-    whole = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
-    factors, pivots, _ = lapack.dsytrf(whole, lower=True)
+    dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+    factors, pivots, _ = lapack.dsytrf(dense, lower=True)
     # A block of two rows has one negative pivot.
     single = pivots > 0
     negative = (factors.diagonal() < 0.0) & single

@@ -107,7 +107,7 @@ class ElasticObject:
         """Hold the object in the first configuration with force closure."""
         if not self._pressed(config):
             return
-        first = config
+        touching = config
         if before is not None:
             # Approximately the first configuration with two members in contact, by bisection.
             start, end = before.roller_positions, config.roller_positions
@@ -116,10 +116,10 @@ class ElasticObject:
                 middle = 0.5 * (low + high)
                 halfway = before.moved_to(start + middle * (end - start))
                 if self._pressed(halfway):
-                    high, first = middle, halfway
+                    high, touching = middle, halfway
                 else:
                     low = middle
-        for attached in (first, config):
+        for attached in (touching, config):
             try:
                 grasp = attach_grip(
                     attached, self._body, None, self._wrench, stiffness=self._scale
