@@ -59,9 +59,9 @@ class Spline:
 
     def __call__(self, place: float, near: float) -> tuple[float, float]:
         """Return value and slope at abscissa `place` by the polynomial valid at `near`."""
-        piece, last = bisect_right(self._places, near) - 1, self._places[-1]
-        piece = min(piece, len(self._pieces) - 1)
-        inside, beyond = (place, 0.0) if near < last else (last, place - last)
+        end = self._places[-1]
+        piece = min(bisect_right(self._places, near), len(self._pieces)) - 1
+        inside, beyond = (place, 0.0) if near < end else (end, place - end)
         x, (a, b, c, d) = inside - self._places[piece], self._pieces[piece]
         slope = (3.0 * a * x + 2.0 * b) * x + c
         return ((a * x + b) * x + c) * x + d + slope * beyond, slope
@@ -131,8 +131,8 @@ class DentTable:
         place, sign = size**DEPTH_EXPONENT, force / size
         samples, near, weights = self._find_samples(place, angle)
         depths = weights @ [sample.depth(place, near) for sample in samples]
-        (depth, slope), (turned, _) = depths.tolist()
-        return sign * depth, DEPTH_EXPONENT * place / size * slope, sign * turned
+        (depth, by_place), (by_angle, _) = depths.tolist()
+        return sign * depth, DEPTH_EXPONENT * place / size * by_place, sign * by_angle
 
     def pressure_rate(self, force: float, angle: float) -> float:
         """Return the derivative of the depth by the tube's gauge pressure [m/Pa]."""
@@ -159,10 +159,10 @@ class DentTable:
 
     def _find_samples(self, place: float, angle: float) -> tuple[list[DentSample], float, Array]:
         """Return samples nearby, the place of their polynomials, and weights (2, s) with rates."""
-        near, beside = self._near or (place, angle)
+        near, nearby = self._near or (place, angle)
         numbers, weights = [0], np.array([[1.0], [0.0]])
         if not self._shape.is_round:
-            numbers, weights = self._weigh(angle, beside)
+            numbers, weights = self._weigh(angle, nearby)
         for number in numbers:
             if number not in self._samples:
                 press = self._press(self._sampled_angle(number))
@@ -178,8 +178,8 @@ class DentTable:
     def _locate(self, angle: float, near: int) -> tuple[float, float]:
         """Return the coordinate of an angle among the numbers of samples, and its derivative."""
         if not self._faces:
-            away = math.remainder(angle - ANGLE_STEP * near, 2.0 * math.pi)
-            return near + away / ANGLE_STEP, 1.0 / ANGLE_STEP
+            difference = math.remainder(angle - ANGLE_STEP * near, 2.0 * math.pi)
+            return near + difference / ANGLE_STEP, 1.0 / ANGLE_STEP
         # Near the normal of a face the depth is almost linear in the root of the angle from it, so
         # the samples are at equal steps of the arc sine. Beyond the face it is constant, and also
         # within rounding of its normal, where the derivative would have any size.
@@ -189,23 +189,24 @@ class DentTable:
         cosine = math.sqrt(1.0 - sine * sine)
         return math.asin(sine) / quarter, cosine and 1.0 / (self._half * cosine * quarter)
 
-    def _weigh(self, angle: float, beside: float) -> tuple[list[int], Array]:
-        """Return the numbers of four samples around an angle `beside`, and weights (2, 4)."""
-        first = math.floor(self._locate(beside, 0)[0])
-        first = min(first, self._count - 1) if self._faces else first
-        place, rate = self._locate(angle, first)
-        powers = [(place - first) ** n for n in range(6)]
+    def _weigh(self, angle: float, nearby: float) -> tuple[list[int], Array]:
+        """Return the numbers of four samples around an angle `nearby`, and weights (2, 4)."""
+        start = math.floor(self._locate(nearby, 0)[0])
+        if self._faces:
+            start = min(start, self._count - 1)
+        place, rate = self._locate(angle, start)
+        powers = [(place - start) ** n for n in range(6)]
         rates = [0.0, *(rate * n * power for n, power in enumerate(powers[:-1], start=1))]
         # Quintic polynomials, with the first and second central differences at both samples.
         columns = [[0, -1, 1, 3, -5, 2], [2, 0, -2, -9, 15, -6]]
         columns += [[0, 1, 1, 9, -15, 6], [0, 0, 0, -3, 5, -2]]
         weights = 0.5 * np.array([powers, rates]) @ np.array(columns).T
-        numbers = [first + i for i in (-1, 0, 1, 2)]
+        numbers = [start + i for i in (-1, 0, 1, 2)]
         if self._faces:  # samples beyond the faces are extrapolated
-            if first == -self._count:
+            if start == -self._count:
                 weights[:, 1:] += np.outer(weights[:, 0], [3.0, -3.0, 1.0])
                 weights[:, 0] = 0.0
-            if first == self._count - 1:
+            if start == self._count - 1:
                 weights[:, :-1] += np.outer(weights[:, -1], [1.0, -3.0, 3.0])
                 weights[:, -1] = 0.0
             numbers = [min(max(number, -self._count), self._count) for number in numbers]

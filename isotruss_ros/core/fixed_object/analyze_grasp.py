@@ -22,7 +22,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration, require_co
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
 from isotruss_ros.core.model.pose import check_range
-from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.section import Pressure
@@ -126,7 +126,8 @@ def analyze_grasp(
     x, y, moment = normal_wrench + wrench
     offset = body.middle - body.center
     load = np.array([x, y, (moment - offset.real * y + offset.imag * x) / body.arm])
-    closure = balance_by_friction(as_xy(1j * contact.normals), forces, load, mu, levers)
+    tangents = (1j * contact.normals).view(np.float64).reshape(-1, 2)
+    closure = balance_by_friction(tangents, forces, load, mu, levers)
     names, member = config.robot.member_names, points.member
     member_forces = np.bincount(member, forces, len(names))
     # A point in contact represents half a spacing to both sides.
@@ -138,7 +139,7 @@ def analyze_grasp(
         members=member,
         places=places,
         gaps=contact.gaps,
-        normals=as_xy(contact.normals),
+        normals=contact.normals.view(np.float64).reshape(-1, 2),
         normal_forces=forces,
         friction_forces=closure.friction_forces,
         normal_wrench=normal_wrench,

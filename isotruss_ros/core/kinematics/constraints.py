@@ -68,8 +68,8 @@ class Constraints:
         """Return the difference of the two angles between rod and sides in (3) [rad]."""
         side, to_b, to_c, _ = stretched.reshape(4, -1)
         rod = (to_b + to_c).conj()
-        turned = -side * side[self._topology.previous] * rod * rod
-        return np.arctan2(turned.imag, turned.real)
+        turn = -side * side[self._topology.previous] * rod * rod
+        return np.arctan2(turn.imag, turn.real)
 
     def spans(self, points: Points) -> Points:
         """Return vectors (4m,) along the members, then AB, AC and BC of the modules [m]."""

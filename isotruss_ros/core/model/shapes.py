@@ -151,35 +151,35 @@ class Shape(ABC):
         :param skin: position of the straight tube's skin along the normal, from the origin [m];
             infinite if the tube is not indented yet.
         """
-        corner, back = self.corner_at(normal), normal.conjugate()
-        point, short = self.point_at(corner, normal), tube_radius
-        near = [PatchEnd(corner, point, (point * back).real, 0.0)]
+        corner, to_local = self.corner_at(normal), normal.conjugate()
+        point, min_length = self.point_at(corner, normal), tube_radius
+        near = [PatchEnd(corner, point, (point * to_local).real, 0.0)]
         far: list[PatchEnd] = []
         depth = max(near[0].height - skin, PLANNED_DEPTH * tube_radius)
-        least = near[0].height - depth
+        lowest = near[0].height - depth
         for side in range(len(self.faces_at(corner))):
-            at, along, short_face = corner, 0.0, True
-            while short_face:
-                face = self.faces_at(at)[side]
-                at, along = face.corner, along + face.step * face.length
-                short_face = face.length < short
-                height = (self.point_at(at, face.normal) * back).real
+            reached, along, is_short = corner, 0.0, True
+            while is_short:
+                face = self.faces_at(reached)[side]
+                reached, along = face.corner, along + face.step * face.length
+                is_short = face.length < min_length
+                height = (self.point_at(reached, face.normal) * to_local).real
                 # A face is in contact at its ends only; a curve of short faces has no ends.
-                if height < least or at == corner or (short_face and abs(along) >= short):
+                if height < lowest or reached == corner or (is_short and abs(along) >= min_length):
                     break
-                point = self.point_at(at, normal)
-                (near if short_face else far).append(PatchEnd(at, point, height, along))
+                point = self.point_at(reached, normal)
+                (near if is_short else far).append(PatchEnd(reached, point, height, along))
         # Among corners of equal depth, the one nearest to the middle counts first.
-        tie, middle = NEGLIGIBLE_SHARE * depth, (self.centroid * back).imag
+        tie, middle = NEGLIGIBLE_SHARE * depth, (self.centroid * to_local).imag
         ends = near + far
         highest = max(end.height for end in ends) - tie
-        first = min(
+        chosen = min(
             (end for end in ends if end.height >= highest),
-            key=lambda end: abs((end.point * back).imag - middle),
+            key=lambda end: abs((end.point * to_local).imag - middle),
         )
-        apart = [end for end in ends if abs(end.along - first.along) >= short]
-        other = max(apart, key=lambda end: end.height, default=None)
-        return [first] if other is None else sorted((first, other), key=lambda end: end.along)
+        others = [end for end in ends if abs(end.along - chosen.along) >= min_length]
+        second = max(others, key=lambda end: end.height, default=None)
+        return [chosen] if second is None else sorted((chosen, second), key=lambda end: end.along)
 
     @abstractmethod
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:

@@ -71,12 +71,12 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     # y = L^T z + offset is zero at the unconstrained minimum.
     slope = free.T @ (problem.hessian @ start + problem.gradient)
     offset, _ = lapack.dtrtrs(factor, slope, lower=1)
-    turned, _ = lapack.dtrtrs(factor, (rows @ free).T, lower=1)
-    room = bounds - rows @ start + offset @ turned
+    columns, _ = lapack.dtrtrs(factor, (rows @ free).T, lower=1)
+    room = bounds - rows @ start + offset @ columns
     best: Array | None = None
-    least = LOOSE_TOLERANCE
+    smallest = LOOSE_TOLERANCE
     for relaxation in BOUND_PERTURBATIONS:
-        nearest = find_nearest(turned, room, np.sqrt(offset @ offset), relaxation)
+        nearest = find_nearest(columns, room, np.sqrt(offset @ offset), relaxation)
         if nearest is None:
             continue
         solution, step, active = start, nearest.point - offset, nearest.active
@@ -84,16 +84,16 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
             solution = solution + free @ lapack.dtrtrs(factor, step, lower=1, trans=1)[0]
             excess = (rows @ solution - bounds).max(initial=0.0)
             # Plain numbers: rows of zeros that cannot be fulfilled give infinity.
-            beyond = float(excess) / float(largest * (1.0 + np.abs(solution).max()))
-            if beyond <= least:
-                best, least = solution, beyond
-            if beyond <= ROUNDING:
+            violation = float(excess) / float(largest * (1.0 + np.abs(solution).max()))
+            if violation <= smallest:
+                best, smallest = solution, violation
+            if violation <= ROUNDING:
                 return solution
             if not len(active):
                 break
             # Digits lost to an offset much longer than x are restored by the active constraints.
             shortfall = bounds[active] - rows[active] @ solution
-            step = solve_least_squares(turned[:, active].T, shortfall)
+            step = solve_least_squares(columns[:, active].T, shortfall)
     return best
 
 
@@ -137,10 +137,10 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
     lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf
     normals, bounds = columns / lengths, room / lengths
-    beyond = -bounds.min(initial=0.0)
-    if beyond <= relaxation * size:
+    excess = -bounds.min(initial=0.0)
+    if excess <= relaxation * size:
         return Nearest(np.zeros(len(columns)), np.zeros(0, dtype=np.intp))
-    size = max(size, beyond)
+    size = max(size, excess)
     matrix = np.concatenate([normals, bounds[None] / size])
     if relaxation:
         golden = 0.5 * (5.0**0.5 - 1.0)
@@ -162,13 +162,11 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     # stiffness.
     point = solve_least_squares(normals.T, bounds)
     # Duality: with nonnegative multipliers |y|^2 exceeds the minimum by at most the gap.
-    apart, multipliers = (
-        np.abs(bounds - point @ normals),
-        weights[active] * (size / sum_of_weights),
-    )
+    slack = np.abs(bounds - point @ normals)
+    multipliers = weights[active] * (size / sum_of_weights)
     for _ in range(2):
         residual = point + normals @ multipliers
-        if residual @ residual + 2.0 * multipliers @ apart <= LOOSE_TOLERANCE * size * size:
+        if residual @ residual + 2.0 * multipliers @ slack <= LOOSE_TOLERANCE * size * size:
             return Nearest(point, active)
         multipliers = np.maximum(multipliers - solve_least_squares(normals, residual), 0.0)
     return None
