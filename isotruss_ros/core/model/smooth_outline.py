@@ -70,7 +70,7 @@ class SmoothOutline(PolygonalShape):
     @cached_property
     def reach(self) -> float:
         """Return the largest distance of the surface from the origin [m]."""
-        return float(np.abs(self.support_points(np.exp(1j * self._sampled))).max())
+        return float(np.abs(self.support_points(np.exp(1j * self._divide(SAMPLES)))).max())
 
     @cached_property
     def _angles(self) -> Array:
@@ -82,17 +82,16 @@ class SmoothOutline(PolygonalShape):
     @cached_property
     def _integral(self) -> scipy.interpolate.PPoly:
         """Return the integral of the support function h over the normal's angle."""
-        away = self.corners - self.centroid
-        heights = (away * np.exp(-1j * self._angles[:-1])).real
+        from_centroid = self.corners - self.centroid
+        heights = (from_centroid * np.exp(-1j * self._angles[:-1])).real
         spline = scipy.interpolate.make_interp_spline(
             self._angles, np.append(heights, heights[0]), k=5, bc_type='periodic'
         )
         return scipy.interpolate.PPoly.from_spline(spline.antiderivative())
 
-    @cached_property
-    def _sampled(self) -> Array:
-        """Return angles (SAMPLES n,) of normals at the corners and between them [rad]."""
-        shares = np.arange(SAMPLES) / SAMPLES
+    def _divide(self, pieces: int) -> Array:
+        """Return the normals' angles (pieces n,) at and between the corners [rad]."""
+        shares = np.arange(pieces) / pieces
         return (self._angles[:-1, None] + np.diff(self._angles)[:, None] * shares).ravel()
 
     @cached_property
@@ -101,8 +100,8 @@ class SmoothOutline(PolygonalShape):
         around = abs(self._angles[-1] - self._angles[0] - 2.0 * np.pi) < 1e-9
         if not around or np.diff(self._angles).min() <= 0.0:
             return False
-        values = self._around(self._sampled)
-        return bool((values[1] + values[3]).min() > 0.0)
+        _, value, _, curve = self._around(self._divide(SAMPLES))
+        return bool((value + curve).min() > 0.0)
 
     def _around(self, angles: Array) -> Array:
         """Return the integral of h, h, h' and h'' (4, k) at angles (k,) of the normals."""
@@ -116,17 +115,14 @@ class SmoothOutline(PolygonalShape):
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths to points with given normals; see `Shape.unroll`."""
-        values = self._around(angles)
+        integral, _, slope, _ = self._around(angles)
         turns = np.floor((angles - self._angles[0]) / (2.0 * np.pi))
-        return np.asarray(values[0] + values[2] + self.perimeter * turns)
+        return np.asarray(integral + slope + self.perimeter * turns)
 
     def outline(self, spacing: float) -> Points:
         """Return points along the surface; see `Shape.outline`."""
-        spans = np.diff(self._angles)
-        pieces = 1 + int(np.abs(np.diff(self.corners, append=self.corners[0])).max() / spacing)
-        shares = np.arange(pieces) / pieces
-        angles = self._angles[:-1, None] + spans[:, None] * shares
-        return self.support_points(np.exp(1j * angles.ravel()))
+        longest = np.abs(np.diff(self.corners, append=self.corners[0])).max()
+        return self.support_points(np.exp(1j * self._divide(1 + int(longest / spacing))))
 
 
 def _conic_tangents(points: Points) -> Points:
@@ -136,11 +132,11 @@ def _conic_tangents(points: Points) -> Points:
     # point; the side between them is the tangent.
     hexagon = []
     for step in (0, 0, 1, -2, 2, -1):
-        away = (np.roll(points, -step) - points) / size
-        hexagon.append(np.array([away.real, away.imag, np.ones(len(away))]).T)
+        corners = (np.roll(points, -step) - points) / size
+        hexagon.append(np.array([corners.real, corners.imag, np.ones(len(corners))]).T)
     sides = [np.cross(hexagon[i], hexagon[(i + 1) % 6]) for i in range(6)]
     line = np.cross(np.cross(sides[1], sides[4]), np.cross(sides[2], sides[5]))
     tangent = np.cross(hexagon[0], np.cross(sides[3], line))
-    along = tangent[:, 1] - 1j * tangent[:, 0]
-    ahead = np.roll(points, -1) - np.roll(points, 1)
-    return along / np.abs(along) * np.sign((along * ahead.conj()).real)
+    directions = tangent[:, 1] - 1j * tangent[:, 0]
+    chords = np.roll(points, -1) - np.roll(points, 1)
+    return directions / np.abs(directions) * np.sign((directions * chords.conj()).real)
