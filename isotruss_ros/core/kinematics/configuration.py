@@ -182,7 +182,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         :raises ConfigurationError: the configuration is singular.
         """
         topology = self.robot.topology
-        by_length = self.factor.solve_transposed(node_rows.T).T
+        by_length = self.factor.solve(node_rows.T, transposed=True).T
         # dL_i = dphi_i - dphi_following(i)
         before = topology.previous[topology.driven]
         return by_length.take(topology.driven, 1) - by_length.take(before, 1)

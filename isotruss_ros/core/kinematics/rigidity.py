@@ -70,8 +70,9 @@ class RigidityIndex:
         factor, scale, basis = config.factor, self._scale, self._start
         for _ in range(iterations):
             # (M^T M)^-1 with M = scale * matrix.
-            basis = np.linalg.qr(factor.solve(factor.solve_transposed(basis) / scale**2))[0]
-        weak = factor.solve_transposed(basis) / scale
+            weak = factor.solve(basis, transposed=True) / scale
+            basis = np.linalg.qr(factor.solve(weak / scale))[0]
+        weak = factor.solve(basis, transposed=True) / scale
         rows, inverse, turned = np.linalg.svd(weak, full_matrices=False)
         return Modes(1.0 / (self._at_home * inverse), rows, basis @ turned.T)
 

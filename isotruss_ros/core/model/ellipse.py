@@ -10,9 +10,8 @@ from functools import cached_property
 from typing import ClassVar
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
+from isotruss_ros.core.model.pose import check_range, MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.core.model.shapes import Shape
-from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 import scipy
@@ -35,15 +34,14 @@ class Ellipse(Shape):
 
     def __post_init__(self) -> None:
         """Check the semi-axes."""
-        a, b = finite_array(self.semi_axes, 2, 'semi_axes [m]', GraspError)
-        fits = min(a, b) >= MIN_DIAMETER and max(a, b) <= MAX_SIZE
-        if not fits or max(a, b) > MAX_ASPECT_RATIO * min(a, b):
+        sizes = finite_array(self.semi_axes, 2, 'semi_axes [m]', GraspError).tolist()
+        a, b = (check_range(x, 'semi_axes', 'm', MIN_DIAMETER, MAX_SIZE) for x in sizes)
+        if max(a, b) > MAX_ASPECT_RATIO * min(a, b):
             raise GraspError(
-                f'semi_axes ({a:g}, {b:g}) m: must be from {MIN_DIAMETER:g} to {MAX_SIZE:g} m '
-                f'and differ by at most a factor of {MAX_ASPECT_RATIO:g}'
-                + likely_unit(float(max(a, b)), 'm', MIN_DIAMETER, MAX_SIZE)
+                f'semi_axes ({a:g}, {b:g}) m: must differ by at most a factor of '
+                f'{MAX_ASPECT_RATIO:g}'
             )
-        object.__setattr__(self, 'semi_axes', (float(a), float(b)))
+        object.__setattr__(self, 'semi_axes', (a, b))
 
     @cached_property
     def perimeter(self) -> float:

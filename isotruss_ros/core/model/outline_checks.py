@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
+from isotruss_ros.core.model.pose import check_range, MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_ENTRIES, Points
 from isotruss_ros.core.numerics.tolerances import ROUNDING
@@ -64,11 +64,8 @@ def _validate_radii(radius: object, count: int) -> Array:
         radii = finite_array(radius, count, 'corner_radius [m], one for each vertex', GraspError)
     else:
         radii = np.repeat(finite_array([radius], 1, 'corner_radius [m]', GraspError), count)
-    for value in (radii.min(), radii.max()):
-        if not 0.0 <= value <= MAX_SIZE:
-            raise GraspError(
-                f'corner_radius {value:g} m: must not be negative, nor above {MAX_SIZE:g} m'
-            )
+    for value in radii.tolist():
+        check_range(value, 'corner_radius', 'm', 0.0, MAX_SIZE)
     return radii
 
 

@@ -23,13 +23,9 @@ class DenseFactor:
         if info > 0:
             raise np.linalg.LinAlgError(f'singular: pivot {info} is zero')
 
-    def solve(self, right: Array) -> Array:
-        """Return x with A x = right, for right-hand sides (n,) or (n, k)."""
-        return lapack.dgetrs(self._lu, self._pivots, right, trans=1)[0]
-
-    def solve_transposed(self, right: Array) -> Array:
-        """Return x with A^T x = right, for right-hand sides (n,) or (n, k)."""
-        return lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0]
+    def solve(self, right: Array, transposed: bool = False) -> Array:
+        """Return x with A x = right, or A^T x = right, for right-hand sides (n,) or (n, k)."""
+        return lapack.dgetrs(self._lu, self._pivots, right, trans=not transposed)[0]
 
 
 class SparseFactor:
@@ -46,13 +42,9 @@ class SparseFactor:
         """Return the matrix for pickling, because SuperLU's factors cannot be pickled."""
         return SparseFactor, (self._matrix,)
 
-    def solve(self, right: Array) -> Array:
-        """Return x with A x = right; see `DenseFactor.solve`."""
-        return self._lu.solve(right)
-
-    def solve_transposed(self, right: Array) -> Array:
-        """Return x with A^T x = right; see `DenseFactor.solve_transposed`."""
-        return self._lu.solve(right, trans='T')
+    def solve(self, right: Array, transposed: bool = False) -> Array:
+        """Return x with A x = right, or A^T x = right; see `DenseFactor.solve`."""
+        return self._lu.solve(right, trans='T' if transposed else 'N')
 
 
 #: Factorisation of a square matrix.

@@ -54,7 +54,7 @@ def test_reads_objects_from_text():
         ('{shape: disc, diameter: 0.3, mass: 800}', 'mass 800 kg: .* if it is in g, it is 0.8 kg'),
         (
             '{shape: ellipse, semi_axes: [200, 90]}',
-            r'\(200, 90\) m: .* if it is in mm, it is 0.2 m',
+            'semi_axes 200.0 m: must be from .* if it is in mm, it is 0.2 m',
         ),
         ('{shape: polygon, vertices: [[0, 0], [300, 0], [0, 20]]}', 'if it is in mm, it is 0.3 m'),
         ('{shape: disc', 'not YAML'),

@@ -72,4 +72,4 @@ def test_factors_solve_like_numpy_for_any_size(kind, rng, n, columns):
         wanted = np.linalg.solve(matrix, sides)
         assert factor.solve(sides) == pytest.approx(wanted, rel=1e-9, abs=1e-10)
         wanted = np.linalg.solve(matrix.T, sides)
-        assert factor.solve_transposed(sides) == pytest.approx(wanted, rel=1e-9, abs=1e-10)
+        assert factor.solve(sides, transposed=True) == pytest.approx(wanted, rel=1e-9, abs=1e-10)
