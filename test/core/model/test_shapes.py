@@ -114,12 +114,12 @@ def test_non_convex_polygons_are_refused_with_the_vertex(case):
 @pytest.mark.parametrize(
     ('radius', 'words'),
     [
-        (-0.01, 'must not be negative'),
+        (-0.01, 'corner_radius -0.01 m: must be from 0 to 10 m'),
         (0.11, 'does not fit: the side of 0.2 m that begins at vertex 1'),
         ((0.0, 0.15, 0.06, 0.0), r'that begins at vertex 2 \(0.1, -0.1\) m'),
         ((0.01, 0.01), 'must be 4 finite numbers'),
         ('thick', 'corner_radius'),
-        ((0.01, -0.01, 0.01, 0.01), 'must not be negative'),
+        ((0.01, -0.01, 0.01, 0.01), 'corner_radius -0.01 m: must be from 0 to 10 m'),
     ],
 )
 def test_arcs_longer_than_their_sides_are_refused(radius, words):
