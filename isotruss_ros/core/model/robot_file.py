@@ -13,7 +13,11 @@ from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.model.description import Module, RobotDescription, Tube
 from isotruss_ros.core.model.inflated_section import find_implausible
 from isotruss_ros.core.model.presets import find_robot_file
-from isotruss_ros.core.model.robot_schema import check_form, refuse_if_any
+from isotruss_ros.core.model.robot_schema import (
+    find_faults,
+    find_keys_without_quotes,
+    refuse_if_any,
+)
 from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.stiffness_law import find_contradictions
 
@@ -32,7 +36,8 @@ def read_robot_file(name_or_path: str | Path) -> RobotDescription:
 
 def describe_robot(path: Path, content: Any) -> RobotDescription:
     """Return the checked description of a robot file's content."""
-    check_form(path, content)
+    refuse_if_any(path, find_keys_without_quotes(content))
+    refuse_if_any(path, find_faults(content))
     refuse_if_any(path, _cross_check(content))
     tubes, pressure = content['tubes'], content['tube']['pressure']
     pressures = pressure if isinstance(pressure, Mapping) else dict.fromkeys(tubes, pressure)

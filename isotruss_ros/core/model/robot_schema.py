@@ -27,18 +27,6 @@ WALL_FORMS = {'N/m': {'in Pa, of a wall of 0.1 mm': (1e-4, 0.0)}}
 MAX_COMPLAINTS = 50
 
 
-def check_form(path: Path, content: Any) -> None:
-    """Raise an error that lists all faults in the form of a robot file."""
-    refuse_if_any(
-        path,
-        (
-            f'{keys}: {key!r} is not text; put quotes around it: {str(key)!r}'
-            for keys, key in _keys_that_are_not_text(content)
-        ),
-    )
-    refuse_if_any(path, find_faults(content))
-
-
 def find_faults(content: Any, block: str | None = None) -> Iterator[str]:
     """Yield the faults in the form of a robot file, or of one of its blocks."""
     errors = itertools.islice(_validator(block).iter_errors(content), MAX_COMPLAINTS + 1)
@@ -120,15 +108,16 @@ def _validator(block: str | None) -> Any:
     return jsonschema.validators.extend(base, checks, type_checker=checker)(schema)
 
 
-def _keys_that_are_not_text(value: Any, where: str = 'top level') -> Iterator[tuple[str, Any]]:
+def find_keys_without_quotes(value: Any, where: str = 'top level') -> Iterator[str]:
+    """Yield a fault for each key that is not text."""
     if isinstance(value, dict):
         for key, inner in value.items():
             if not isinstance(key, str):
-                yield where, key
-            yield from _keys_that_are_not_text(inner, str(key))
+                yield f'{where}: {key!r} is not text; put quotes around it: {str(key)!r}'
+            yield from find_keys_without_quotes(inner, str(key))
     elif isinstance(value, list):
         for inner in value:
-            yield from _keys_that_are_not_text(inner, where)
+            yield from find_keys_without_quotes(inner, where)
 
 
 def _explain(error: jsonschema.ValidationError) -> Iterator[str]:

@@ -43,23 +43,19 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
         for event in YAML(typ='safe', pure=True).parse(text):
             depth += isinstance(event, CollectionStartEvent)
             depth -= isinstance(event, CollectionEndEvent)
+            fault = ''
             if depth > MAX_NESTING_DEPTH:
-                raise refusal(
-                    f'{source}: line {event.start_mark.line + 1}: nested too deeply; {kind} '
-                    f'have at most {MAX_NESTING_DEPTH} levels'
-                )
-            if isinstance(event, ScalarEvent) and len(event.value) > MAX_ENTRIES:
-                raise refusal(
-                    f'{source}: line {event.start_mark.line + 1}: {event.value[:20]!r}... has '
-                    f'{len(event.value)} characters; must be at most {MAX_ENTRIES}'
-                )
+                fault = f'nested too deeply; {kind} have at most {MAX_NESTING_DEPTH} levels'
+            elif isinstance(event, ScalarEvent) and len(event.value) > MAX_ENTRIES:
+                size = f'has {len(event.value)} characters; must be at most {MAX_ENTRIES}'
+                fault = f'{event.value[:20]!r}... {size}'
             # An alias can refer to its own parent, or expand a small file to gigabytes.
-            if getattr(event, 'anchor', None) is not None:
-                sign = '*' if isinstance(event, AliasEvent) else '&'
-                raise refusal(
-                    f'{source}: line {event.start_mark.line + 1}: {sign}{event.anchor}: anchors '
-                    f'and aliases are not used in {kind}; write the value out'
-                )
+            elif getattr(event, 'anchor', None) is not None:
+                name = f'{"*" if isinstance(event, AliasEvent) else "&"}{event.anchor}'
+                unused = f'anchors and aliases are not used in {kind}'
+                fault = f'{name}: {unused}; write the value out'
+            if fault:
+                raise refusal(f'{source}: line {event.start_mark.line + 1}: {fault}')
         return YAML(typ='safe', pure=True).load(text)
     except YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
