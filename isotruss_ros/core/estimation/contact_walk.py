@@ -62,26 +62,20 @@ class ContactWalk:
         self._attached = self._attached + change
 
     def add(
-        self,
-        time: float,
-        correction: Array,
-        prior: Array,
-        noise: Array,
-        by_offsets: Array,
-        offsets: Array,
+        self, time: float, change: Array, prior: Array, noise: Array, rates: Array, offsets: Array
     ) -> None:
         """
-        Add a correction (3,) of the pose by contacts and unexplained pose [m].
-
-        If the derivatives `by_offsets` (3, c) of the pose change, an error of an offset moves it.
+        Add a change (3,) of the estimated pose by contacts and unexplained pose [m].
 
         :param prior: (3, 3) covariance of contacts and unexplained pose before it [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].
+        :param rates: (3, c) derivatives of the pose by the roller offsets. If they change, an
+            error of an offset moves the pose.
         :param offsets: (c, c) covariance of the roller offsets [m^2].
         """
-        by_offsets = by_offsets - self._attached
+        by_offsets = rates - self._attached
         newest = _Sum(time, self._moved, self._walked, prior, by_offsets)
-        self._moved = self._moved + correction
+        self._moved = self._moved + change
         for window, interval in zip(self._windows, SUM_INTERVALS, strict=True):
             window.append(newest)
             while time - window[0].time > interval:

@@ -45,6 +45,8 @@ import numpy as np
 #: Smallest time between two equilibria [s]. In cycles between them, (19) predicts pose and
 #: squeeze, and the error of this prediction in the last motion is extrapolated.
 EQUILIBRIUM_PERIOD = 0.02
+#: Measured roller positions (r,) [m], and their age [s].
+Readings = tuple[Array, float] | None
 
 
 class GripBelief:
@@ -189,11 +191,7 @@ class GripBelief:
         return self.slip_deviations > self._most
 
     def follow(
-        self,
-        config: Configuration,
-        elapsed: float,
-        pressures: Pressures,
-        rollers: tuple[Array, float] | None = None,
+        self, config: Configuration, elapsed: float, pressures: Pressures, rollers: Readings = None
     ) -> HoldStatus:
         """
         Roll the equilibrium to the current configuration; return the new hold status.
@@ -203,8 +201,8 @@ class GripBelief:
         is searched once.
 
         :param elapsed: time since the last call [s].
-        :param rollers: (r,) measured roller positions from which the configuration was predicted
-            [m], and their age [s]; None: the configuration is measured.
+        :param rollers: readings from which the configuration was predicted; None: the
+            configuration is measured.
         """
         cache, lag, state = self.cache, self.lag, self.state
         lag.time += elapsed

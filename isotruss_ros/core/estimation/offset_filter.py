@@ -26,6 +26,8 @@ MAX_OFFSET_DEVIATION = 0.05
 #: Number of successive messages without a consistent marker after which the roller offsets are
 #: regarded as unknown [-].
 MAX_INCONSISTENT_MESSAGES = 5
+#: Measured positions (x, y) of joints by name [m].
+Markers = Mapping[str, tuple[float, float]]
 #: Function that returns the joint positions (2j,) [m] and their Jacobian for roller offsets (r,).
 JointModel = Callable[[Array], tuple[Array, Array]]
 
@@ -117,7 +119,7 @@ class OffsetFilter:
     def take_markers(
         self,
         time: float,
-        markers: Mapping[str, tuple[float, float]],
+        markers: Markers,
         deviation: float,
         readings: Array,
         reach: Array,

@@ -12,7 +12,6 @@ of their stamps.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 import math
@@ -21,7 +20,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureEr
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.grip_model import attach_model, Pressures, SHIFTS
-from isotruss_ros.core.estimation.offset_filter import OffsetFilter
+from isotruss_ros.core.estimation.offset_filter import Markers, OffsetFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
@@ -134,9 +133,7 @@ class StateEstimator:
         return self.belief is not None
 
     @single_threaded
-    def take_markers(
-        self, time: float, joints: Mapping[str, tuple[float, float]], deviation: float
-    ) -> bool:
+    def take_markers(self, time: float, joints: Markers, deviation: float) -> bool:
         """
         Update the roller offsets with markers on joints; reject inconsistent markers.
 
@@ -176,18 +173,14 @@ class StateEstimator:
             return None
         self._roll()
         time, readings = self._readings.last
-        zeros, belief = self._zeros, self.belief
-        values, rates = self._place_joints(readings, zeros.offsets)
+        zeros, belief, offsets = self._zeros, self.belief, self._zeros.offsets.copy()
+        joints, rates = self._place_joints(readings, offsets)
         spread = rates @ zeros.offset_covariance @ rates.T
+        joint_covariance = spread + self.settings.joint_error**2 * np.eye(len(joints))
+        travel, places = readings + offsets, joints.reshape(-1, 2)
+        findings = {'is_improbable': zeros.is_improbable, **zeros.findings}
         estimate = StateEstimate(
-            time,
-            zeros.offsets.copy(),
-            zeros.offset_covariance.copy(),
-            readings + zeros.offsets,
-            values.reshape(-1, 2),
-            spread + self.settings.joint_error**2 * np.eye(len(values)),
-            is_improbable=zeros.is_improbable,
-            **zeros.findings,
+            time, offsets, zeros.offset_covariance, travel, places, joint_covariance, **findings
         )
         if belief is None:
             return estimate

@@ -17,7 +17,7 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
-from isotruss_ros.core.estimation.grip_belief import GripBelief
+from isotruss_ros.core.estimation.grip_belief import GripBelief, Readings
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.holding.held_grip import HoldStatus, MIN_RELATIVE_MARGIN, NotHeldError
 from isotruss_ros.core.holding.held_shape import lowest_frequency
@@ -134,7 +134,7 @@ class SqueezeControl:
         elapsed: float,
         sample: tuple[StampedInput, float] | None = None,
         gripped: bool = False,
-        rollers: tuple[Array, float] | None = None,
+        rollers: Readings = None,
     ) -> HoldStatus:
         """
         Update the estimated grip and the desired pose; return the hold status by the model.
@@ -144,7 +144,7 @@ class SqueezeControl:
 
         :param sample: last measured pose, which is used once, and its age relative to the
             configuration [s]; None: a new pose, that of the grip.
-        :param rollers: measured roller positions, see `GripBelief.follow`.
+        :param rollers: measured rollers, see `GripBelief.follow`.
         """
         self._elapsed, belief = elapsed, self.belief
         if self.reference is not None:
