@@ -132,19 +132,6 @@ class ContactStatics:
         rates = np.array([changes.real, changes.imag, moments]).swapaxes(0, 1)
         return Pushes(local, skin, softs, tilts, force, loads, rates)
 
-    @functools.cached_property
-    def _constant_rates(self) -> tuple[Array, Array]:
-        """Return the derivatives (3, k, 3) of the balance by loads, and the constant Jacobian."""
-        indices, count = self.places, len(self.sides)
-        balance_by_loads = np.zeros((3, count, 3))
-        jacobian = np.zeros((indices.size, indices.size))
-        forces = -self.bent.lines.axis[:, None] * [1.0, 1j]
-        balance_by_loads[:2, :, :2] = forces.real, forces.imag
-        touch_rows = jacobian[: 3 * count].reshape(count, 3, -1)
-        touch_rows[:, :2, :2] = forces.view(np.float64).reshape(count, 2, 2)
-        touch_rows[:, 0, indices.feet] = np.eye(count)
-        return balance_by_loads, jacobian
-
     def equations(
         self,
         unknowns: Array,
@@ -168,11 +155,12 @@ class ContactStatics:
         arms = to_member * turn * points
         arm_rates = 1j * (arms - radii * local)
 
-        balance_by_loads, constant_jacobian = self._constant_rates
         residual = np.empty(indices.size)
-        jacobian = constant_jacobian.copy()
-        bent = self.bent.responses
-        by_loads = np.concatenate([bent.matrix.reshape(3 * count, count, 3), balance_by_loads])
+        jacobian = np.zeros((indices.size, indices.size))
+        bent, forces = self.bent.responses, -lines.axis[:, None] * [1.0, 1j]
+        by_loads = np.zeros((moment + 1, count, 3))
+        by_loads[: 3 * count] = bent.matrix.reshape(3 * count, count, 3)
+        by_loads[3 * count : moment, :, :2] = forces.real, forces.imag
         by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
         residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ pushes.loads.ravel()
         by_contact = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
@@ -188,11 +176,13 @@ class ContactStatics:
         touch[:, 1] += gaps.imag
         touch[:, 2] -= unknowns[indices.inclinations]
         touch_rows = jacobian[: 3 * count].reshape(count, 3, -1)
+        touch_rows[:, :2, :2] = forces.view(np.float64).reshape(count, 2, 2)
+        touch_rows[:, 0, indices.feet] = np.eye(count)
+        touch_rows[:, :, indices.feet] += bent.rates
         dented = pushes.tilts * local
         by_angle = arm_rates + dented
         touch_rows[:, 0, ANGLE] -= by_angle.real
         touch_rows[:, 1, ANGLE] -= by_angle.imag
-        touch_rows[:, :, indices.feet] += bent.rates
         # Derivatives of each contact's gaps by its own inclination and normal force.
         by_kind = touch_rows[:, :, POSE:].reshape(count, 3, 4, count)
         at_same_contact = np.einsum('kank->kan', by_kind)
