@@ -155,6 +155,7 @@ class ContactStatics:
         arms = to_member * turn * points
         arm_rates = 1j * (arms - radii * local)
 
+        # Touch and balance are affine functions of the loads.
         residual = np.empty(indices.size)
         jacobian = np.zeros((indices.size, indices.size))
         bent, forces = self.bent.responses, -lines.axis[:, None] * [1.0, 1j]
@@ -169,6 +170,7 @@ class ContactStatics:
         )
         jacobian[: moment + 1, ANGLE] = by_contact[:, 3].sum(axis=1)
 
+        # Gaps at fixed tubes, and displacements by the positions of the contacts.
         gaps = to_member * (lines.start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)
         touch += bent.constant + bent.rates @ feet
@@ -192,6 +194,7 @@ class ContactStatics:
         at_same_contact[:, 1, 1:3] += gap_rates.imag
         at_same_contact[:, 2, 1] -= 1.0
 
+        # The arms of the forces turn with the normals and with the object.
         residual[indices.balance] += wrench
         jacobian[moment, indices.inclinations] += radii * unknowns[indices.normal] / arm
         jacobian[moment, ANGLE] = -np.vdot(arm_rates, pushes.force).imag / arm  # type: ignore[operator]

@@ -185,6 +185,7 @@ class BentTubes:
         """Return the responses to loads and to motions of the load points."""
         tangent, layout, to_robot = self.tangent, self.frame.layout, self.lines.turns
         count, motions = len(self.members), self._motions
+        # Right-hand sides: unit loads, the forces of lengthened parts, and the imbalance.
         right = np.zeros((len(tangent.unknowns), 4 * count + 1))
         at_cuts = np.arange(-3 * count, 0).reshape(-1, 3)
         columns = np.arange(3 * count).reshape(count, 1, 3)
@@ -194,6 +195,7 @@ class BentTubes:
         right[:, motions] = -tangent.sum_forces(layout.parts, forces)
         right[:, -1] = right[:, : 3 * count] @ self.state.loads.ravel() - tangent.carried
         _, unknowns = tangent.solve(right)
+        # Displacements of the nodes, and inclinations beside them, in axes of the members.
         to_member = to_robot.swapaxes(1, 2)
         at_points = to_member @ unknowns[at_cuts]
         by_ends = (slopes.by_ends @ unknowns[layout.places[layout.beside]])[:, 0]
@@ -204,6 +206,7 @@ class BentTubes:
         # The displacement is relative to the place, which moves along its member.
         load_points = np.arange(count)
         at_points[load_points, 0, motions.start + load_points] -= 1.0
+        # The last column is added to the responses in the linearised state.
         values = (to_member @ tangent.unknowns[at_cuts][:, :, None])[..., 0]
         values[:, 2] = _mean(slopes.values)
         at_points[..., -1] += values

@@ -71,6 +71,7 @@ class Numbering:
     ) -> None:
         self.names, self.held, self.constraints = names, held, constraints
         self.start, self.end, self.pinned = start, end, pinned
+        # Unknowns: those that exist and are not fixed, and those of members and constraints.
         #: number of multipliers, which are the first unknowns
         self.rows = len(constraints.places)
         # A hinge has no rotation of its own.
@@ -83,6 +84,7 @@ class Numbering:
         #: (k, 6) and (c, 1 + w) unknowns of members and constraints
         self.places = self.rows + member_places(start, end)
         self.row_places = np.column_stack([np.arange(self.rows), self.rows + constraints.places])
+        # Blocks of the unknowns, and the hinges between them.
         owner = _find_owners(self, is_solid)
         if not (self.free & (owner < 0)).any():  # a frame without hinges has one matrix
             owner[:] = -1
@@ -90,6 +92,7 @@ class Numbering:
         self.joint = np.full(len(owner), len(self.joints))
         self.joint[self.joints] = np.arange(len(self.joints))
         self.is_sparse = len(self.joints) > MAX_DENSE_COORDINATES
+        # Blocks of members and constraints; each one between hinges is a block of its own.
         block = np.append(owner[self.places].max(axis=1), owner[self.row_places].max(axis=1))
         between_hinges = np.flatnonzero(block < 0)
         block[between_hinges] = owner.max() + 1 + np.arange(len(between_hinges))
@@ -130,6 +133,7 @@ class Layout:
         self, numbering: Numbering, piece: Indices, order: Indices, active: Indices
     ) -> None:
         self.numbering, self.active = numbering, active
+        # Members of the active blocks, and then the parts behind the cuts.
         cuts = np.arange(len(piece))
         chosen = np.flatnonzero(np.isin(numbering.owner, active))
         self.rows = np.flatnonzero(np.isin(numbering.row_owner, active))
@@ -154,6 +158,7 @@ class Layout:
         self.ends = member_places(self.start, self.end)
         self.places = numbering.rows + self.ends
         self.row_places = numbering.row_places[self.rows]
+        # Groups of active blocks, and the blocks of `Numbering.whole` that are kept.
         self.groups = self._group()
         groups = numbering.whole.groups if len(active) < len(numbering.blocks) else []
         inactive = [np.flatnonzero(~np.isin(group.ids, active)) for group in groups]

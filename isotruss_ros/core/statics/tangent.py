@@ -166,8 +166,9 @@ def linearize(
     layout, constraints = frame.layout, frame.layout.numbering.constraints
     count = layout.numbering.rows
     multipliers, displacements = unknowns[:count], unknowns[count:].reshape(-1, 3)
+
+    # Chords of the parts, then their forces and stiffness.
     shifts, turns = displacements[:, 0] + 1j * displacements[:, 1], displacements[:, 2]
-    # In axes of the undeformed parts.
     difference = (shifts[layout.end] - shifts[layout.start]) * frame.axis.conj()
     chord = frame.length + difference
     length = np.abs(chord)
@@ -190,6 +191,7 @@ def linearize(
     scaled = motions * frame.scale[layout.places][:, None]
     members = scaled.swapaxes(1, 2) @ stiffness @ scaled
 
+    # Constraints, with multipliers as forces.
     slopes, gaps, curved = constraints.linearize(
         frame.points, displacements, multipliers, layout.rows
     )
@@ -202,6 +204,7 @@ def linearize(
     carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), len(unknowns))
     carried[layout.rows] = gaps
 
+    # Blocks that are kept undeformed.
     kept_forces, kept_stiffnesses = [], []
     for blocks in kept:
         forces, hinge_stiffness = blocks.linearize(unknowns)
