@@ -209,8 +209,8 @@ def least_friction_conditions(
             row = derivative[position_row]
             row[:POSE] = across.real, across.imag, (across.conjugate() * 1j * arm).real
             by_chord_angle = (across.conjugate() * -1j * displacement).real / size**2
-            turned = (chord.conjugate() * 1j * normals).imag * by_chord_angle
-            row[indices.inclinations] = turned * chord_shares
+            chord_turns = (chord.conjugate() * 1j * normals).imag * chord_shares
+            row[indices.inclinations] = chord_turns * by_chord_angle
         return residual, derivative
 
     return conditions

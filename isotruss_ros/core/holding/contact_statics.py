@@ -118,8 +118,8 @@ class ContactStatics:
 
     def pushes(self, unknowns: Array) -> Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
-        first = self.places.inclinations.start
-        inclination, normal, friction = unknowns[first:].reshape(3, -1)
+        by_kind = unknowns[self.places.inclinations.start :].reshape(3, -1)
+        inclination, normal, friction = by_kind
         local = 1j * self.sides * np.exp(1j * inclination)
         angles = object_angles(unknowns, self.bent.lines.axis * local)
         depths, softs, tilts = self.dents(normal, angles)

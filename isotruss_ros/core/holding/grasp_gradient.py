@@ -197,15 +197,16 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     normal_forces = grip.contacts.sum_by_member(unknowns[indices.normal])
     friction_forces = grip.contacts.sum_by_member(unknowns[indices.friction])
     ratios = grip.friction_forces / grip.normal_forces
-    most = int(np.abs(ratios).argmax())
-    ratio_rates = friction_forces[most] - ratios[most] * normal_forces[most]
+    slipping = int(np.abs(ratios).argmax())
+    ratio_rates = friction_forces[slipping] - ratios[slipping] * normal_forces[slipping]
+    ratio_rates /= grip.normal_forces[slipping]
     return GraspGradient(
         parameters=parameters,
         settled=settled,
         pose=unknowns[:POSE],
         normal_forces=normal_forces,
         friction_forces=-friction_forces,
-        required_friction=np.sign(ratios[most]) * ratio_rates / grip.normal_forces[most],
+        required_friction=np.sign(ratios[slipping]) * ratio_rates,
         utilisation=utilisation,
         _tubes=tubes,
         _unknowns=unknowns,

@@ -140,9 +140,9 @@ class LoadedTubes(NamedTuple):
         slopes = at_constant_unknowns.inclinations - spins
         touch = np.stack([gaps.real, gaps.imag, slopes], axis=1).reshape(3 * len(gaps), -1)
         forces = self.pushes.force[:, None] * axis
-        turned = 1j * spins * forces
-        torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
-        total = turned.sum(axis=0)
+        force_rates = 1j * spins * forces
+        torque = (swept.conj() * forces + arms.conj() * force_rates).imag.sum(axis=0)
+        total = force_rates.sum(axis=0)
         balance = self.changes.wrench - np.stack([total.real, total.imag, torque / grip.arm])
         # The conditions depend on the normals, which turn with the members.
         conditions = state.jacobian[indices.conditions]
@@ -161,9 +161,9 @@ class LoadedTubes(NamedTuple):
     def respond(self, change: Array) -> TubeRates:
         """Return the tubes' derivatives, given those (3 + 4k, p) of the equilibrium's unknowns."""
         state, changes = self.grip.state, self.changes
-        turned = 1j * changes.spins * self.pushes.force[:, None]
+        force_rates = 1j * changes.spins * self.pushes.force[:, None]
         couples = self.dents * state.friction_forces[:, None]
-        loads = np.stack([turned.real, turned.imag, couples], axis=1)
+        loads = np.stack([force_rates.real, force_rates.imag, couples], axis=1)
         # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.
         loads -= state.loads[..., None] * changes.stiffness
         loads += self.pushes.load_rates(change)
@@ -174,23 +174,24 @@ class LoadedTubes(NamedTuple):
         """Return the members' utilisations (m,), and their derivatives (m, p)."""
         bent, robot, changes = self.grip.statics.bent, self.grip.config.robot, self.changes
         forces, bowing = bent.end_forces(self.grip.state.loads, self.grip.state.feet)
-        most = find_utilisation(bent.structure, bent.frame, forces, bowing)
+        usage = find_utilisation(bent.structure, bent.frame, forces, bowing)
         radius = 0.5 * robot.description.tube_diameter
-        force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[most.piece]
+        force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[usage.piece]
         # Rows: moments at both ends, and axial force.
-        by_end = np.array([[0.0, -0.5, -0.5], [0.0, 0.5, -0.5], [1.0, 0.0, 0.0]])
-        scaled = np.tensordot(by_end, bent.stiffness * force_rates, (1, 1))
-        begin, end, axial = forces[most.piece][:, [2, 5, 3]].T
+        to_loads = np.array([[0.0, -0.5, -0.5], [0.0, 0.5, -0.5], [1.0, 0.0, 0.0]])
+        scaled = np.tensordot(to_loads, bent.stiffness * force_rates, (1, 1))
+        begin, end, axial = forces[usage.piece][:, [2, 5, 3]].T
         scaled += np.stack([-begin, end, axial])[..., None] * changes.stiffness
         scaled[2] += np.pi * radius**2 * changes.pressures[robot.topology.tube]
         load_rates = np.concatenate([scaled, force_rates[None, :, 0]])
-        by_part = changes.sections[[0, 2, 3]][:, most.piece]
+        length_and_section_rates = changes.sections[[0, 2, 3]][:, usage.piece]
         # Complex step at the same kind of place. The utilisation of a tube without wall tension is
         # infinite and has no derivative.
-        loads = most.loads[..., None] + 1j * EPSILON * load_rates
-        sections = most.sections[..., None] + 1j * EPSILON * by_part
+        loads = usage.loads[..., None] + 1j * EPSILON * load_rates
+        sections = usage.sections[..., None] + 1j * EPSILON * length_and_section_rates
         used, _ = evaluate_utilisation(loads, sections, radius)
-        return most.used, np.take_along_axis(used, most.kind[None, :, None], 0)[0].imag / EPSILON
+        at_maximum = np.take_along_axis(used, usage.kind[None, :, None], 0)[0]
+        return usage.used, at_maximum.imag / EPSILON
 
 
 class HeldGradient(NamedTuple):

@@ -273,11 +273,11 @@ def _find_owners(numbering: Numbering, is_solid: Flags) -> Indices:
     """Return the block (u,) of each unknown of solid nodes (n,), -1 for unknowns of others."""
     # Vertices of the graph are the nodes, then the constraints.
     columns, nodes, rows = numbering.constraints.places, len(is_solid), numbering.rows
-    one = np.append(numbering.start, nodes + np.arange(rows).repeat(columns.shape[1]))
-    other = np.append(numbering.end, columns // 3)
+    start = np.append(numbering.start, nodes + np.arange(rows).repeat(columns.shape[1]))
+    end = np.append(numbering.end, columns // 3)
     is_inside = np.append(is_solid, np.ones(rows, dtype=bool))
-    joined = np.flatnonzero(is_inside[one] & is_inside[other])
-    edges = np.ones(len(joined)), (one[joined], other[joined])
+    joined = np.flatnonzero(is_inside[start] & is_inside[end])
+    edges = np.ones(len(joined)), (start[joined], end[joined])
     count, label = connected_components(
         coo_matrix(edges, shape=(rows + nodes,) * 2), directed=False
     )

@@ -112,9 +112,9 @@ class Structure:
 
     def tube_parts(self, frame: Frame) -> tuple[Indices, Indices]:
         """Return the indices of a frame's parts that are tubes, and the robot's member of each."""
-        first, whole = self.pieces[0, 0], frame.layout.whole
-        parts = np.flatnonzero(whole >= first)
-        return parts, self.owners.ravel()[whole[parts] - first]
+        pieces, first_piece = frame.layout.whole, self.pieces[0, 0]
+        parts = np.flatnonzero(pieces >= first_piece)
+        return parts, self.owners.ravel()[pieces[parts] - first_piece]
 
     def node(self, name: str) -> int:
         """Return the index of a node among the frame's nodes."""

@@ -63,8 +63,8 @@ class UnloadedBlocks(NamedTuple):
         of_node = np.array([[rotation.real, -rotation.imag], [rotation.imag, rotation.real]])
         turns = np.einsum('nm,ijb->bnimj', np.eye(self.hinges.shape[1]), of_node)
         turns = turns.reshape(self.stiffness.shape)
-        turned = turns @ self.stiffness
-        return (turned @ strain[:, :, None])[..., 0], turned @ turns.swapaxes(1, 2)
+        by_strain = turns @ self.stiffness
+        return (by_strain @ strain[:, :, None])[..., 0], by_strain @ turns.swapaxes(1, 2)
 
     def complete(self, unknowns: Array) -> None:
         """Set the inner unknowns of the blocks, among all (u,), from the hinges' unknowns."""
