@@ -344,10 +344,8 @@ class BentTubes:
         """Return the derivatives by p changes of sections (4, c, p); no tubes must be kept."""
         frame, tangent, beside = self.frame, self.tangent, self.frame.layout.beside
         changed = np.flatnonzero(changes.any(axis=(0, 2)))
-        units = np.broadcast_to(np.eye(4)[:, None], (4, len(changed), 4))
         forces = np.zeros((len(frame.length), 3, changes.shape[2]))
-        by_section = tangent.force_rates(changed, units)
-        forces[changed] = by_section @ changes[:, changed].swapaxes(0, 1)
+        forces[changed] = tangent.force_rates(changed) @ changes[:, changed].swapaxes(0, 1)
         _, moved = tangent.solve(-tangent.sum_forces(changed, forces[changed]))
         slopes, at_ends = tangent.slopes, moved[frame.layout.places[beside]]
         inclined = slopes.by_forces[:, None] @ forces[beside] + slopes.by_ends @ at_ends

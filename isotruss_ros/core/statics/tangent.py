@@ -97,18 +97,17 @@ class Tangent:
         right = np.concatenate([np.zeros((rows, loads.shape[1])), loads])
         return self.solve(right)[1]
 
-    def force_rates(self, parts: Indices, changes: Array) -> Array:
-        """Return the changes (q, 3, c) of q parts' `EndForces` due to c changes of sections."""
-        frame, count = self.frame, changes.shape[2]
-        repeated = parts.repeat(count)
+    def force_rates(self, parts: Indices) -> Array:
+        """Return the derivatives (q, 3, 4) of q parts' `EndForces` by length, EA, EI and GA."""
+        frame, repeated = self.frame, parts.repeat(4)
         # Derivatives by complex steps have no rounding error of differences.
-        steps = 1j * EPSILON * changes.reshape(4, -1)
+        steps = 1j * EPSILON * np.tile(np.eye(4), len(parts))
         section = np.vstack([frame.length, frame.section])[:, repeated] + steps
         columns = BeamColumns.of(section[0], section[1:], frame.layout.pinned[repeated])
         elongations, rotations = self.elongations[repeated] - steps[0], self.rotations[:, repeated]
         changed = columns.evaluate(elongations, rotations, self.forces.stressed[repeated, 0])
         rates = changed.values.imag / EPSILON
-        return rates.reshape(len(parts), count, 3).swapaxes(1, 2)
+        return rates.reshape(len(parts), 4, 3).swapaxes(1, 2)
 
     def sum_forces(self, parts: Indices, forces: Array) -> Array:
         """Return the sums (u, c) at the unknowns of the nodes' forces on q parts (q, 3, c)."""
