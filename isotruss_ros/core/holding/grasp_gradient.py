@@ -104,21 +104,21 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         nearest = int((planes.reserve / planes.size).argmin())
         row, by_friction = planes.rows[nearest], planes.friction_rates[nearest]
         slope, size = planes.slope[nearest], planes.size[nearest]
-        to_middle, forces = planes.about_middle, grip.state.places.forces
-        normal = slope @ to_middle / size
-        wrench = to_middle @ normal
+        about_middle, forces = planes.about_middle, grip.state.places.forces
+        normal = slope @ about_middle / size
+        wrench = about_middle @ normal
         reserve_rates = row @ self._unknowns[forces]
         response_rates = self._response_rates(response.change @ wrench[:, None])
         size_rates = row @ grip.respond(response_rates)[forces, :, 0]
         # The wrench about the object's centroid, which moves around its origin as it turns.
-        swing = to_middle[2, 1] * normal[0] - to_middle[2, 0] * normal[1]
+        swing = about_middle[2, 1] * normal[0] - about_middle[2, 0] * normal[1]
         size_rates -= slope[2] * swing * self._unknowns[ANGLE]
         opened, plane = divmod(nearest, 2 * len(grip.members))
         if opened and np.count_nonzero(row) > 1:  # slip after an end has opened
             end = int(response.ends[opened - 1])
-            by_opening = planes.rows[plane] @ self._opening_rates(opened - 1)
-            reserve_rates += by_opening * grip.state.forces[end]
-            size_rates += by_opening * (response.forces[end] @ wrench)
+            by_release = planes.rows[plane] @ self._release_rates(opened - 1)
+            reserve_rates += by_release * grip.state.forces[end]
+            size_rates += by_release * (response.forces[end] @ wrench)
         reserve_rates[columns.friction] += by_friction @ grip.state.forces
         size_rates[columns.friction] += by_friction @ response.forces @ wrench
         return (reserve_rates - planes.margin * size_rates) / size
@@ -127,8 +127,8 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         """Return the derivatives (p + 1,) of the chance, see `Uncertainty.chance_gradient`."""
         return uncertainty.chance_gradient(self)
 
-    def _opening_rates(self, number: int) -> Array:
-        """Return the derivatives (2k, p) of one row of `GripResponse.opening`."""
+    def _release_rates(self, number: int) -> Array:
+        """Return the derivatives (2k, p) of one row of `GripResponse.by_release`."""
         grip, response = self.settled.equilibrium, self.settled.equilibrium.response
         indices, end = grip.state.places, int(response.ends[number])
         by_gap = response.by_gap[:, number]
@@ -140,7 +140,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         right[3 * end + 1] -= gap_rates.imag
         rates = grip.respond(right)[indices.forces]
         tension = by_gap[indices.forces][end]
-        return -(rates + np.outer(response.opening[number], rates[end])) / tension
+        return -(rates + np.outer(response.by_release[number], rates[end])) / tension
 
     @single_threaded
     def _response_rates(self, response: Array) -> Array:

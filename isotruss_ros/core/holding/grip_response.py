@@ -50,7 +50,7 @@ class GripResponse:
         return self.change[self.state.places.forces]
 
     @functools.cached_property
-    def opening(self) -> Array:
+    def by_release(self) -> Array:
         """Return the changes (e, 2k) of the forces if an end is released, by its tension [-]."""
         forces = self.by_gap[self.state.places.forces].T
         return -forces / forces[np.arange(len(self.ends)), self.ends, None]
@@ -95,20 +95,20 @@ class SlipPlanes(NamedTuple):
     @property
     def direction(self) -> Array:
         """Return the wrench of `margin` divided by its norm about the centroid, (3,)."""
-        nearest, to_middle = int((self.reserve / self.size).argmin()), self.about_middle
-        return -to_middle @ to_middle.T @ self.slope[nearest] / self.size[nearest]
+        nearest, about_middle = int((self.reserve / self.size).argmin()), self.about_middle
+        return -about_middle @ about_middle.T @ self.slope[nearest] / self.size[nearest]
 
 
 @functools.lru_cache(maxsize=8)
 def slip_planes(response: GripResponse, friction: float) -> SlipPlanes:
     """Return the slip conditions of a held object for a coefficient of friction, cached."""
-    to_middle, forces = response.about_middle, response.state.forces
+    about_middle, forces = response.about_middle, response.state.forces
 
     def planes(rows: Array) -> tuple[Array, Array, Array]:
         """Return reserve, slope and size of conditions with factors `rows` on the forces."""
         slope = rows @ response.forces
         # np.hypot, because for very large friction the squares may overflow.
-        return rows @ forces, slope, np.hypot.reduce(slope @ to_middle, axis=1)
+        return rows @ forces, slope, np.hypot.reduce(slope @ about_middle, axis=1)
 
     on_member = np.eye(response.owners[-1] + 1)[response.owners].T
     other_kind = np.zeros_like(on_member)
@@ -116,14 +116,14 @@ def slip_planes(response: GripResponse, friction: float) -> SlipPlanes:
     rubs = np.hstack([other_kind, on_member])
     slip = friction * presses - np.vstack([rubs, -rubs])
     rows, friction_rates = [slip], [presses]
-    for opening, end in zip(response.opening, response.ends.tolist(), strict=True):
+    for by_release, end in zip(response.by_release, response.ends.tolist(), strict=True):
         opens = np.eye(1, len(forces), end)
-        slip_after = slip + np.outer(slip @ opening, opens)
+        slip_after = slip + np.outer(slip @ by_release, opens)
         slip_reserve, _, slip_size = planes(slip_after)
         end_force, _, opening_size = planes(opens)
         is_slip_farther = (slip_reserve / slip_size > end_force / opening_size)[:, None]
-        presses_after = presses + np.outer(presses @ opening, opens)
+        presses_after = presses + np.outer(presses @ by_release, opens)
         rows.append(np.where(is_slip_farther, slip_after, opens))
         friction_rates.append(np.where(is_slip_farther, presses_after, 0.0))
     joined = np.concatenate(rows)
-    return SlipPlanes(joined, np.concatenate(friction_rates), *planes(joined), to_middle)
+    return SlipPlanes(joined, np.concatenate(friction_rates), *planes(joined), about_middle)
