@@ -38,40 +38,40 @@ def find_seeds(
     config: Configuration, body: ConvexObject, needs: GraspRequirements, seed: int, number: int
 ) -> list[Closing]:
     """Return the closing motions of a round of the search, pairs first, most promising first."""
-    around, file = enclosing_members(config, body.middle), config.robot.description
-    wanted = required_members(config.robot, needs)
+    description, around = config.robot.description, enclosing_members(config, body.middle)
+    required = required_members(config.robot, needs)
     groups = [*itertools.combinations(around, 2), *itertools.combinations(around, 3)]
-    groups = [group for group in groups if not wanted or wanted == set(group)]
+    groups = [group for group in groups if not required or required == set(group)]
     if number > 0 and groups:
         groups *= math.ceil(MAX_SEEDS / len(groups))
-    shortest = file.min_length if needs.min_length is None else needs.min_length
-    longest = file.max_length if needs.max_length is None else needs.max_length
+    shortest = description.min_length if needs.min_length is None else needs.min_length
+    longest = description.max_length if needs.max_length is None else needs.max_length
     limit = MemberLengthLimit(shortest, longest, BOUND_SHARE)
     gaps, length = object_distances(config, body), config.robot.home.member_lengths.mean()
-    rng, radius = np.random.default_rng((seed, number)), 0.5 * file.tube_diameter
+    rng, radius = np.random.default_rng((seed, number)), 0.5 * description.tube_diameter
     seeds: list[tuple[float, Closing]] = []
     for group in groups:
-        turning, cone, posture = TURN_WEIGHT, math.atan(needs.friction), None
+        turn_weight, friction_angle, posture = TURN_WEIGHT, math.atan(needs.friction), None
         if number > 0:
-            turning *= rng.uniform(0.0, 1.0)
-            away = length * rng.standard_normal(len(config.roller_positions))
-            posture = config.roller_positions + RANDOM_POSTURE * away
-            cone *= rng.uniform(0.5, 1.0)
-        closing = Closing(body, np.array(group), limit, needs, cone, posture)
-        normals = closing.normals(config)
+            turn_weight *= rng.uniform(0.0, 1.0)
+            random_travel = length * rng.standard_normal(len(config.roller_positions))
+            posture = config.roller_positions + RANDOM_POSTURE * random_travel
+            friction_angle *= rng.uniform(0.5, 1.0)
+        closing = Closing(body, np.array(group), limit, needs, friction_angle, posture)
+        normals, usable_angle = closing.normals(config), CONE_SHARE * friction_angle
         if len(group) == 2:
-            facing = find_facing(body, normals, CONE_SHARE * cone, radius, turning)
+            facing = find_facing(body, normals, usable_angle, radius, turn_weight)
         else:
-            facing = normals if balances(body, normals, CONE_SHARE * cone, radius) else None
+            facing = normals if balances(body, normals, usable_angle, radius) else None
         if facing is not None:
-            turns = np.abs(np.angle(facing / normals)).sum()
-            cost = float(gaps[closing.members].sum() / length + 0.5 * turns)
+            rotation = np.abs(np.angle(facing / normals)).sum()
+            cost = float(gaps[closing.members].sum() / length + 0.5 * rotation)
             seeds.append((round(cost, ROUNDED_DIGITS), replace(closing, facing=facing)))
+    if not around:
+        raise RequirementError('enclosed', 0.0, 1.0)
     if not seeds:
-        seen = len(wanted.intersection(around))
-        if not around:
-            raise RequirementError('enclosed', 0.0, 1.0)
-        raise RequirementError('members' if seen < len(wanted) else 'opposed', seen, len(wanted))
+        visible, count = len(required.intersection(around)), len(required)
+        raise RequirementError('members' if visible < count else 'opposed', visible, count)
     # Pairs first: three members of tubes with constant lengths rarely reach an object.
     seeds.sort(key=lambda item: (len(item[1].members), item[0]))
     return [closing for _, closing in seeds[:MAX_SEEDS]]

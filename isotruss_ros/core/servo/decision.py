@@ -80,18 +80,17 @@ def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     parts: list[str] = []
     if command.status >= Status.HALT_NO_TWIST:
         return ''
-    why, which = 'is unreachable', 'reachable one'
+    fault, closest = 'is unreachable', 'reachable one'
     if keeps_contacts:
-        why, which = 'is unreachable or would break contacts', 'one that keeps the contacts'
+        fault, closest = 'is unreachable or would break contacts', 'one that keeps the contacts'
     if command.status is Status.UNREACHABLE:
         vx, vy, omega = command.achieved_twist
-        parts.append(
-            f'the twist {why}; the closest {which} is ({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
-        )
+        velocity = f'({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
+        parts.append(f'the twist {fault}; the closest {closest} is {velocity}')
     if command.scale < 1.0:
-        how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
-        why = ': more would need roller speeds out of proportion to the motion'
+        change = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
+        cause = ': more would need roller speeds out of proportion to the motion'
         if command.limiting:
-            why = f' by the limits of {", ".join(command.limiting)}'
-        parts.append(f'{how} {100 * command.scale:.3g} %{why}')
+            cause = f' by the limits of {", ".join(command.limiting)}'
+        parts.append(f'{change} {100 * command.scale:.3g} %{cause}')
     return '; '.join(parts)
