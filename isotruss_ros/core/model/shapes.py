@@ -223,7 +223,7 @@ class Shape(ABC):
         tangents = np.exp(1j * sampled)
         distances = (points[:, None] * tangents.conj()).real - self.support(tangents)
         best = distances.argmax(axis=1)
-        bounds = np.append(sampled[-1] - 2.0 * np.pi, np.append(sampled, sampled[0] + 2.0 * np.pi))
+        bounds = np.concatenate([sampled[-1:] - 2.0 * np.pi, sampled, sampled[:1] + 2.0 * np.pi])
         angles, low, high = sampled[best], bounds[best], bounds[best + 2]
         corners = np.zeros(len(points), dtype=np.intp)
         for _ in range(MAX_NEWTON_ITERATIONS):
@@ -275,8 +275,7 @@ class Disc(Shape):
 
     def __post_init__(self) -> None:
         """Check the diameter."""
-        limits = MIN_DIAMETER, MAX_SIZE
-        size = check_range(self.diameter, "the object's diameter", 'm', *limits)
+        size = check_range(self.diameter, "the object's diameter", 'm', MIN_DIAMETER, MAX_SIZE)
         object.__setattr__(self, 'diameter', size)
 
     @cached_property

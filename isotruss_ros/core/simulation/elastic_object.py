@@ -15,8 +15,8 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, push_out
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject, EXTERNAL_WRENCH
-from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD
+from isotruss_ros.core.model.pose import check_range, Pose
+from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
@@ -44,10 +44,9 @@ class ElasticObject:
     """
 
     def __init__(self, body: ConvexObject, friction: float, stiffness_scale: float = 1.0) -> None:
-        (scale,) = finite_array([stiffness_scale], 1, 'stiffness scale', GraspError).tolist()
-        if scale <= 0.0:
-            raise GraspError(f'stiffness scale {stiffness_scale!r}: must be positive')
-        self._friction, self._scale = check_friction(friction), scale
+        limits = 1.0 / MAX_MAGNITUDE, MAX_MAGNITUDE
+        self._scale = check_range(stiffness_scale, 'stiffness scale', '', *limits)
+        self._friction = check_friction(friction)
         angle = math.remainder(body.pose.angle, 2.0 * math.pi)
         self._body = body.moved_to(body.pose._replace(angle=angle))  # pose while not held
         self.grasp: HeldGrip | None = None
