@@ -80,8 +80,7 @@ def plan_release(
     numbers = find_members(config.robot.topology, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
     held = None if record is None else record.restore(config, body)
-    if held is not None:  # the pose in the model
-        body = held.body
+    body = body if held is None else held.body  # the pose in the model
     closing = Closing(body, numbers, limit, GraspRequirements())
     try:
         path, closing = _unload(config, closing, held)

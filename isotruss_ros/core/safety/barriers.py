@@ -32,8 +32,6 @@ from isotruss_ros.core.safety.barrier_law import (
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 
-NO_PAIRS = np.zeros(0, dtype=np.intp)
-
 
 class EvaluatedState(NamedTuple):
     """State in which the distances of pairs of parts were last evaluated."""
@@ -71,7 +69,7 @@ class NeighborList:
     def __init__(self, law: BarrierLaw) -> None:
         self._near, self._skin = law.active_below, 0.5 * law.band
         self.listed_below = self._near + self._skin
-        self._pairs = NO_PAIRS
+        self._pairs: Indices = np.zeros(0, dtype=np.intp)
         self._others: EvaluatedState | None = None
         self._listed: EvaluatedState | None = None
 
@@ -86,7 +84,7 @@ class NeighborList:
             self._others = EvaluatedState(config, grip, float(spare))
             distances = distances[self._pairs]
         elif self._listed.holds(config, grip):
-            return NO_PAIRS, np.zeros(0)
+            return self._pairs[:0], np.zeros(0)
         else:
             distances = measure(self._pairs)
         smallest = float(distances.min(initial=np.inf))
