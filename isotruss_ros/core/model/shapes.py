@@ -206,11 +206,12 @@ class Shape(ABC):
         """
 
     @cached_property
-    def _sampled_angles(self) -> Array:
-        """Return the angles (k,) of normals around the surface, ascending by one turn [rad]."""
+    def _sampled_tangents(self) -> tuple[Array, Array]:
+        """Return angles (k,) of normals around the surface [rad], and the support there [m]."""
         samples = self.outline(self.perimeter / NORMAL_SAMPLES)
         chords = np.roll(samples, -1) - np.roll(samples, 1)
-        return np.unwrap(np.angle(-1j * chords))
+        angles = np.unwrap(np.angle(-1j * chords))
+        return angles, self.support(np.exp(1j * angles))
 
     def nearest(self, points: Points) -> SurfacePoints:
         """
@@ -219,10 +220,9 @@ class Shape(ABC):
         :param points: (c,) points x + iy, outside or inside [m].
         """
         # The tangent at the nearest point has the largest distance of all tangents.
-        sampled = self._sampled_angles
-        tangents = np.exp(1j * sampled)
-        distances = (points[:, None] * tangents.conj()).real - self.support(tangents)
-        best = distances.argmax(axis=1)
+        sampled, support = self._sampled_tangents
+        x, y = points.real[:, None], points.imag[:, None]
+        best = (x * np.cos(sampled) + y * np.sin(sampled) - support).argmax(axis=1)
         bounds = np.concatenate([sampled[-1:] - 2.0 * np.pi, sampled, sampled[:1] + 2.0 * np.pi])
         angles, low, high = sampled[best], bounds[best], bounds[best + 2]
         corners = np.zeros(len(points), dtype=np.intp)
