@@ -102,8 +102,8 @@ def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Cr
     axis = chord / abs(chord)
     displacement = (body.middle - measured.middle) / axis
     rates = change[0] + 1j * change[1] + 1j * (body.middle - body.center) * change[ANGLE]
-    measured_rates = 1.0, 1.0j, 1j * (measured.middle - measured.center)
-    rates[GraspParameters.of(grip.config).place] -= measured_rates
+    x, y, angle = tubes.changes.place
+    rates -= x + 1j * y + 1j * (measured.middle - measured.center) * angle
     rates = rates / axis - 1j * (chord_rates / chord).imag * displacement
     along = np.append(displacement, rates)
     values = np.array([-along.real, -along.imag, along.real, along.imag])

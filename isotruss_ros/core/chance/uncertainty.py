@@ -97,8 +97,7 @@ class Uncertainty:
         given = block
         if isinstance(given, str):
             given = parse_yaml('uncertainty', given or '{}', 'uncertainties', GraspError)
-        stiffness = calibration.get('stiffness_deviation', cls.stiffness)
-        values: dict[str, Any] = {'stiffness': stiffness}
+        values = dict[str, Any](stiffness=calibration.get('stiffness_deviation', cls.stiffness))
         for source in (robot.description.uncertainty, body and body.uncertainty, given):
             for fault in find_faults(source or {}, 'uncertainty'):  # also unknown keys
                 raise GraspError(f'uncertainty: {fault}')

@@ -187,7 +187,8 @@ def least_friction_conditions(
         # Friction forces of the members, or differences of them, that are zero.
         members = np.eye(len(ends))
         signs = members if is_face_pressed else (members - np.roll(members, 1, axis=1))[:-1]
-        linear[-len(signs) :, indices.friction] = FRICTION_COMPLIANCE * signs[:, owners]
+        zero_friction = slice(-len(signs), None)
+        linear[zero_friction, indices.friction] = FRICTION_COMPLIANCE * signs[:, owners]
 
     def conditions(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         residual = linear @ unknowns - constant

@@ -78,9 +78,9 @@ class Pushes(NamedTuple):
 
     def load_rates(self, change: Array) -> Array:
         """Return the changes (k, 3, c) of the loads for c changes of the unknowns."""
-        count = len(self.local)
+        count, begin = len(self.local), POSE + len(self.local)
         by_angle = np.repeat(change[None, None, ANGLE], count, axis=1)
-        causes = np.concatenate([change[POSE + count :].reshape(3, count, -1), by_angle])
+        causes = np.concatenate([change[begin:].reshape(3, count, -1), by_angle])
         return np.einsum('lnk,lkc->knc', self.rates, causes)
 
 
@@ -118,8 +118,8 @@ class ContactStatics:
 
     def pushes(self, unknowns: Array) -> Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
-        by_kind = unknowns[self.places.inclinations.start :].reshape(3, -1)
-        inclination, normal, friction = by_kind
+        begin = self.places.inclinations.start
+        inclination, normal, friction = unknowns[begin:].reshape(3, -1)
         local = 1j * self.sides * np.exp(1j * inclination)
         angles = object_angles(unknowns, self.bent.lines.axis * local)
         depths, softs, tilts = self.dents(normal, angles)
@@ -161,13 +161,12 @@ class ContactStatics:
         bent, forces = self.bent.responses, -lines.axis[:, None] * [1.0, 1j]
         by_loads = np.zeros((moment + 1, count, 3))
         by_loads[: 3 * count] = bent.matrix.reshape(3 * count, count, 3)
-        by_loads[3 * count : moment, :, :2] = forces.real, forces.imag
+        by_loads[-3:-1, :, :2] = forces.real, forces.imag
         by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
         residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ pushes.loads.ravel()
         by_contact = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
-        jacobian[: moment + 1, indices.inclinations.start :] = by_contact[:, :3].reshape(
-            moment + 1, -1
-        )
+        begin = indices.inclinations.start
+        jacobian[: moment + 1, begin:] = by_contact[:, :3].reshape(moment + 1, -1)
         jacobian[: moment + 1, ANGLE] = by_contact[:, 3].sum(axis=1)
 
         # Gaps at fixed tubes, and displacements by the positions of the contacts.
@@ -197,7 +196,7 @@ class ContactStatics:
         # The arms of the forces turn with the normals and with the object.
         residual[indices.balance] += wrench
         jacobian[moment, indices.inclinations] += radii * unknowns[indices.normal] / arm
-        jacobian[moment, ANGLE] = -np.vdot(arm_rates, pushes.force).imag / arm  # type: ignore[operator]
+        jacobian[moment, ANGLE] = -complex(np.vdot(arm_rates, pushes.force)).imag / arm
         residual[indices.conditions], jacobian[indices.conditions] = conditions(unknowns, normals)
         return residual, ContactForces(unknowns, normals, pushes.loads, jacobian)
 

@@ -240,7 +240,8 @@ class BentTubes:
         relative = absolute.copy()
         # The displacement is relative to the place, which moves along its member.
         slid = self.lines.axis * factors[self._motions]
-        at_cuts = relative[-3 * len(slid) :].reshape(-1, 3)
+        begin = -3 * len(slid)
+        at_cuts = relative[begin:].reshape(-1, 3)
         at_cuts[:, 0] -= slid.real
         at_cuts[:, 1] -= slid.imag
         return relative, absolute
