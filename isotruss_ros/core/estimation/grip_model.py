@@ -59,7 +59,7 @@ def shift_deviations(grasp: HeldGrip, shifted: Array, friction: float) -> Array:
     reserve = np.maximum(reserve, 0.1 * friction * grasp.squeeze)
     friction_rates = grasp.contacts.sum_by_member(shifted[grasp.state.places.friction])
     stiffness = np.abs(np.diag(friction_rates))
-    return np.minimum(2.0 * reserve / np.maximum(stiffness, reserve / grasp.arm), grasp.arm)
+    return 2.0 * reserve / np.maximum(stiffness, 2.0 * reserve / grasp.arm)
 
 
 def output_scale(grasp: HeldGrip) -> Array:

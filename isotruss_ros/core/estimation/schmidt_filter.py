@@ -68,7 +68,7 @@ class SchmidtFilter:
         self.covariance = covariance + 0.5 * (uncorrelated + uncorrelated.T)
 
     def condition(self, rates: Array, by_parameters: Array, noise: Array) -> Array:
-        """Update the covariances by a measurement (m,); return the gain for known parameters."""
+        """Update the covariances by a measurement (m,); return the gain (n, m) of the state."""
         gain, remaining, self.covariance = condition(self.covariance, rates, noise)
         self.sensitivity = remaining @ self.sensitivity - gain @ by_parameters
         return gain

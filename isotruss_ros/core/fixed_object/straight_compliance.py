@@ -69,7 +69,7 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
 
 @functools.lru_cache(maxsize=16)
 def _respond(structure: Structure, pieces: tuple[int, ...]) -> tuple[Indices, Array]:
-    """Return the coordinates (6 p,) of pieces' ends, and the nodes' motion (3 n, 6 p) by them."""
+    """Return the indices (6 p,) of the ends' motions; all motions (3 n, 6 p) by loads there."""
     layout = structure.frame.layout
     constraints = layout.numbering.rows
     nodes = np.stack([layout.start[list(pieces)], layout.end[list(pieces)]], axis=1)

@@ -113,6 +113,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         # The wrench about the object's centroid, which moves around its origin as it turns.
         swing = about_middle[2, 1] * normal[0] - about_middle[2, 0] * normal[1]
         size_rates -= slope[2] * swing * self._unknowns[ANGLE]
+        # First the 2 m planes of slip of the members, then as many for each end that has opened.
         opened, plane = divmod(nearest, 2 * len(grip.members))
         if opened and np.count_nonzero(row) > 1:  # slip after an end has opened
             end = int(response.ends[opened - 1])

@@ -211,7 +211,7 @@ class HeldGradient(NamedTuple):
 
 @single_threaded
 def held_gradient(grip: HeldGrip) -> HeldGradient:
-    """Return the derivatives of pose, forces and displaced joints while the contacts stick."""
+    """Return the derivatives by roller travel and rolling invariants; the contacts stick."""
     config, statics = grip.config, grip.statics
     indices, parameters = grip.state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)

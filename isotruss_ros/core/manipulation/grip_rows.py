@@ -46,7 +46,7 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
         # The complement of G^T's range has an orthogonal basis of 2 k - 3 misfits. The first is a
         # motion of each member away from the object at 0.5 m/s, minus its projection on the range.
         basis, factor = np.linalg.qr(np.column_stack([rigid, 0.5 * normals]), mode='complete')
-        basis[:, 3] *= factor[3, 3]
+        basis[:, 3] *= factor[3, 3]  # the remainder of the projection
         square = np.concatenate([rigid, basis[:, 3:]], axis=1)
         jacobian = np.linalg.solve(square, hand)
     jacobian.flags.writeable = False

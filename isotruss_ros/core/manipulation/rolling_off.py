@@ -29,7 +29,9 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     """Return the reachable twists closest to a twist if ends of faces may lift."""
     contacts = find_contacts(config, grip)
     choices = rolled_corners(contacts, grip.friction)
-    smallest_miss, working = find_task(reach, twist).missed if choices else 0.0, reach.working
+    if not choices:
+        return reach
+    working, smallest_miss = reach.working, find_task(reach, twist).missed
     if smallest_miss <= ROUNDING:
         return reach
     (hand, rigid), members = contact_rows(config, grip), member_rows(config, grip.members)
@@ -40,8 +42,9 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
         if task.missed >= smallest_miss * (1.0 - NEGLIGIBLE_SHARE) or task.speed == 0.0:
             continue
         speeds = working.spread(task.free)
-        moved = rigid @ (rolling.motion @ speeds) - hand @ speeds
-        lifting = (moved.reshape(-1, 2) * inward).sum(axis=1)
+        object_moves = rigid @ (rolling.motion @ speeds)
+        apart = (object_moves - hand @ speeds).reshape(-1, 2)
+        lifting = (apart * inward).sum(axis=1)
         if lifting.min() >= -ROUNDING * np.abs(speeds).max():
             reach, smallest_miss = rolling, task.missed
     return reach

@@ -153,10 +153,12 @@ class Shape(ABC):
         """
         corner, to_local = self.corner_at(normal), normal.conjugate()
         point, min_length = self.point_at(corner, normal), tube_radius
-        near = [PatchEnd(corner, point, (point * to_local).real, 0.0)]
-        far: list[PatchEnd] = []
-        depth = max(near[0].height - skin, PLANNED_DEPTH * tube_radius)
-        lowest = near[0].height - depth
+        # Corners within short faces come before those behind a long face: of equal ones, the first
+        # is chosen.
+        within = [PatchEnd(corner, point, (point * to_local).real, 0.0)]
+        beyond: list[PatchEnd] = []
+        depth = max(within[0].height - skin, PLANNED_DEPTH * tube_radius)
+        lowest = within[0].height - depth
         for side in range(len(self.faces_at(corner))):
             reached, along, is_short = corner, 0.0, True
             while is_short:
@@ -168,10 +170,11 @@ class Shape(ABC):
                 if height < lowest or reached == corner or (is_short and abs(along) >= min_length):
                     break
                 point = self.point_at(reached, normal)
-                (near if is_short else far).append(PatchEnd(reached, point, height, along))
+                ends = within if is_short else beyond
+                ends.append(PatchEnd(reached, point, height, along))
         # Among corners of equal depth, the one nearest to the middle counts first.
         tie, middle = NEGLIGIBLE_SHARE * depth, (self.centroid * to_local).imag
-        ends = near + far
+        ends = within + beyond
         highest = max(end.height for end in ends) - tie
         chosen = min(
             (end for end in ends if end.height >= highest),

@@ -33,7 +33,7 @@ class Record:
     def __init_subclass__(
         cls, headline: tuple[str, ...] = (), data: tuple[str, ...] = (), **options: Any
     ) -> None:
-        """Store the names of the data, and replace methods that a dataclass generates."""
+        """Store the names of the fields for `repr` (`headline`) and for `to_dict` (`data`)."""
         super().__init_subclass__(**options)
         cls.headline, cls.data = headline or cls.headline, data or cls.data
 

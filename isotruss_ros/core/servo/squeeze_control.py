@@ -178,9 +178,9 @@ class SqueezeControl:
             return RollerCommand(still, np.zeros(3), 0.0, self.fault)
         squeeze = float(belief.regulated[3])
         force = self.settings.force
-        # While the squeeze is unknown, apart from the error of the stiffness, the excess of the
-        # first estimate is added: opening the grip could release the object, and the measured pose
-        # would not show the loss until the object is moved.
+        # While the squeeze would be unknown even with an exact stiffness, the excess of the first
+        # estimate is added: opening the grip could release the object, and the measured pose would
+        # not show the loss until the object is moved.
         if self._excess > 0.0 and not is_squeeze_known(force, belief.geometric_deviation):
             force += self._excess
         rate = min(MAX_SQUEEZE_GAIN, self.gain) * (force - squeeze) - belief.cache.drift[3]

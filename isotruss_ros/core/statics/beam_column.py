@@ -136,7 +136,7 @@ def end_forces(forces: Array, length: Array) -> Array:
 
 
 def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) -> Array:
-    """Return the stiffness matrices (2) of fixed members in their own axes (x to the end)."""
+    """Return the members' stiffness matrices, equation (2), in axes from start to end."""
     pinned, straight = np.zeros(len(length), dtype=bool), np.zeros((3, len(length)))
     columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), pinned)
     stiffness = chord_stiffness(length, columns.evaluate(straight[0], straight[1:]))

@@ -247,7 +247,7 @@ class BentTubes:
         return relative, absolute
 
     def _factors(self, loads: Array, positions: Array) -> Array:
-        """Return factors (4k + 1,) on the columns of `LoadResponses`."""
+        """Return the changes of loads and places, and 1: factors of `LoadResponses`' columns."""
         added_loads = (loads - self.state.loads).ravel()
         return np.concatenate([added_loads, positions - self.cuts.places, [1.0]])
 

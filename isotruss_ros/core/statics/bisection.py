@@ -45,6 +45,8 @@ class Bisections(NamedTuple):
         displaced = vectors + shifts[nodes] @ VECTORS.T
         rotations = displaced * vectors.conj()
         gaps = np.arctan2(rotations.imag, rotations.real) @ weights
+        # A gradient (d/dx, d/dy) is the complex number d/dx + i d/dy. With z = x + iy, the second
+        # derivatives xx, yy and xy of arg z are Im(-1/z^2), Im(1/z^2) and Re(-1/z^2).
         slopes = (1j * weights / displaced.conj()) @ VECTORS
         curvature = -weights * multipliers[chosen, None] / displaced**2
         by_nodes = VECTORS.T @ (curvature[:, :, None] * VECTORS)

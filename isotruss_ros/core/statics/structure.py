@@ -165,13 +165,13 @@ def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: A
     layout, (pieces, owner) = frame.layout, structure.tube_parts(frame)
     rates = np.zeros((4, len(frame.length), moved.shape[1]))
     rates[1:, pieces] = -(frame.section[:, pieces, None] ** 2) * flexibility[:, owner]
-    # If a member becomes longer, the nodes C and E at its end shift along it; CE runs backward.
-    # Displaced nodes and cuts in members are fixed.
-    at_ends = structure.pieces[1]
+    # If a member becomes longer, both nodes of its last piece (CE, from pinch point to ring) shift
+    # along it; this piece runs backward. Other nodes and cuts are fixed.
+    last_pieces = structure.pieces[1]
     shifts = np.zeros((len(frame.points), moved.shape[1]))
-    shifts[layout.numbering.start[at_ends]] = elongations[topology.previous]
-    shifts[layout.numbering.end[at_ends]] = elongations[topology.previous]
-    direction = np.where(np.isin(layout.whole[pieces], at_ends), -1.0, 1.0)
+    shifts[layout.numbering.start[last_pieces]] = elongations[topology.previous]
+    shifts[layout.numbering.end[last_pieces]] = elongations[topology.previous]
+    direction = np.where(np.isin(layout.whole[pieces], last_pieces), -1.0, 1.0)
     lengthened = shifts[layout.end[pieces]] - shifts[layout.start[pieces]]
     rates[0, pieces] = direction[:, None] * lengthened
     return rates
