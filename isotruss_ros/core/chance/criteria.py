@@ -39,9 +39,9 @@ class Criteria(NamedTuple):
 
 def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
     """
-    Return the conditions that an object is held in equilibria between which its contacts roll.
+    Return the conditions that an object is held in the equilibria along a path.
 
-    The first equilibrium has an unknown contact history; the rollers follow their nominal travel.
+    The first equilibrium has an unknown contact history; from it, the contacts roll to the others.
     The conditions are those of the first equilibrium, of the last one, and of those with the
     smallest slip margin and the largest utilisation.
     """

@@ -72,7 +72,7 @@ def find_chance(grips: Sequence[HeldGrip], friction: float, covariance: Array) -
 
 
 def failure_probability(sigmas: Array, correlation: Array) -> float:
-    """Return an upper bound of the probability that one of c conditions is violated."""
+    """Return Ditlevsen's bound of the probability that one of c conditions is violated."""
     # Probabilities (c, c) that two conditions are violated, by Owen's function.
     root = np.sqrt(np.maximum(1.0 - correlation**2, EPSILON))
     limits = np.where(np.abs(sigmas) < EPSILON, -EPSILON, -sigmas.clip(-MAX_SIGMAS, MAX_SIGMAS))
@@ -125,7 +125,7 @@ def sample_friction(
             if held and contacts not in models:
                 models[contacts] = drawn, change, find_unknown_rates(drawn)[0]
         except ConfigurationError:
-            pass  # The sample is left out, because the robot has a configuration.
+            pass  # The true robot has a configuration, so a sample without one is left out.
         except IsotrussError:  # no equilibrium
             needed.append(math.inf)
         if on_progress is not None:

@@ -114,16 +114,16 @@ class GripState(SchmidtFilter):
     def propagate(
         self, elapsed: float, moved: Array, travel: Array, cache: EquilibriumCache
     ) -> Array:
-        """Propagate the belief by process noise; return the decay (3,) of the load [N]."""
+        """Propagate the belief by process noise; return the change (3,) of the load [N]."""
         settings = self._settings
         remaining = math.exp(-elapsed / settings.load_time)
         noise, decay = np.zeros(len(self.covariance)), np.ones(len(self.covariance))
         decay[LOAD] = remaining
         noise[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*moved)
         noise[SHIFTS:] = settings.slip**2 * SLIP_LENGTH * travel.max()
-        self.walk.spread(cache.rates[:3] * noise @ cache.rates[:3].T)
+        self.walk.spread(cache.rates[:3] * noise @ cache.rates[:3].T)  # a load is no walk
         noise[LOAD] = settings.load**2 * (1.0 - remaining**2)
         self.predict(decay, noise, settings.slip**2 * SLIP_LENGTH * travel)
-        decayed = (remaining - 1.0) * self.load
-        self.load = self.load + decayed
-        return decayed
+        change = (remaining - 1.0) * self.load
+        self.load = self.load + change
+        return change

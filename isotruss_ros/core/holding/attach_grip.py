@@ -77,11 +77,10 @@ def attach_grip(
     if depths[members].min() <= -config.robot.description.tube_diameter:
         raise NotHeldError(HoldStatus.NO_CONTACT)
     wrench = scaled_wrench(external_wrench, body.arm)
-    limit, steps = MAX_SEARCH_STEPS, MAX_NEWTON_ITERATIONS
-    if quick:
-        limit, steps = QUICK_SETS, MAX_SEARCH_STEPS
+    max_sets = QUICK_SETS if quick else MAX_SEARCH_STEPS
+    steps = MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS
     solve = _contact_solver(config, body, pressure, stiffness, wrench, steps, starts)
-    attached = search_contacts(solve, find_pressed(config, body, members), limit=limit)
+    attached = search_contacts(solve, find_pressed(config, body, members), limit=max_sets)
     if attached is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
     return attached

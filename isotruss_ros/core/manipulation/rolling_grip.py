@@ -109,8 +109,10 @@ class RollingGrip:
             return rolled
         # A face in contact with a member may have lifted at one of its ends.
         contacts = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
-        for chosen in itertools.product(*([ends, *([k] for k in ends)] for ends in contacts)):
-            kept = [k for ends in chosen for k in ends]
+        # Each member presses at all of its ends, or at one of them.
+        choices = [[ends, *([k] for k in ends)] for ends in contacts]
+        for chosen in itertools.product(*choices):
+            kept = [k for pressed in chosen for k in pressed]
             if len(kept) == len(self.owners):
                 continue
             fewer = replace(
@@ -183,7 +185,7 @@ class RollingGrip:
         self, lines: _Lines, center: complex, angle: float, corners: Indices
     ) -> tuple[Array, Array]:
         """
-        Return the invariants (2, k) at a pose with given corners, as if contacts rolled there.
+        Return the invariants (2, k) of contacts of given corners at a pose.
 
         The second array (2 k, 3) has their derivatives with respect to the object's twist.
         """

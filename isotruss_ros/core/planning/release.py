@@ -112,15 +112,15 @@ def _unload(
     # On the straight line to a grip almost without forces, all contact forces decrease in
     # proportion; so the waypoints are near this line. On the shortest way to less squeeze, the
     # friction may rise until contacts slip.
-    remaining = -FIRST_INDENTATION * diameter * grasp.squeeze_stiffness()
-    end = squeeze_in_place(grasp, remaining, closing).config.roller_positions
+    min_squeeze = -FIRST_INDENTATION * diameter * grasp.squeeze_stiffness()
+    end = squeeze_in_place(grasp, min_squeeze, closing).config.roller_positions
     for pieces in range(UNLOADING_STEPS, 1, -1):
         start = grasp.config.roller_positions
         target = grasp.config.moved_to(start + (end - start) / pieces)
         rolled = roll_between(grasp, target, closing)
-        grasp = squeeze_in_place(rolled, rolled.squeeze, closing)
+        grasp = squeeze_in_place(rolled, rolled.squeeze, closing)  # the object back in place
         path.append(grasp.config)
-    grasp = squeeze_in_place(grasp, remaining, closing)
+    grasp = squeeze_in_place(grasp, min_squeeze, closing)
     path.append(grasp.config)
     # The grip is opened in place, because a retreat of members in contact would roll the object.
     grip, config = grasp.touching(closing.body.friction_or(None)), grasp.config

@@ -314,7 +314,7 @@ class BentTubes:
         return completed
 
     def load_changes(self, loads: Array, motions: Array) -> TubeRates:
-        """Return the derivatives by p changes of loads (k, 3, p), and of positions (k, p)."""
+        """Return the tubes' changes by p changes of loads (k, 3, p) and of positions (k, p)."""
         unknowns, at_points = self.responses.unknowns[:, :-1], self.responses.at_points[..., :-1]
         factors = np.concatenate([loads.reshape(-1, loads.shape[2]), motions])
         forces = self.tangent.length_rates[:, :, None] * (self._lengthened @ motions)[:, None]

@@ -126,7 +126,7 @@ class Structure:
         return self.node_names.index(name)
 
     def locate(self, members: Indices, positions: Array) -> tuple[Indices, Array, Array]:
-        """Return the pieces at positions [m], distances in them, 1 or -1 by their direction."""
+        """Return pieces at positions [m], distances in them, and -1 for pieces that run back."""
         topology = self.config.robot.topology
         ring = self.config.robot.description.module.guide_ring_distance
         lengths = self.config.member_lengths[members].tolist()
