@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GraspError, IsotrussError, quote
@@ -89,7 +89,7 @@ def make_topology(description: RobotDescription) -> Topology:
 def check_names(
     what: str,
     names: Iterable[str],
-    valid: Iterable[str],
+    valid: Collection[str],
     robot: str = '',
     error: type[IsotrussError] = GraspError,
 ) -> None:
