@@ -282,7 +282,7 @@ class GripBelief:
         if not self.state.explains(pose, cache):
             return False
         self.is_assumed, self.cache = False, cache
-        self.take(held)
+        self._fit_state()
         self.state.walk.attach((cache.by_offsets.outputs - rates_before)[:3])
         self._corrected = np.zeros_like(self._corrected)
         self._start_at(pose)
@@ -336,7 +336,11 @@ class GripBelief:
     def take(self, grasp: HeldGrip) -> None:
         """Set the equilibrium, for example one that another belief has found."""
         self.cache.take(grasp)
+        self._fit_state()
+
+    def _fit_state(self) -> None:
+        """Give the state the size of the derivatives at an equilibrium that is new."""
         self._rolled = self.lag.time
         size = self.cache.rates.shape[1]
         if size != len(self.state.covariance):
-            self.state.resize(size, SHIFTS, grasp.arm**2)
+            self.state.resize(size, SHIFTS, self.grasp.arm**2)
