@@ -38,21 +38,21 @@ def finite_array(
     shape = (size,) if isinstance(size, int) else size
     try:
         array = np.asarray(values)
-    except ValueError:
-        # Lists of different lengths.
-        array = np.asarray(None)
+    except ValueError:  # lists of different lengths
+        array = np.asarray(None)  # without numbers, so it is refused
     if 0 in shape and array.size == 0:
         return np.zeros(shape)
-    fits = array.dtype.kind in 'iuf' and array.shape == shape
-    if not (fits and (np.abs(array) <= most).all()):
-        text = repr(values.tolist() if hasattr(values, 'tolist') else values)
-        shown = text if len(text) <= 80 else text[:77] + '...'
-        count = ' x '.join(map(str, shape)) + ' finite numbers'
-        if shape == (1,):
-            shown, count = shown.removeprefix('[').removesuffix(']'), 'a finite number'
-        bound = '' if most == LARGEST_NUMBER else f', at most {most:g}'
-        raise error(f'{what}: {shown}: must be {count}{bound}')
-    return array.astype(np.float64)
+    has_form = array.dtype.kind in 'iuf' and array.shape == shape
+    if has_form and (np.abs(array) <= most).all():
+        return array.astype(np.float64)
+    text = repr(values.tolist() if hasattr(values, 'tolist') else values)
+    shown = text if len(text) <= 80 else text[:77] + '...'
+    form = ' x '.join(map(str, shape)) + ' finite numbers'
+    if shape == (1,):  # callers put a single number into a list
+        shown = shown.removeprefix('[').removesuffix(']')
+        form = 'a finite number'
+    bound = '' if most == LARGEST_NUMBER else f', at most {most:g}'
+    raise error(f'{what}: {shown}: must be {form}{bound}')
 
 
 def finite_rows(
@@ -62,7 +62,7 @@ def finite_rows(
     error: type[IsotrussError],
     most: float = LARGEST_NUMBER,
 ) -> NDArray[np.float64]:
-    """Return a copy of rows of finite real numbers as an array (n, columns)."""
+    """Return a copy of rows of finite numbers of magnitudes up to `most`, (n, columns)."""
     rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
     return finite_array(values, (*rows, columns), what, error, most)
 
@@ -70,7 +70,7 @@ def finite_rows(
 def covariance_matrix(
     values: ArrayLike, count: int, what: str, error: type[IsotrussError]
 ) -> NDArray[np.float64]:
-    """Return a copy of a covariance matrix (count, count)."""
+    """Return a copy of a matrix (count, count), if symmetric and positive semidefinite."""
     matrix = finite_array(values, (count, count), what, error)
     bound = ROUNDING * np.abs(matrix).max()
     symmetric = (np.abs(matrix - matrix.T) <= bound).all()

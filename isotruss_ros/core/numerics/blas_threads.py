@@ -32,19 +32,20 @@ R = TypeVar('R')
 
 @functools.cache
 def _find_libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
-    """Return getter and setter of the number of threads for each loaded OpenBLAS library."""
+    """Return functions that get and set the number of threads of each loaded OpenBLAS library."""
     libraries = {}
     for module in (np.linalg._umath_linalg, lapack._flapack):  # type: ignore[attr-defined]
         # Symbols are looked up in a library and in its dependencies. PyDLL keeps the interpreter's
         # lock, because releasing the lock takes longer than these calls.
         library = ctypes.PyDLL(module.__file__)
         for prefix, suffix in itertools.product(PREFIXES, SUFFIXES):
-            names = (f'{prefix}openblas_{act}_num_threads{suffix}' for act in ('get', 'set'))
-            count, set_count = (getattr(library, name, None) for name in names)
-            if count is not None and set_count is not None:
+            get_count = getattr(library, f'{prefix}openblas_get_num_threads{suffix}', None)
+            set_count = getattr(library, f'{prefix}openblas_set_num_threads{suffix}', None)
+            if get_count is not None and set_count is not None:
                 set_count.restype = None
+                # Both modules may have the same library, at one address.
                 address = ctypes.cast(set_count, ctypes.c_void_p).value
-                libraries[address] = count, set_count
+                libraries[address] = get_count, set_count
     return list(libraries.values())
 
 
@@ -53,13 +54,14 @@ def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        changed = [(change, count()) for count, change in _find_libraries() if count() > 1]
-        for change, _ in changed:
-            change(1)
+        counts = [(set_count, get_count()) for get_count, set_count in _find_libraries()]
+        multithreaded = [(set_count, count) for set_count, count in counts if count > 1]
+        for set_count, _ in multithreaded:
+            set_count(1)
         try:
             return function(*args, **kwargs)
         finally:
-            for change, before in changed:
-                change(before)
+            for set_count, count in multithreaded:
+                set_count(count)
 
     return call

@@ -52,26 +52,28 @@ Factor = DenseFactor | SparseFactor
 
 
 def factorize(matrix: Array | csc_matrix) -> Factor:
-    """Factorise a matrix (n, n); a dense matrix is overwritten."""
+    """Return the LU factors of a matrix (n, n); a dense matrix is overwritten."""
     return DenseFactor(matrix) if isinstance(matrix, np.ndarray) else SparseFactor(matrix)
 
 
 def estimate_condition(matrix: Array | csc_matrix) -> float:
     """Return a lower bound of the condition number in the maximum norm; infinite if singular."""
+    # Numbers up to 1 without a pattern, so a large solution shows a large inverse.
     right = np.cos(np.arange(matrix.shape[0]) ** 2)
     try:
         with np.errstate(over='ignore', invalid='ignore'):
-            size = float(np.abs(factorize(matrix.copy()).solve(right)).max())
+            inverse_norm = float(np.abs(factorize(matrix.copy()).solve(right)).max())
     except np.linalg.LinAlgError:
         return np.inf
-    return size * float(np.abs(matrix).sum(axis=1).max()) if size < np.inf else np.inf
+    norm = float(np.abs(matrix).sum(axis=1).max())
+    return norm * inverse_norm if inverse_norm < np.inf else np.inf
 
 
 def count_negative_pivots(matrix: Array | csc_matrix) -> int:
-    """Return the number of negative eigenvalues of a symmetric matrix (Sylvester)."""
+    """Return the number of negative eigenvalues of a symmetric matrix, from its LDL^T pivots."""
     dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
     factors, pivots, _ = lapack.dsytrf(dense, lower=True)
-    # A block of two rows has one negative pivot.
-    single = pivots > 0
-    negative = (factors.diagonal() < 0.0) & single
-    return int(np.count_nonzero(negative)) + int(np.count_nonzero(~single)) // 2
+    # Pivots are single numbers or blocks of two rows; a block has one negative eigenvalue.
+    is_single = pivots > 0
+    negative = (factors.diagonal() < 0.0) & is_single
+    return int(np.count_nonzero(negative)) + int(np.count_nonzero(~is_single)) // 2

@@ -56,49 +56,51 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     """Return the minimiser x (n,); None if none is found, or if P is not positive definite."""
     bounded = problem.bounds < np.inf
     rows, bounds = problem.rows[bounded], problem.bounds[bounded]
-    free, start = _free_space(problem)
-    largest = np.abs(rows).max(initial=SMALLEST_NORMAL)
-    if not free.shape[1]:  # LAPACK refuses empty matrices
-        excess = (rows @ start - bounds).max(initial=0.0)
-        return start if excess <= LOOSE_TOLERANCE * largest * (1.0 + np.abs(start).max()) else None
-    curvature = free.T @ problem.hessian @ free
-    # Scaled variables: P has penalties up to 1e8 beside costs of 1.
-    scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), SMALLEST_NORMAL))
-    factor, failed = lapack.dpotrf(scale[:, None] * curvature * scale, lower=1)
+    # Every x = particular + null_space @ z fulfils the equalities.
+    null_space, particular = _solve_equalities(problem)
+    largest_coefficient = np.abs(rows).max(initial=SMALLEST_NORMAL)
+    if not null_space.shape[1]:  # LAPACK refuses empty matrices
+        excess = (rows @ particular - bounds).max(initial=0.0)
+        tolerance = LOOSE_TOLERANCE * largest_coefficient * (1.0 + np.abs(particular).max())
+        return particular if excess <= tolerance else None
+    reduced_hessian = null_space.T @ problem.hessian @ null_space
+    # Scaled variables z: P has penalties up to 1e8 beside costs of 1.
+    scale = 1.0 / np.sqrt(np.maximum(reduced_hessian.diagonal(), SMALLEST_NORMAL))
+    factor, failed = lapack.dpotrf(scale[:, None] * reduced_hessian * scale, lower=1)
     if failed:
         return None
-    free = free * scale
-    # y = L^T z + offset is zero at the unconstrained minimum.
-    slope = free.T @ (problem.hessian @ start + problem.gradient)
-    offset, _ = lapack.dtrtrs(factor, slope, lower=1)
-    columns, _ = lapack.dtrtrs(factor, (rows @ free).T, lower=1)
-    room = bounds - rows @ start + offset @ columns
-    best: Array | None = None
-    smallest = LOOSE_TOLERANCE
-    for relaxation in BOUND_PERTURBATIONS:
-        nearest = find_nearest(columns, room, np.sqrt(offset @ offset), relaxation)
+    basis = null_space * scale
+    # y = L^T z + offset is zero at the minimum without inequalities.
+    reduced_gradient = basis.T @ (problem.hessian @ particular + problem.gradient)
+    offset, _ = lapack.dtrtrs(factor, reduced_gradient, lower=1)
+    columns, _ = lapack.dtrtrs(factor, (rows @ basis).T, lower=1)
+    room = bounds - rows @ particular + offset @ columns
+    best, best_violation = None, LOOSE_TOLERANCE
+    for perturbation in BOUND_PERTURBATIONS:
+        nearest = find_nearest(columns, room, np.sqrt(offset @ offset), perturbation)
         if nearest is None:
             continue
-        solution, step, active = start, nearest.point - offset, nearest.active
+        active = nearest.active
+        x, y_step = particular, nearest.point - offset
         for _ in range(2):
-            solution = solution + free @ lapack.dtrtrs(factor, step, lower=1, trans=1)[0]
-            excess = (rows @ solution - bounds).max(initial=0.0)
+            x = x + basis @ lapack.dtrtrs(factor, y_step, lower=1, trans=1)[0]
+            excess = (rows @ x - bounds).max(initial=0.0)
             # Plain numbers: rows of zeros that cannot be fulfilled give infinity.
-            violation = float(excess) / float(largest * (1.0 + np.abs(solution).max()))
-            if violation <= smallest:
-                best, smallest = solution, violation
+            violation = float(excess) / float(largest_coefficient * (1.0 + np.abs(x).max()))
+            if violation <= best_violation:
+                best, best_violation = x, violation
             if violation <= ROUNDING:
-                return solution
+                return x
             if not len(active):
                 break
-            # Digits lost to an offset much longer than x are restored by the active constraints.
-            shortfall = bounds[active] - rows[active] @ solution
-            step = solve_least_squares(columns[:, active].T, shortfall)
+            # The second step restores the digits of the active constraints that are lost if
+            # `offset` is much longer than x.
+            y_step = solve_least_squares(columns[:, active].T, bounds[active] - rows[active] @ x)
     return best
 
 
 def require_solution(solution: Array | None) -> Array:
-    """Return the solution of a program that has one unless the configuration is singular."""
+    """Return a program's solution; raise SolverError if it is None (singular configuration)."""
     if solution is None:
         raise SolverError(
             'a quadratic program of the rollers has no solution; '
@@ -107,17 +109,18 @@ def require_solution(solution: Array | None) -> Array:
     return solution
 
 
-def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
-    """Return an orthonormal basis (n, f) of the equalities' null space, and one solution (n,)."""
+def _solve_equalities(problem: QuadraticProgram) -> tuple[Array, Array]:
+    """Return an orthonormal basis (n, f) of the null space of A, and a solution of A x = b."""
     n, k = len(problem.gradient), 0 if problem.equality is None else len(problem.equality)
     if k == 0:
         return np.eye(n), np.zeros(n)
-    packed, tau, _, _ = lapack.dgeqrf(np.asfortranarray(problem.equality.T))
-    square = np.zeros((n, n), order='F')
-    square[:, :k] = packed
-    basis, _, _ = lapack.dorgqr(square, tau)
-    start, _ = lapack.dtrtrs(packed[:k], problem.target, trans=1)
-    return basis[:, k:], basis[:, :k] @ start
+    # A^T = Q R; the first k columns of Q span the rows of A, the others its null space.
+    factors, reflections, _, _ = lapack.dgeqrf(np.asfortranarray(problem.equality.T))
+    padded = np.zeros((n, n), order='F')
+    padded[:, :k] = factors
+    q, _, _ = lapack.dorgqr(padded, reflections)
+    row_coordinates, _ = lapack.dtrtrs(factors[:k], problem.target, trans=1)
+    return q[:, k:], q[:, :k] @ row_coordinates
 
 
 class Nearest(NamedTuple):
@@ -127,48 +130,51 @@ class Nearest(NamedTuple):
     active: Indices  #: (a,) indices of the active constraints
 
 
-def find_nearest(columns: Array, room: Array, size: float, relaxation: float) -> Nearest | None:
+def find_nearest(columns: Array, room: Array, size: float, perturbation: float) -> Nearest | None:
     """
     Return the point y of the polyhedron y . column <= room nearest to the origin.
 
-    The bounds are perturbed by `relaxation` times `size`. The result is None if the polyhedron is
-    empty, or if the search fails because of rounding errors.
+    The bounds are perturbed by `perturbation` times `size`. The result is None if the polyhedron
+    is empty, or if the search fails because of rounding errors.
     """
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
-    lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf
-    normals, bounds = columns / lengths, room / lengths
-    excess = -bounds.min(initial=0.0)
-    if excess <= relaxation * size:
+    lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf  # no bound
+    normals, distances = columns / lengths, room / lengths
+    violation_at_origin = -distances.min(initial=0.0)
+    if violation_at_origin <= perturbation * size:
         return Nearest(np.zeros(len(columns)), np.zeros(0, dtype=np.intp))
-    size = max(size, excess)
-    matrix = np.concatenate([normals, bounds[None] / size])
-    if relaxation:
+    unit = max(size, violation_at_origin)
+    # Lawson and Hanson: the residual of these least squares has the direction of (-y, unit).
+    matrix = np.concatenate([normals, distances[None] / unit])
+    if perturbation:  # by a different amount for each bound
         golden = 0.5 * (5.0**0.5 - 1.0)
-        matrix[-1] += relaxation * (1.0 + np.arange(len(bounds)) * golden % 1.0)
-    corner = np.zeros(len(matrix))
-    corner[-1] = -1.0
+        matrix[-1] += perturbation * (1.0 + np.arange(len(distances)) * golden % 1.0)
+    target = np.zeros(len(matrix))
+    target[-1] = -1.0
     try:
-        weights, _ = scipy.optimize.nnls(matrix, corner, maxiter=1000)
+        weights, _ = scipy.optimize.nnls(matrix, target, maxiter=1000)
     except RuntimeError:
         return None
     active = np.flatnonzero(weights)
-    sum_of_weights = 1.0 + matrix[-1, active] @ weights[active]
-    # The residual vanishes if constraints contradict each other. No constraint is active if the
-    # perturbed polyhedron contains the origin.
-    if not EPSILON < sum_of_weights <= 1.0 or not len(active):
+    last_residual = 1.0 + matrix[-1, active] @ weights[active]
+    # It vanishes if constraints contradict each other. No constraint is active if the perturbed
+    # polyhedron contains the origin.
+    if not EPSILON < last_residual <= 1.0 or not len(active):
         return None
-    normals, bounds = normals[:, active], bounds[active]
-    # The minimum-norm y at the active bounds is accurate also for constraints of very different
+    active_normals, active_distances = normals[:, active], distances[active]
+    # The minimum-norm y on the active planes is accurate also for constraints of very different
     # stiffness.
-    point = solve_least_squares(normals.T, bounds)
+    point = solve_least_squares(active_normals.T, active_distances)
     # Duality: with nonnegative multipliers |y|^2 exceeds the minimum by at most the gap.
-    slack = np.abs(bounds - point @ normals)
-    multipliers = weights[active] * (size / sum_of_weights)
+    slacks = np.abs(active_distances - point @ active_normals)
+    multipliers = weights[active] * (unit / last_residual)
     for _ in range(2):
-        residual = point + normals @ multipliers
-        if residual @ residual + 2.0 * multipliers @ slack <= LOOSE_TOLERANCE * size * size:
+        gradient = point + active_normals @ multipliers
+        gap = gradient @ gradient + 2.0 * multipliers @ slacks
+        if gap <= LOOSE_TOLERANCE * unit * unit:
             return Nearest(point, active)
-        multipliers = np.maximum(multipliers - solve_least_squares(normals, residual), 0.0)
+        correction = solve_least_squares(active_normals, gradient)
+        multipliers = np.maximum(multipliers - correction, 0.0)
     return None
 
 
@@ -186,14 +192,16 @@ def solve_complementarity(compliance: Array, gaps: Array) -> tuple[Array, Flags]
     forces = np.zeros(len(gaps))
     if (gaps < 0.0).any():
         try:
-            root = cholesky(compliance, check_finite=False)
-            target = solve_triangular(root, -gaps, trans='T', check_finite=False)
-            active = scipy.optimize.nnls(root, target, maxiter=100 + 20 * len(gaps))[0] > 0.0
+            # The LCP is the optimality condition of min |U f - target|, f >= 0, with the
+            # compliance U^T U and U^T target = -gaps.
+            factor = cholesky(compliance, check_finite=False)
+            target = solve_triangular(factor, -gaps, trans='T', check_finite=False)
+            active = scipy.optimize.nnls(factor, target, maxiter=100 + 20 * len(gaps))[0] > 0.0
         except (np.linalg.LinAlgError, RuntimeError) as error:
             raise SolverError(
                 'the complementarity problem was not solved: its matrix must be positive definite'
             ) from error
         # With the compliance instead of its factor, the rounding errors are smaller.
-        _, closing, _ = lapack.dposv(compliance[np.ix_(active, active)], -gaps[active])
-        forces[active] = np.maximum(closing, 0.0)
+        _, active_forces, _ = lapack.dposv(compliance[np.ix_(active, active)], -gaps[active])
+        forces[active] = np.maximum(active_forces, 0.0)
     return forces, forces > 0.0

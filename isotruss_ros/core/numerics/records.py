@@ -10,6 +10,7 @@ import dataclasses
 import enum
 from functools import cached_property
 import html
+import itertools
 from typing import Any, ClassVar
 
 import numpy as np
@@ -52,28 +53,26 @@ class Record:
     def _repr_html_(self) -> str:
         """Return the headline as two tables: single values, and dictionaries in columns."""
         values = {name: getattr(self, name) for name in self.headline or _names(type(self))[:5]}
-        by_name = {name: value for name, value in values.items() if isinstance(value, Mapping)}
-        rows = [
+        columns = {name: value for name, value in values.items() if isinstance(value, Mapping)}
+        value_rows = [
             f'<tr><th>{html.escape(name)}</th><td>{html.escape(_show(value))}</td></tr>'
             for name, value in values.items()
-            if name not in by_name
-        ]
-        keys = list(dict.fromkeys(key for value in by_name.values() for key in value))
-        head = ''.join(f'<th>{html.escape(name)}</th>' for name in by_name)
-        lines = [
-            f'<tr><th>{html.escape(str(key))}</th>'
-            + ''.join(
-                f'<td>{html.escape(_show(value[key]) if key in value else "")}</td>'
-                for value in by_name.values()
-            )
-            + '</tr>'
-            for key in keys
+            if name not in columns
         ]
         title = f'<caption>{type(self).__name__}</caption>'
-        table = f'<table>{title}{"".join(rows)}</table>'
+        tables = f'<table>{title}{"".join(value_rows)}</table>'
+        keys = dict.fromkeys(itertools.chain(*columns.values()))  # of all columns, in order
         if keys:
-            table += f'<table><tr><th></th>{head}</tr>{"".join(lines)}</table>'
-        return table
+            headings = ''.join(f'<th>{html.escape(name)}</th>' for name in columns)
+            tables += f'<table><tr><th></th>{headings}</tr>'
+            for key in keys:
+                cells = (
+                    _show(column[key]) if key in column else '' for column in columns.values()
+                )
+                row = ''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)
+                tables += f'<tr><th>{html.escape(str(key))}</th>{row}</tr>'
+            tables += '</table>'
+        return tables
 
     def __eq__(self, other: object) -> bool:
         """Return whether the other object has the same class and equal data."""
@@ -127,17 +126,13 @@ def _names(kind: type[Record]) -> tuple[str, ...]:
     if kind.data:
         return kind.data
     fields: Any = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
-    names = [
-        *kind.headline,
-        *(field.name for field in fields if field.repr and field.name[0] != '_'),
-    ]
+    names = [*kind.headline, *(field.name for field in fields if field.repr)]
     for base in reversed(kind.__mro__):
-        names += [
-            name
-            for name, member in vars(base).items()
-            if isinstance(member, (property, cached_property)) and not name.startswith('_')
-        ]
-    return tuple(dict.fromkeys(names))
+        for name, member in vars(base).items():
+            if isinstance(member, property | cached_property):
+                names.append(name)
+    public_names = (name for name in names if not name.startswith('_'))
+    return tuple(dict.fromkeys(public_names))  # without repetitions
 
 
 def _show(value: Any) -> str:
@@ -147,6 +142,7 @@ def _show(value: Any) -> str:
     if isinstance(value, enum.Enum):
         return str(as_plain(value))
     if isinstance(value, np.ndarray):
+        # An array that is too long for a text is shown as its shape.
         text = _show(value.tolist()) if value.size <= MAX_SHOWN_CHARACTERS else '…'
         return f'array of shape {value.shape}' if text.endswith('…') else text
     if isinstance(value, (float, np.floating)):
@@ -154,9 +150,8 @@ def _show(value: Any) -> str:
     if isinstance(value, Mapping):
         text = ', '.join(f'{key}: {_show(item)}' for key, item in value.items())
     elif isinstance(value, (tuple, list)):
-        text = ', '.join(map(_show, value))
-        text = f'({text})'
+        text = f'({", ".join(map(_show, value))})'
     else:
         text = str(value)
-    text = text.replace('\n', ' ')
-    return text if len(text) <= MAX_SHOWN_CHARACTERS else f'{text[:MAX_SHOWN_CHARACTERS]}…'
+    line = text.replace('\n', ' ')
+    return line if len(line) <= MAX_SHOWN_CHARACTERS else f'{line[:MAX_SHOWN_CHARACTERS]}…'

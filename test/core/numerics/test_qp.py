@@ -167,10 +167,10 @@ def test_exceeding_the_iteration_cap_gives_no_solution(monkeypatch):
     assert solve_qp(random_program(np.random.default_rng(3), 6)) is None
 
 
-@pytest.mark.parametrize('relaxation', [0.0, 1e-9])
-def test_corner_of_two_planes_and_the_numbers_of_both(relaxation):
+@pytest.mark.parametrize('perturbation', [0.0, 1e-9])
+def test_corner_of_two_planes_and_the_numbers_of_both(perturbation):
     columns = np.array([[1.0, 0.0, 1.0], [0.0, 2.0, 1.0]])
-    found = find_nearest(columns, np.array([-1.0, -4.0, 3.0]), 1.0, relaxation)
+    found = find_nearest(columns, np.array([-1.0, -4.0, 3.0]), 1.0, perturbation)
     assert found.point == pytest.approx([-1.0, -2.0], abs=1e-15)
     assert found.active.tolist() == [0, 1]
 
