@@ -49,54 +49,57 @@ ANGLE_STEP = math.radians(15.0) / 16
 
 
 class Spline:
-    """Natural cubic spline through n points, the first at zero; linear beyond the last."""
+    """Natural cubic spline through n points, linear beyond the last; the first abscissa is 0."""
 
-    def __init__(self, places: Array, values: Array) -> None:
+    def __init__(self, abscissae: Array, values: Array) -> None:
         # It is evaluated from lists, because for single numbers this is several times faster.
-        self._places: list[float] = places.tolist()
-        spline = scipy.interpolate.CubicSpline(places, values, bc_type='natural')
+        self._abscissae: list[float] = abscissae.tolist()
+        spline = scipy.interpolate.CubicSpline(abscissae, values, bc_type='natural')
         self._pieces: list[list[float]] = spline.c.T.tolist()
 
-    def __call__(self, place: float, near: float) -> tuple[float, float]:
-        """Return value and slope at abscissa `place` by the polynomial valid at `near`."""
-        end = self._places[-1]
-        piece = min(bisect_right(self._places, near), len(self._pieces)) - 1
-        inside, beyond = (place, 0.0) if near < end else (end, place - end)
-        x, (a, b, c, d) = inside - self._places[piece], self._pieces[piece]
-        slope = (3.0 * a * x + 2.0 * b) * x + c
-        return ((a * x + b) * x + c) * x + d + slope * beyond, slope
+    def __call__(self, x: float, x_of_piece: float) -> tuple[float, float]:
+        """Return value and slope at x, by the polynomial piece that contains `x_of_piece`."""
+        end = self._abscissae[-1]
+        piece = min(bisect_right(self._abscissae, x_of_piece), len(self._pieces)) - 1
+        inside, beyond = (x, 0.0) if x_of_piece < end else (end, x - end)
+        s, (a, b, c, d) = inside - self._abscissae[piece], self._pieces[piece]
+        slope = (3.0 * a * s + 2.0 * b) * s + c
+        return ((a * s + b) * s + c) * s + d + slope * beyond, slope
 
 
 class DentSample:
-    """Dents at increasing depths (n,) [m], the first zero, for a normal with a given angle."""
+    """Dents under increasing forces, with depths (n,) [m], for one angle of the normal."""
 
     def __init__(
-        self, depths: Array, press: Callable[[float], PressedSkin], kernel: Flattening
+        self, depths: Array, skin_at: Callable[[float], PressedSkin], kernel: Flattening
     ) -> None:
         self._depths, self._kernel = depths, kernel
-        self._skins = [press(depth) for depth in depths[1:].tolist()]
+        self._skins = [skin_at(depth) for depth in depths[1:].tolist()]  # the first depth is 0
         forces = np.array([skin.forces.sum() for skin in self._skins])
-        self._places = np.append(0.0, forces) ** DEPTH_EXPONENT
+        self._abscissae = np.append(0.0, forces) ** DEPTH_EXPONENT
         #: depth [m] by the 2/3 power of the force [N^(2/3)]
-        self.depth = Spline(self._places, depths)
+        self.depth = Spline(self._abscissae, depths)
 
     @functools.cached_property
     def inflated(self) -> tuple[Spline, Spline, float]:
         """Return `depth` at a higher and a lower pressure, and the pressures' difference [Pa]."""
         # This step minimises the error of central differences, about step^2 + EPSILON / step.
         step = EPSILON ** (1.0 / 3.0) * self._kernel.pressure.real
-        rates = [0.0]
+        abscissa_rates = [0.0]
         for _, spacing, _, forces in self._skins:
-            # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
+            # The forces q solve C q = -gaps. With the pressure their sum changes by -l . C' q,
+            # where C l = 1, the derivative of C is C', and the gaps are constant.
             pressed = np.flatnonzero(forces)
             compliance = self._kernel.compliance(pressed, spacing)
-            by_gaps = np.linalg.solve(compliance, np.ones(len(pressed)))
+            sum_by_gaps = np.linalg.solve(compliance, np.ones(len(pressed)))
             compliance_rates = self._kernel.compliance_rates(pressed, spacing)
-            force_loss = float(by_gaps @ compliance_rates @ forces[pressed])
-            rates.append(-DEPTH_EXPONENT * forces.sum() ** (DEPTH_EXPONENT - 1.0) * force_loss)
-        change = step * np.array(rates)
-        at_more, at_less = (Spline(self._places + sign * change, self._depths) for sign in (1, -1))
-        return at_more, at_less, 2.0 * step
+            force_rate = -float(sum_by_gaps @ compliance_rates @ forces[pressed])
+            abscissa_by_force = DEPTH_EXPONENT * forces.sum() ** (DEPTH_EXPONENT - 1.0)
+            abscissa_rates.append(abscissa_by_force * force_rate)
+        change = step * np.array(abscissa_rates)
+        higher = Spline(self._abscissae + change, self._depths)
+        lower = Spline(self._abscissae - change, self._depths)
+        return higher, lower, 2.0 * step
 
 
 class DentTable:
@@ -107,6 +110,10 @@ class DentTable:
     frame [rad]. The depths are interpolated between angles by polynomials with continuous
     second derivatives. The contacts at both ends of a face extend to its middle, so forces
     are continuous if an end gains contact; a face shorter than a tube radius has one contact.
+
+    Samples have integer numbers in the order of their angles: for a smooth surface from the angle
+    0 on, for a corner from -n at the normal of the face before it to n at that of the face after
+    it.
     """
 
     def __init__(self, kernel: Flattening, shape: Shape, corner: int = 0) -> None:
@@ -118,111 +125,119 @@ class DentTable:
         self._faces = shape.faces_at(corner)
         if self._faces:
             before, after = (face.normal for face in self._faces)
-            self._middle = cmath.phase(before + after)
-            self._half = 0.5 * cmath.phase(after / before)
-            self._count = math.ceil(self._half / ANGLE_STEP)
+            self._middle_angle = cmath.phase(before + after)
+            self._half_turn = 0.5 * cmath.phase(after / before)
+            self._last_number = math.ceil(self._half_turn / ANGLE_STEP)
         self._samples: dict[int, DentSample] = {}
-        #: place and angle of `smooth_near`
-        self._near: tuple[float, float] | None = None
+        #: 2/3 power of the force and angle whose polynomials are used; None: those of the argument
+        self._polynomial_at: tuple[float, float] | None = None
 
     def __call__(self, force: float, angle: float) -> tuple[float, float, float]:
         """Return the depth [m], odd in the force, and derivatives by force and angle [m/rad]."""
         size = max(abs(force), 1e-9)
-        place, sign = size**DEPTH_EXPONENT, force / size
-        samples, near, weights = self._find_samples(place, angle)
-        depths = weights @ [sample.depth(place, near) for sample in samples]
-        (depth, by_place), (by_angle, _) = depths.tolist()
-        return sign * depth, DEPTH_EXPONENT * place / size * by_place, sign * by_angle
+        abscissa, sign = size**DEPTH_EXPONENT, force / size
+        samples, piece_abscissa, weights = self._find_samples(abscissa, angle)
+        depths = weights @ [sample.depth(abscissa, piece_abscissa) for sample in samples]
+        (depth, by_abscissa), (by_angle, _) = depths.tolist()
+        return sign * depth, DEPTH_EXPONENT * abscissa / size * by_abscissa, sign * by_angle
 
     def pressure_rate(self, force: float, angle: float) -> float:
         """Return the derivative of the depth by the tube's gauge pressure [m/Pa]."""
-        place = abs(force) ** DEPTH_EXPONENT
-        samples, near, weights = self._find_samples(place, angle)
+        abscissa = abs(force) ** DEPTH_EXPONENT
+        samples, piece_abscissa, weights = self._find_samples(abscissa, angle)
         rates = [
-            (at_more(place, near)[0] - at_less(place, near)[0]) / difference
-            for at_more, at_less, difference in (sample.inflated for sample in samples)
+            (higher(abscissa, piece_abscissa)[0] - lower(abscissa, piece_abscissa)[0]) / difference
+            for higher, lower, difference in (sample.inflated for sample in samples)
         ]
         return math.copysign(1.0, force) * float(weights[0] @ rates)
 
     def press(self, force: float, angle: float) -> PressedSkin:
         """Return the skin under a normal force [N], at most at the largest depth of the table."""
         depth = min(max(self(force, angle)[0], 0.0), float(self._depths[-1]))
-        skin = self._press(angle)(depth)
+        skin = self._skin_by_depth(angle)(depth)
         total = float(skin.forces.sum())
         return skin._replace(forces=skin.forces * (force / total if total > 0.0 else 0.0))
 
     def smooth_near(self, force: float, angle: float) -> DentTable:
-        """Return a table that uses the polynomials valid at a force [N] and angle everywhere."""
+        """Return a table that extends the polynomials at a force [N] and angle to all others."""
         smooth = copy.copy(self)
-        smooth._near = abs(force) ** DEPTH_EXPONENT, angle
+        smooth._polynomial_at = abs(force) ** DEPTH_EXPONENT, angle
         return smooth
 
-    def _find_samples(self, place: float, angle: float) -> tuple[list[DentSample], float, Array]:
-        """Return samples nearby, the place of their polynomials, and weights (2, s) with rates."""
-        near, nearby = self._near or (place, angle)
-        numbers, weights = [0], np.array([[1.0], [0.0]])
+    def _find_samples(
+        self, abscissa: float, angle: float
+    ) -> tuple[list[DentSample], float, Array]:
+        """Return s samples, the abscissa that selects their pieces, and weights (2, s)."""
+        piece_abscissa, polynomial_angle = self._polynomial_at or (abscissa, angle)
+        numbers, weights = [0], np.array([[1.0], [0.0]])  # of a disc
         if not self._shape.is_round:
-            numbers, weights = self._weigh(angle, nearby)
+            numbers, weights = self._weigh(angle, polynomial_angle)
         for number in numbers:
             if number not in self._samples:
-                press = self._press(self._sampled_angle(number))
-                self._samples[number] = DentSample(self._depths, press, self._kernel)
-        return [self._samples[number] for number in numbers], near, weights
+                skin_at = self._skin_by_depth(self._sampled_angle(number))
+                self._samples[number] = DentSample(self._depths, skin_at, self._kernel)
+        return [self._samples[number] for number in numbers], piece_abscissa, weights
 
     def _sampled_angle(self, number: int) -> float:
         """Return the angle of the normal in the sample of this number [rad]."""
         if not self._faces:
             return ANGLE_STEP * number
-        return self._middle + self._half * math.sin(0.5 * math.pi * number / self._count)
+        sine = math.sin(0.5 * math.pi * number / self._last_number)
+        return self._middle_angle + self._half_turn * sine
 
-    def _locate(self, angle: float, near: int) -> tuple[float, float]:
-        """Return the coordinate of an angle among the numbers of samples, and its derivative."""
+    def _fractional_number(self, angle: float, turn_of: int) -> tuple[float, float]:
+        """Return an angle as a fractional sample number in the turn of a sample, and the slope."""
         if not self._faces:
-            difference = math.remainder(angle - ANGLE_STEP * near, 2.0 * math.pi)
-            return near + difference / ANGLE_STEP, 1.0 / ANGLE_STEP
+            difference = math.remainder(angle - ANGLE_STEP * turn_of, 2.0 * math.pi)
+            return turn_of + difference / ANGLE_STEP, 1.0 / ANGLE_STEP
         # Near the normal of a face the depth is almost linear in the root of the angle from it, so
         # the samples are at equal steps of the arc sine. Beyond the face it is constant, and also
         # within rounding of its normal, where the derivative would have any size.
-        sine = math.remainder(angle - self._middle, 2.0 * math.pi) / self._half
-        sine *= 1.0 + ROUNDING
-        sine, quarter = min(max(sine, -1.0), 1.0), 0.5 * math.pi / self._count
-        cosine = math.sqrt(1.0 - sine * sine)
-        return math.asin(sine) / quarter, cosine and 1.0 / (self._half * cosine * quarter)
+        sine = math.remainder(angle - self._middle_angle, 2.0 * math.pi) / self._half_turn
+        sine = min(max(sine * (1.0 + ROUNDING), -1.0), 1.0)
+        cosine, step = math.sqrt(1.0 - sine * sine), 0.5 * math.pi / self._last_number
+        derivative = 1.0 / (self._half_turn * cosine * step) if cosine else 0.0
+        return math.asin(sine) / step, derivative
 
-    def _weigh(self, angle: float, nearby: float) -> tuple[list[int], Array]:
-        """Return the numbers of four samples around an angle `nearby`, and weights (2, 4)."""
-        start = math.floor(self._locate(nearby, 0)[0])
+    def _weigh(self, angle: float, polynomial_angle: float) -> tuple[list[int], Array]:
+        """Return four samples' numbers, and their weights (2, 4) at an angle, with derivatives."""
+        # The samples are the two before and the two after the angle of the polynomial.
+        start = math.floor(self._fractional_number(polynomial_angle, 0)[0])
         if self._faces:
-            start = min(start, self._count - 1)
-        place, rate = self._locate(angle, start)
-        powers = [(place - start) ** n for n in range(6)]
+            start = min(start, self._last_number - 1)
+        number, rate = self._fractional_number(angle, start)
+        x = number - start  # from 0 to 1 between the second and the third sample
+        powers = [x**n for n in range(6)]
         rates = [0.0, *(rate * n * power for n, power in enumerate(powers[:-1], start=1))]
-        # Quintic polynomials, with the first and second central differences at both samples.
-        columns = [[0, -1, 1, 3, -5, 2], [2, 0, -2, -9, 15, -6]]
-        columns += [[0, 1, 1, 9, -15, 6], [0, 0, 0, -3, 5, -2]]
-        weights = 0.5 * np.array([powers, rates]) @ np.array(columns).T
+        # Quintic polynomials, with the first and second central differences at both samples: for
+        # each sample, twice the coefficients of the powers.
+        coefficients = [[0, -1, 1, 3, -5, 2], [2, 0, -2, -9, 15, -6]]
+        coefficients += [[0, 1, 1, 9, -15, 6], [0, 0, 0, -3, 5, -2]]
+        weights = 0.5 * np.array([powers, rates]) @ np.array(coefficients).T
         numbers = [start + i for i in (-1, 0, 1, 2)]
-        if self._faces:  # samples beyond the faces are extrapolated
-            if start == -self._count:
+        if self._faces:
+            # The depth d at a sample beyond a face is extrapolated by a parabola through the next
+            # three samples: d_0 = 3 d_1 - 3 d_2 + d_3.
+            if start == -self._last_number:
                 weights[:, 1:] += np.outer(weights[:, 0], [3.0, -3.0, 1.0])
                 weights[:, 0] = 0.0
-            if start == self._count - 1:
+            if start == self._last_number - 1:
                 weights[:, :-1] += np.outer(weights[:, -1], [1.0, -3.0, 3.0])
                 weights[:, -1] = 0.0
-            numbers = [min(max(number, -self._count), self._count) for number in numbers]
+            numbers = [min(max(n, -self._last_number), self._last_number) for n in numbers]
         return numbers, weights
 
-    def _press(self, angle: float) -> Callable[[float], PressedSkin]:
-        """Return a function that gives the skin at a depth [m] for a normal with this angle."""
+    def _skin_by_depth(self, angle: float) -> Callable[[float], PressedSkin]:
+        """Return a function from the depth [m] to the skin, for a normal with this angle."""
         kernel, shape, normal = self._kernel, self._shape, cmath.rect(1.0, angle)
         if shape.is_round:
             return functools.partial(press_disc, kernel, shape.reach)
         profile = find_profile(self._outline, shape.point_at(self._corner, normal), normal)
-        reach = np.full(2, MAX_EXTENT * kernel.radius)
+        extents = np.full(2, MAX_EXTENT * kernel.radius)
         for side, face in enumerate(self._faces):
             if face.length >= kernel.radius:
-                reach[side] = min(reach[side], 0.5 * face.length)
-        return functools.partial(press_corner, kernel, *profile, reach)
+                extents[side] = min(extents[side], 0.5 * face.length)
+        return functools.partial(press_corner, kernel, *profile, extents)
 
 
 #: Returns a `DentTable`, cached.
@@ -237,23 +252,26 @@ class Dents(NamedTuple):
 
     def __call__(self, forces: Array, angles: Array) -> tuple[Array, Array, Array]:
         """Return the depths (k,) [m], and their derivatives by forces [m/N] and angles [m/rad]."""
-        depths, softs, tilts = np.array([table(*at) for table, *at in self._at(forces, angles)]).T
-        return depths, softs / self.scale, tilts
+        rows = [table(force, angle) for table, force, angle in self._contacts(forces, angles)]
+        depths, by_force, by_angle = np.array(rows).T
+        return depths, by_force / self.scale, by_angle
 
     def press(self, forces: Array, angles: Array) -> list[PressedSkin]:
         """Return the skin at each contact under positive normal forces (k,) [N]."""
-        pressed = [table.press(*at) for table, *at in self._at(forces, angles)]
-        return [skin._replace(forces=self.scale * skin.forces) for skin in pressed]
+        skins = [table.press(*at) for table, *at in self._contacts(forces, angles)]
+        return [skin._replace(forces=self.scale * skin.forces) for skin in skins]
 
     def smooth_near(self, forces: Array, angles: Array) -> Dents:
         """Return the dents with smooth tables, see `DentTable.smooth_near`; forces (k,) [N]."""
-        tables = [table.smooth_near(*at) for table, *at in self._at(forces, angles)]
+        tables = [table.smooth_near(*at) for table, *at in self._contacts(forces, angles)]
         return self._replace(tables=tables)
 
     def pressure_rates(self, forces: Array, angles: Array) -> Array:
         """Return the derivatives (k,) of the depths by the tubes' gauge pressures [m/Pa]."""
-        return np.array([table.pressure_rate(*at) for table, *at in self._at(forces, angles)])
+        return np.array(
+            [table.pressure_rate(*at) for table, *at in self._contacts(forces, angles)]
+        )
 
-    def _at(self, forces: Array, angles: Array) -> Iterator[tuple[DentTable, float, float]]:
-        """Yield table, force divided by the stiffness factor [N], and angle of each contact."""
+    def _contacts(self, forces: Array, angles: Array) -> Iterator[tuple[DentTable, float, float]]:
+        """Yield the table of each contact, with its arguments: force / `scale` [N] and angle."""
         return zip(self.tables, (forces / self.scale).tolist(), angles.tolist(), strict=True)

@@ -37,8 +37,13 @@ class Flattening:
     Local compliance of a tube's sections under transverse forces from one side.
 
     Without fabric, f_n = 0. `local_stiffness` is the ratio of a tube's measured local stiffness to
-    the theoretical one [-]. `rest` is the compliance for a line load of the modes that do not
-    spread along the tube [m^2/N].
+    the theoretical one [-].
+
+    :ivar stiffness: stiffness k_n of the modes n = 2, 3, ..., `modes` per length [N/m^2].
+    :ivar tension: tension G_n of the modes [N].
+    :ivar decay_length: length lambda_n of the modes [m].
+    :ivar local_compliance: compliance for a line load of the modes n > `modes`, which are assumed
+        not to spread along the tube [m^2/N].
     """
 
     def __init__(
@@ -50,38 +55,44 @@ class Flattening:
         local_stiffness: float = 1.0,
     ) -> None:
         self.radius, self.pressure = radius, pressure
-        self._others = fabric, modes, local_stiffness
+        self._other_arguments = fabric, modes, local_stiffness
         n = np.arange(2, modes + 1)
         stiffness = np.pi * pressure * (n**2 - 1.0)
-        pulled = 0.5 * np.pi * pressure * radius**2 * (1.0 + 1.0 / n**2)
-        wall, shear = fabric or Fabric(1.0, 0.0)
-        # With these, G_n = pulled + added / (1 + soft G_n).
-        added, soft = np.pi * radius * shear / n**2, shear * n**2 / (wall * stiffness * radius**2)
-        part = 1.0 - soft * pulled
-        tension = part + np.sqrt(part * part + 4.0 * soft * (pulled + added))
-        tension = 2.0 * (pulled + added) / tension
-        compliances = (1.0 / modes + 1.0 / (modes + 1)) / (2.0 * np.pi * pressure)
+        # With f_n inserted, G_n = a + b / (1 + c G_n), where a is due to the wall tension and b to
+        # the shear of the fabric: c G_n^2 + (1 - a c) G_n - (a + b) = 0.
+        a = 0.5 * np.pi * pressure * radius**2 * (1.0 + 1.0 / n**2)
+        wall_modulus, shear_modulus = fabric or Fabric(1.0, 0.0)
+        b = np.pi * radius * shear_modulus / n**2
+        c = shear_modulus * n**2 / (wall_modulus * stiffness * radius**2)
+        # The positive solution, in a form that is also valid for c = 0.
+        linear = 1.0 - a * c
+        tension = 2.0 * (a + b) / (linear + np.sqrt(linear * linear + 4.0 * c * (a + b)))
         self.stiffness, self.tension = local_stiffness * stiffness, local_stiffness * tension
-        self.rest = compliances / local_stiffness
-        self.reach = np.sqrt(self.tension / self.stiffness)
+        self.decay_length = np.sqrt(self.tension / self.stiffness)
+        # The sum of 1 / k_n over all n > modes.
+        local_compliance = (1.0 / modes + 1.0 / (modes + 1)) / (2.0 * np.pi * pressure)
+        self.local_compliance = local_compliance / local_stiffness
 
     def compliance(self, points: Indices, spacing: float) -> Array:
-        """Return the compliances (c, c) of points on the skin, numbered by spacings [m/N]."""
+        """Return the compliances (c, c) of points at integer multiples of a spacing [m/N]."""
         # Load and depth are averaged over pieces of tube that are one spacing long.
-        distances, ratio = np.abs(points[:, None] - points), spacing / self.reach
-        # Compliance of the modes for a line load, at the load.
+        distances = np.abs(points[:, None] - points)
+        ratio = spacing / self.decay_length
+        # Compliance of each mode for a concentrated load, at the load.
         peak = 0.5 / np.sqrt(self.stiffness * self.tension)
+        # The average over two pieces at a distance of d spacings is exp(-d ratio) times
+        # (2 sinh(ratio / 2) / ratio)^2, here in a form that cannot overflow.
         steps = np.arange(distances.max(initial=0) + 1) - 1.0
-        # exp(-k ratio) (2 / ratio sinh(ratio / 2))^2, in a form that cannot overflow.
-        spread = peak * (np.expm1(-ratio) / ratio) ** 2
-        table = spread @ np.exp(-np.outer(ratio, steps))
-        alone = peak * (2.0 / ratio) * (1.0 + np.expm1(-ratio) / ratio)
-        table[0] = alone.sum() + self.rest / spacing
-        return table[distances]
+        averaged_peak = peak * (np.expm1(-ratio) / ratio) ** 2
+        by_distance = averaged_peak @ np.exp(-np.outer(ratio, steps))
+        # The average within one piece.
+        same_piece = peak * (2.0 / ratio) * (1.0 + np.expm1(-ratio) / ratio)
+        by_distance[0] = same_piece.sum() + self.local_compliance / spacing
+        return by_distance[distances]
 
     def compliance_rates(self, points: Indices, spacing: float) -> Array:
         """Return the derivatives (c, c) of `compliance` with respect to pressure [m/N/Pa]."""
-        inflated = Flattening(self.radius, self.pressure + 1j * EPSILON, *self._others)
+        inflated = Flattening(self.radius, self.pressure + 1j * EPSILON, *self._other_arguments)
         return inflated.compliance(points, spacing).imag / EPSILON
 
 

@@ -36,9 +36,9 @@ class PressedSkin(NamedTuple):
 
 
 def press_disc(kernel: Flattening, radius: float, depth: float) -> PressedSkin:
-    """Return the skin under a disc at a given depth."""
-    half = np.sqrt(radius**2 - (radius - depth) ** 2)
-    positions = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
+    """Return the skin under a disc of a given radius at a given depth."""
+    half_chord = np.sqrt(radius**2 - (radius - depth) ** 2)
+    positions = half_chord * np.linspace(-1.0, 1.0, CHORD_POINTS)
     heights = radius - np.sqrt(radius**2 - positions**2)
     return _press(kernel, positions, heights, depth)
 
@@ -46,37 +46,37 @@ def press_disc(kernel: Flattening, radius: float, depth: float) -> PressedSkin:
 def _press(kernel: Flattening, positions: Array, heights: Array, depth: float) -> PressedSkin:
     """Return the skin whose contact forces close the gaps under an object at a given depth."""
     count, spacing = len(positions), float(positions[1] - positions[0])
-    dents = kernel.compliance(np.arange(count), spacing)
-    forces, _ = solve_complementarity(dents, heights - depth)
+    compliance = kernel.compliance(np.arange(count), spacing)
+    forces, _ = solve_complementarity(compliance, heights - depth)
     return PressedSkin(positions, spacing, heights, forces)
 
 
 def find_profile(outline: Points, point: complex, normal: complex) -> tuple[Array, Array]:
-    """Return positions along a tube, counter-clockwise, and the surface's heights there [m]."""
-    local = (outline - point) * -normal.conjugate()
-    # Positions along the tube, counter-clockwise, and heights into the object.
-    along, height = -local.imag, local.real
-    start, end = int(along.argmin()), int(along.argmax())
-    facing = (start + np.arange((end - start) % len(along) + 1)) % len(along)
-    positions, heights = along[facing], np.maximum(height[facing], 0.0)
-    # The contact point may be between two points of the outline.
-    number = int(np.searchsorted(positions, 0.0))
-    return np.insert(positions, number, 0.0), np.insert(heights, number, 0.0)
+    """Return positions along a tube from a contact point, and the surface's heights there [m]."""
+    # Coordinates: the real part is along the normal, toward the tube, and the imaginary part along
+    # the tube, counter-clockwise about the object.
+    local = (outline - point) * normal.conjugate()
+    start, end = int(local.imag.argmin()), int(local.imag.argmax())
+    # The outline is counter-clockwise, so the side that faces the tube is from start to end.
+    facing = np.roll(local, -start)[: (end - start) % len(local) + 1]
+    positions, heights = facing.imag, np.maximum(-facing.real, 0.0)
+    # The contact point, of height 0, may be between two points of the outline.
+    index = int(np.searchsorted(positions, 0.0))
+    return np.insert(positions, index, 0.0), np.insert(heights, index, 0.0)
 
 
 def press_corner(
-    kernel: Flattening, positions: Array, heights: Array, reach: Array, depth: float
+    kernel: Flattening, positions: Array, heights: Array, extents: Array, depth: float
 ) -> PressedSkin:
-    """Return the skin under a corner at a given depth."""
-    dented = np.flatnonzero(heights <= depth)
-    before, after = max(dented[0] - 1, 0), min(dented[-1] + 1, len(positions) - 1)
+    """Return the skin under a corner at a given depth, within `extents` on both sides [m]."""
+    indenting = np.flatnonzero(heights <= depth)
+    # Points of the profile at the ends of the dent, each with its neighbour beyond the end.
+    start = [indenting[0], max(indenting[0] - 1, 0)]
+    end = [indenting[-1], min(indenting[-1] + 1, len(positions) - 1)]
     # Interpolated positions at which the height of the surface is the depth.
-    edges = [
-        float(np.interp(depth, heights[pair], positions[pair]))
-        for pair in ([dented[0], before], [dented[-1], after])
-    ]
-    begin, end = max(edges[0], -float(reach[0])), min(edges[1], float(reach[1]))
-    spacing = max(end - begin, 1e-6) / CHORD_POINTS
-    # Each point is in the middle of a piece of tube; the outer pieces end at `begin` and `end`.
-    middles = begin + (np.arange(CHORD_POINTS) + 0.5) * spacing
+    low = max(np.interp(depth, heights[start], positions[start]), -extents[0])
+    high = min(np.interp(depth, heights[end], positions[end]), extents[1])
+    spacing = max(float(high - low), 1e-6) / CHORD_POINTS
+    # Each point is in the middle of a piece of tube; the outer pieces end at `low` and `high`.
+    middles = low + (np.arange(CHORD_POINTS) + 0.5) * spacing
     return _press(kernel, middles, np.interp(middles, positions, heights), depth)

@@ -49,22 +49,24 @@ def wrench_space(
     from the object; `arm` is the characteristic radius [m].
     """
     tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
-    # Forces and wrenches (k, 2, ...) at the edges of the friction cones, with normal forces of 1.
+    # Forces with normal components of 1; axes: contact, edge of its friction cone, x and y.
     forces = -normals[:, None] + friction * np.stack([tangents, -tangents], axis=1)
-    x, y = points[:, None].transpose(2, 0, 1)
+    x, y = points.T[:, :, None]
     moments = (x * forces[..., 1] - y * forces[..., 0]) / arm
-    edges = np.concatenate([forces, moments[..., None]], axis=2)
+    wrenches = np.concatenate([forces, moments[..., None]], axis=2)
+    vertices = np.zeros((1, 3))
     if norm == 'L1':
-        vertices = np.vstack([np.zeros((1, 3)), edges.reshape(-1, 3)])
+        vertices = np.vstack([vertices, wrenches.reshape(-1, 3)])
     elif norm == 'Linf':
-        vertices = np.zeros((1, 3))
-        for cone in edges:
-            vertices = (vertices[:, None] + np.vstack([np.zeros(3), cone])).reshape(-1, 3)
+        # Minkowski sum over the contacts, each of which exerts no force or one on its edges.
+        for edges in wrenches:
+            vertices = (vertices[:, None] + np.vstack([np.zeros(3), edges])).reshape(-1, 3)
     else:
         raise GraspError(f"norm {norm!r}: must be 'L1' or 'Linf'")
     try:
         hull = ConvexHull(vertices)
     except QhullError:  # all wrenches are in one plane
         return WrenchSpace(0.0, 0.0)
+    # The last column has the offsets of the facets, minus their distances from the origin.
     epsilon = -float(hull.equations[:, -1].max())
     return WrenchSpace(epsilon if epsilon > ROUNDING else 0.0, float(hull.volume))

@@ -38,7 +38,7 @@ def test_tension_and_decay_length_of_each_mode_agree(fabric, pressure):
     kernel, n = Flattening(RADIUS, pressure, fabric), np.arange(2, 9)
     assert kernel.stiffness == pytest.approx(np.pi * pressure * (n**2 - 1.0))
     wall, shear = fabric
-    share = wall / (wall + shear * n**2 * kernel.reach**2 / RADIUS**2)
+    share = wall / (wall + shear * n**2 * kernel.decay_length**2 / RADIUS**2)
     expected = 0.5 * np.pi * pressure * RADIUS**2 * (1.0 + 1.0 / n**2)
     expected += np.pi * RADIUS * shear * share / n**2
     assert kernel.tension == pytest.approx(expected, rel=1e-12)
@@ -46,7 +46,7 @@ def test_tension_and_decay_length_of_each_mode_agree(fabric, pressure):
 
 def test_modes_are_strings_on_a_foundation():
     found = Flattening(RADIUS, PRESSURE, FABRIC)
-    reach = found.reach
+    reach = found.decay_length
     # Without averaging over the spacing it is exp(-s / lambda) / (2 sqrt(k G)).
     matrix, spacing = kernel(400, 2e-4), 2e-4
     far = np.array([50, 100, 300])
@@ -84,7 +84,7 @@ def test_flattening_kernel_agrees_with_the_robot_file():
     alone = Flattening(RADIUS, PRESSURE, FABRIC)
     assert found.radius == RADIUS
     assert found.tension == pytest.approx(alone.tension)
-    assert found.rest == pytest.approx(alone.rest)
+    assert found.local_compliance == pytest.approx(alone.local_compliance)
 
 
 def test_local_stiffness_scales_the_flattening_compliance():
