@@ -26,6 +26,10 @@ class LinearRows(NamedTuple):
         """Return all displacements for each constraint."""
         return np.tile(np.arange(self.matrix.shape[1]), (len(self.matrix), 1))
 
+    def slopes(self, points, chosen):
+        """Return derivatives."""
+        return self.matrix[chosen]
+
     def linearize(self, points, displacements, multipliers, chosen):
         """Return derivatives, gaps, and no geometric stiffness."""
         rows, count = self.matrix[chosen], self.matrix.shape[1]

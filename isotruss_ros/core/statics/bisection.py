@@ -18,6 +18,8 @@ import numpy as np
 
 #: Rod and arms of a module as combinations of its nodes A, B, C, D, E.
 VECTORS = np.array([[-1.0, 0.5, 0.5, 0, 0], [0, -1.0, 0, 1.0, 0], [0, 0, -1.0, 0, 1.0]])
+#: Factors of the rotations of rod and arms in a constraint.
+WEIGHTS = np.array([2.0, -1.0, -1.0])
 
 
 class Bisections(NamedTuple):
@@ -30,6 +32,10 @@ class Bisections(NamedTuple):
         """Return the indices (c, 10) of the displacements ux, uy of the nodes among all (3 n,)."""
         return (3 * self.nodes[:, :, None] + [0, 1]).reshape(-1, 10)
 
+    def slopes(self, points: Points, chosen: Indices) -> Array:
+        """Return the derivatives (q, 10) of q chosen constraints, see `linearize`."""
+        return _gradients(points[self.nodes[chosen]] @ VECTORS.T)
+
     def linearize(
         self, points: Points, displacements: Array, multipliers: Array, chosen: Indices
     ) -> tuple[Array, Array, Array]:
@@ -39,18 +45,23 @@ class Bisections(NamedTuple):
         The result is the derivatives (q, 10) by the displacements at `places`, the gaps (q,)
         [rad], and the geometric stiffness (q, 10, 10) due to the multipliers (c,).
         """
-        nodes, weights = self.nodes[chosen], np.array([2.0, -1.0, -1.0])
+        nodes = self.nodes[chosen]
         vectors = points[nodes] @ VECTORS.T
         shifts = displacements[:, 0] + 1j * displacements[:, 1]
         displaced = vectors + shifts[nodes] @ VECTORS.T
         rotations = displaced * vectors.conj()
-        gaps = np.arctan2(rotations.imag, rotations.real) @ weights
-        # A gradient (d/dx, d/dy) is the complex number d/dx + i d/dy. With z = x + iy, the second
-        # derivatives xx, yy and xy of arg z are Im(-1/z^2), Im(1/z^2) and Re(-1/z^2).
-        slopes = (1j * weights / displaced.conj()) @ VECTORS
-        curvature = -weights * multipliers[chosen, None] / displaced**2
+        gaps = np.arctan2(rotations.imag, rotations.real) @ WEIGHTS
+        # With z = x + iy, the second derivatives xx, yy and xy of arg z are Im(-1/z^2), Im(1/z^2)
+        # and Re(-1/z^2).
+        curvature = -WEIGHTS * multipliers[chosen, None] / displaced**2
         by_nodes = VECTORS.T @ (curvature[:, :, None] * VECTORS)
         blocks = np.empty((len(nodes), 5, 2, 5, 2))
         blocks[:, :, 0, :, 0], blocks[:, :, 1, :, 1] = by_nodes.imag, -by_nodes.imag
         blocks[:, :, 0, :, 1] = blocks[:, :, 1, :, 0] = by_nodes.real
-        return slopes.view(np.float64), gaps, blocks.reshape(-1, 10, 10)
+        return _gradients(displaced), gaps, blocks.reshape(-1, 10, 10)
+
+
+def _gradients(vectors: Points) -> Array:
+    """Return derivatives (q, 10) of constraints by the nodes, of rods and arms (q, 3), x + iy."""
+    # A gradient (d/dx, d/dy) of arg z is the complex number d/dx + i d/dy = i / conj(z).
+    return ((1j * WEIGHTS / vectors.conj()) @ VECTORS).view(np.float64)

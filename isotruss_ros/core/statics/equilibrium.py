@@ -87,10 +87,8 @@ def solve(tangent: Tangent, loads: Array) -> FrameState:
     displacements = frame.displacements(changes)
     forces, _ = tangent.force_changes(displacements)
     carried = tangent.sum_forces(np.arange(len(frame.length)), forces)[:, 0]
-    multipliers, constraints = changes[: layout.numbering.rows, 0], layout.numbering.constraints
-    slopes, *_ = constraints.linearize(
-        frame.points, tangent.displacements, multipliers, layout.rows
-    )
+    multipliers = changes[: layout.numbering.rows, 0]
+    slopes = layout.numbering.constraints.slopes(frame.points, layout.rows)
     held = slopes * multipliers[layout.rows, None]
     carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), len(carried))
     return FrameState(

@@ -48,9 +48,8 @@ class Frame:
         )
         stiff = np.stack([along, along, turn], axis=1).ravel()
         scale = 1.0 / np.sqrt(np.where(stiff > 0.0, stiff, 1.0))
-        constraints, count = numbering.constraints, numbering.rows
-        straight = np.zeros((len(points), 3))
-        slopes, _, _ = constraints.linearize(points, straight, np.zeros(count), np.arange(count))
+        constraints = numbering.constraints
+        slopes = constraints.slopes(points, np.arange(numbering.rows))
         norms = np.linalg.norm(slopes * scale[constraints.places], axis=1)
         scale = np.append(1.0 / np.where(norms > 0.0, norms, 1.0), scale)
         begins = np.zeros(len(length))
