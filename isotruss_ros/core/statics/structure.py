@@ -127,21 +127,14 @@ class Structure:
 
     def locate(self, members: Indices, positions: Array) -> tuple[Indices, Array, Array]:
         """Return pieces at positions [m], distances in them, and -1 for pieces that run back."""
-        topology = self.config.robot.topology
         ring = self.config.robot.description.module.guide_ring_distance
-        lengths = self.config.member_lengths[members].tolist()
-        rows = []  # numbers are few, so lists are faster than arrays
-        for member, place, length in zip(
-            members.tolist(), positions.tolist(), lengths, strict=True
-        ):
-            if place < ring:
-                rows.append((0, member, place, 1.0))  # on BD at the start
-            elif length - place <= ring:  # on CE at the end
-                rows.append((1, topology.following[member], length - place, -1.0))
-            else:
-                rows.append((2, member, place - ring, 1.0))
-        kind, module, within, direction = np.array(rows).reshape(-1, 4).T
-        return self.pieces[kind.astype(int), module.astype(int)], within, direction
+        to_end = self.config.member_lengths[members] - positions
+        on_start = positions < ring  # on BD
+        on_end = ~on_start & (to_end <= ring)  # on CE
+        kind = np.where(on_start, 0, np.where(on_end, 1, 2))
+        module = np.where(on_end, self.config.robot.topology.following[members], members)
+        within = np.where(on_start, positions, np.where(on_end, to_end, positions - ring))
+        return self.pieces[kind, module], within, np.where(on_end, -1.0, 1.0)
 
 
 def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:
