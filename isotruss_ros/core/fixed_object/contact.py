@@ -48,7 +48,7 @@ def solve_contact(points: ContactPoints, surface: Surface) -> ContactState:
         sizes, active = solve_complementarity(points.normal_compliance(normals), gaps)
         settled = np.zeros_like(normals)
         settled[active] = _settle_normals(
-            points.part(active), normals[active], gaps[active], surface
+            points.part(active), normals[active], sizes[active], surface
         )
         for forces in (settled, sizes * normals):
             displacements = points.displacements(forces)
@@ -71,24 +71,23 @@ def solve_contact(points: ContactPoints, surface: Surface) -> ContactState:
 
 
 def _settle_normals(
-    points: ContactPoints, normals: Points, gaps: Array, surface: Surface
+    points: ContactPoints, normals: Points, sizes: Array, surface: Surface
 ) -> Points:
-    """Return the forces (a,), x + iy [N], that close the gaps (a,) and have updated normals."""
-    if not len(normals):
-        return np.zeros(0, dtype=np.complex128)
-    for _ in range(MAX_NEWTON_ITERATIONS):
+    """Return the forces (a,), x + iy [N], at which gaps are closed and normals are updated."""
+    forces = sizes * normals
+    for _ in range(MAX_NEWTON_ITERATIONS if len(normals) else 0):
+        displacements = points.displacements(forces)
+        deformed_gaps, deformed_normals = surface.nearest(points.points + displacements)
+        change = float(np.abs(deformed_normals - normals).max())
+        # The change in the next step is negligible.
+        if change < 0.01 * NEGLIGIBLE_SHARE:
+            break
+        normals = deformed_normals
+        gaps = deformed_gaps - (displacements * normals.conj()).real
         _, sizes, failed = lapack.dposv(points.normal_compliance(normals), -gaps)
         if failed:
             raise SolverError('the contact compliance is not positive definite')
         forces = sizes * normals
-        displacements = points.displacements(forces)
-        deformed_gaps, deformed_normals = surface.nearest(points.points + displacements)
-        change = float(np.abs(deformed_normals - normals).max())
-        normals = deformed_normals
-        gaps = deformed_gaps - (displacements * normals.conj()).real
-        # The change in the next step is negligible.
-        if change < 0.01 * NEGLIGIBLE_SHARE:
-            break
     return forces
 
 

@@ -108,7 +108,8 @@ def find_contact_points(
     places = np.clip(along, 0.0, lengths[member])
     points = starts[member] + places * axes[member]
     normals = surface.facing(points, axes[member])
-    close = surface.open_gaps(points, normals) <= margin
-    member, places = member[close], places[close]
+    candidates = surface.open_gaps(points, normals) <= margin
+    points, normals = points[candidates], normals[candidates]
+    member, places = member[candidates], places[candidates]
     tubes = straight_points(structure, member, places)
-    return ContactPoints(points[close], normals[close], member, tubes.compliance), places, tubes
+    return ContactPoints(points, normals, member, tubes.compliance), places, tubes

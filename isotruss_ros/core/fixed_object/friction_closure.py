@@ -13,6 +13,7 @@ cylinder, so all three components are forces.
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
 
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import find_nearest, solve_least_squares
@@ -22,6 +23,9 @@ import scipy
 
 #: Number of facets that are computed at once [-].
 FACET_BATCH = 4096
+
+#: Returns the indices of the first and of the second of all pairs of a number of contacts, cached.
+pairs = functools.lru_cache(maxsize=64)(np.triu_indices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +120,7 @@ def _extremes(
 
 def _facets(segments: Array) -> tuple[Array, Array]:
     """Return unit normals (f, 3) of a zonotope's facets, and their distances (f,)."""
-    one, other = np.triu_indices(len(segments), 1)
+    one, other = pairs(len(segments), 1)
     products = _cross(segments[one], segments[other])
     sizes, lengths = np.linalg.norm(products, axis=1), np.linalg.norm(segments, axis=1)
     spanning = sizes > ROUNDING * lengths[one] * lengths[other]

@@ -30,7 +30,7 @@ from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, EPSILON, ROUNDING, SMALLEST_NORMAL
 import numpy as np
 import scipy
-from scipy.linalg import cholesky, lapack, lstsq, solve_triangular
+from scipy.linalg import lapack, lstsq
 
 #: Largest duality gap relative to |y|^2 [-]. It is also the tolerance of the inequalities relative
 #: to the largest coefficient times 1 + |x|, if `ROUNDING` is not reached because active
@@ -191,16 +191,16 @@ def solve_complementarity(compliance: Array, gaps: Array) -> tuple[Array, Flags]
     """
     forces = np.zeros(len(gaps))
     if (gaps < 0.0).any():
+        # The LCP is the optimality condition of min |U f - target|, f >= 0, with the compliance
+        # U^T U and U^T target = -gaps.
+        factor, failed = lapack.dpotrf(compliance)
+        if failed:
+            raise SolverError('the complementarity problem has no positive definite matrix')
+        target, _ = lapack.dtrtrs(factor, -gaps, trans=1)
         try:
-            # The LCP is the optimality condition of min |U f - target|, f >= 0, with the
-            # compliance U^T U and U^T target = -gaps.
-            factor = cholesky(compliance, check_finite=False)
-            target = solve_triangular(factor, -gaps, trans='T', check_finite=False)
             active = scipy.optimize.nnls(factor, target, maxiter=100 + 20 * len(gaps))[0] > 0.0
-        except (np.linalg.LinAlgError, RuntimeError) as error:
-            raise SolverError(
-                'the complementarity problem was not solved: its matrix must be positive definite'
-            ) from error
+        except RuntimeError as error:
+            raise SolverError('the complementarity problem was not solved') from error
         # With the compliance instead of its factor, the rounding errors are smaller.
         _, active_forces, _ = lapack.dposv(compliance[np.ix_(active, active)], -gaps[active])
         forces[active] = np.maximum(active_forces, 0.0)
