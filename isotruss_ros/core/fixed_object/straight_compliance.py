@@ -22,7 +22,9 @@ from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.beam_column import end_forces
+from isotruss_ros.core.statics.equilibrium import solve_unloaded
 from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.tangent import Tangent
 import numpy as np
 
 
@@ -30,6 +32,7 @@ class StraightPoints(NamedTuple):
     """Points on straight tubes, with the pieces of tube in which they are."""
 
     structure: Structure  #: structural model of the robot
+    tangent: Tangent  #: its frame, linearised without loads
     pieces: Indices  #: (p,) indices of the pieces with points among the frame's members
     number: Indices  #: (c,) piece of each point, as index of `pieces`
     within: Array  #: (c,) distance of each point from the start of its piece [m]
@@ -55,28 +58,33 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
     )
     by_piece = np.zeros((2, count, len(pieces), 6))
     by_piece[:, np.arange(count), number] = motions.real.T, motions.imag.T
-    ends, response = _respond(structure, tuple(pieces.tolist()))
+    tangent, ends, response = _respond(structure, tuple(pieces.tolist()))
     shapes = by_piece.reshape(2 * count, len(ends))
     compliance = shapes @ response[ends] @ shapes.T
     same_piece = number[:, None] == number
     across, softer = np.where(same_piece, (across, along - across), 0.0)
-    directions = np.concatenate([axes.real, axes.imag])
-    compliance += np.tile(softer, (2, 2)) * np.outer(directions, directions)
+    directions = np.array([axes.real, axes.imag])
+    along_axes = (directions[:, :, None] * softer)[:, :, None] * directions
+    compliance += along_axes.reshape(2 * count, 2 * count)
     compliance[:count, :count] += across
     compliance[count:, count:] += across
-    return StraightPoints(structure, pieces, number, within, shapes, response, compliance)
+    return StraightPoints(structure, tangent, pieces, number, within, shapes, response, compliance)
 
 
 @functools.lru_cache(maxsize=16)
-def _respond(structure: Structure, pieces: tuple[int, ...]) -> tuple[Indices, Array]:
-    """Return the indices (6 p,) of the ends' motions; all motions (3 n, 6 p) by loads there."""
-    layout = structure.frame.layout
-    constraints = layout.numbering.rows
-    nodes = np.stack([layout.start[list(pieces)], layout.end[list(pieces)]], axis=1)
+def _respond(structure: Structure, pieces: tuple[int, ...]) -> tuple[Tangent, Indices, Array]:
+    """
+    Return the frame without loads and its response to loads on the ends of pieces.
+
+    Indices (6 p,) are those of the ends' motions; the response is all motions (3 n, 6 p).
+    """
+    frame, rows = structure.frame, structure.frame.layout.numbering.rows
+    nodes = np.stack([frame.layout.start[list(pieces)], frame.layout.end[list(pieces)]], axis=1)
     ends = (3 * nodes[:, :, None] + np.arange(3)).ravel()
-    loads = np.zeros((3 * len(structure.frame.points), len(ends)))
+    loads = np.zeros((3 * len(frame.points), len(ends)))
     loads[ends, np.arange(len(ends))] = 1.0
-    return ends, structure.unloaded.respond(loads)[constraints:]
+    tangent, _, response = solve_unloaded(frame, loads)
+    return tangent, ends, response[rows:]
 
 
 def clamped_pieces(
@@ -119,7 +127,7 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     robot, first = structure.config.robot, structure.pieces[0, 0]
     equivalent = np.concatenate([forces.real, forces.imag]) @ tubes.shapes
     piece, moved = tubes.pieces - first, (tubes.response @ equivalent).reshape(-1, 3, 1)
-    changes, _ = structure.unloaded.force_changes(moved)
+    changes, _ = tubes.tangent.force_changes(moved)
     ends = end_forces(changes[first:, :, 0], frame.length[first:])
     _, shear, start, tension, _, end = ends.T
     pull = np.stack([tension, tension])

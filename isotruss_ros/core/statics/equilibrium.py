@@ -20,6 +20,7 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
 from isotruss_ros.core.statics.beam_column import end_forces
+from isotruss_ros.core.statics.blocks import Condensed
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.tangent import linearize, Tangent, TUBE_CURVATURE
 import numpy as np
@@ -51,13 +52,30 @@ class FrameState:
 
 def unloaded(frame: Frame) -> Tangent:
     """Return a frame linearised without loads; raise StructureError if it is a mechanism."""
-    tangent = linearize(frame, np.zeros(len(frame.scale)))
+    tangent, _, _ = solve_unloaded(frame, np.zeros((3 * len(frame.points), 0)))
+    return tangent
+
+
+def solve_unloaded(frame: Frame, loads: Array) -> tuple[Tangent, Condensed, Array]:
+    """
+    Return a frame linearised without loads, its condensed matrix, and its linear responses.
+
+    The responses (u, p) are the unknowns by loads (3 n, p) on the nodes. Raise StructureError if
+    the frame is a mechanism.
+    """
+    tangent, scale = linearize(frame, np.zeros(len(frame.scale))), frame.scale
+    rows, columns = frame.layout.numbering.rows, loads.shape[1]
+    # The response to an irregular load is a lower bound of the condition number.
+    right = np.zeros((len(scale), columns + 1))
+    right[rows:, :columns] = loads
+    right[:, columns] = np.cos(np.arange(len(scale)) ** 2) / scale
     try:
-        _, condition = tangent.condensed
+        condensed, solution = tangent.solve(right)
+        condition = np.abs(solution[:, columns] / scale).max()
     except StructureError:
         condition = np.inf
     if condition < MAX_CONDITION:  # the stiffness matrix (4) is regular
-        return tangent
+        return tangent, condensed, solution[:, :columns]
     raise StructureError(
         f'the structure is a mechanism: {", ".join(_find_loose_nodes(tangent))} can move '
         'without resistance; support it or connect it'

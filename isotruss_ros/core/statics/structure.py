@@ -20,8 +20,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.bisection import Bisections
-from isotruss_ros.core.statics.blocks import Numbering
-from isotruss_ros.core.statics.equilibrium import unloaded
+from isotruss_ros.core.statics.blocks import Condensed, Numbering
+from isotruss_ros.core.statics.equilibrium import solve_unloaded
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
 from isotruss_ros.core.statics.tangent import Tangent
@@ -96,14 +96,21 @@ class Structure:
         self.frame = Frame.of(points, sections.reshape(3, -1), numbering)
 
     @functools.cached_property
+    def _unloaded(self) -> tuple[Tangent, Condensed]:
+        """Return the frame linearised without loads, and its condensed matrix."""
+        no_loads = np.zeros((3 * len(self.frame.points), 0))
+        tangent, condensed, _ = solve_unloaded(self.frame, no_loads)
+        return tangent, condensed
+
+    @property
     def unloaded(self) -> Tangent:
         """Return the frame linearised without loads, see `unloaded`."""
-        return unloaded(self.frame)
+        return self._unloaded[0]
 
     @functools.cached_property
     def blocks(self) -> list[UnloadedBlocks | None]:
         """Return the groups of the unloaded frame; None for blocks without own unknowns."""
-        condensed, _ = self.unloaded.condensed
+        _, condensed = self._unloaded
         groups = self.frame.layout.groups, condensed.schur, condensed.spread
         return [
             UnloadedBlocks.of(self.frame, group, schur, spread) if spread.size else None
