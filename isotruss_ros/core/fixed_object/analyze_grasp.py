@@ -116,23 +116,25 @@ def analyze_grasp(
     """
     require_configuration(config)
     mu, wrench = check_load(body, friction, external_wrench)
-    distance = _check_arguments(config, body, method, spacing)
+    spacing = _check_arguments(config, body, method, spacing)
     surface = Surface(body, 0.5 * config.robot.description.tube_diameter)
     structure = structure_of(config, pressure)
-    points, places, tubes = find_contact_points(structure, surface, distance)
+    points, places, tubes = find_contact_points(structure, surface, spacing)
     contact = SOLVERS[method](points, surface)
     deformed, forces = points.points + contact.displacements, contact.forces
     normal_wrench, levers = _sum_pressure(surface, deformed, contact)
+    # The moment of the load about the centroid, divided by half of the object's mean width.
     x, y, moment = normal_wrench + wrench
-    offset = body.middle - body.center
-    load = np.array([x, y, (moment - offset.real * y + offset.imag * x) / body.arm])
+    to_centroid = body.middle - body.center
+    about_centroid = moment - to_centroid.real * y + to_centroid.imag * x
+    load = np.array([x, y, about_centroid / body.arm])
     tangents = (1j * contact.normals).view(np.float64).reshape(-1, 2)
     closure = balance_by_friction(tangents, forces, load, mu, levers)
     names, member = config.robot.member_names, points.member
     member_forces = np.bincount(member, forces, len(names))
     # A point in contact represents half a spacing to both sides.
-    lengths = distance * np.bincount(member, forces > 0.0, len(names))
-    touching = np.flatnonzero(member_forces).tolist()
+    lengths = spacing * np.bincount(member, forces > 0.0, len(names))
+    touched = np.flatnonzero(member_forces).tolist()
     utilisation = find_utilisation(tubes, forces * contact.normals)
     return GraspAnalysis(
         points=deformed.view(np.float64).reshape(-1, 2),
@@ -144,13 +146,13 @@ def analyze_grasp(
         friction_forces=closure.friction_forces,
         normal_wrench=normal_wrench,
         # Without contact the forces are in balance, but the object is not held.
-        closed_by_friction=closure.closed and bool(touching),
+        closed_by_friction=closure.closed and bool(touched),
         closure_residual=closure.residual,
         closure_tolerance=closure.tolerance,
         required_friction=closure.required_friction,
         closure_margin=closure.margin,
-        contact_lengths={names[i]: float(lengths[i]) for i in touching},
-        contact_forces={names[i]: float(member_forces[i]) for i in touching},
+        contact_lengths={names[i]: float(lengths[i]) for i in touched},
+        contact_forces={names[i]: float(member_forces[i]) for i in touched},
         utilisation=dict(zip(names, utilisation.tolist(), strict=True)),
     )
 
@@ -159,19 +161,19 @@ def _check_arguments(
     config: Configuration, body: ConvexObject, method: str, spacing: float
 ) -> float:
     """Check method, spacing and overlap, see `analyze_grasp`; return the spacing [m]."""
-    distance = check_range(spacing, 'spacing', 'm', *SPACING_RANGE)
+    checked_spacing = check_range(spacing, 'spacing', 'm', *SPACING_RANGE)
     if method not in SOLVERS:
         raise GraspError(f'method {method!r}: must be one of {", ".join(SOLVERS)}')
     depths = member_depths(config, body)
     # Linear statics describes small deflections.
-    bound, deepest = config.robot.description.tube_diameter, int(depths.argmax())
-    if depths[deepest] > bound:
+    diameter, deepest = config.robot.description.tube_diameter, int(depths.argmax())
+    if depths[deepest] > diameter:
         raise SolverError(
             f'member {config.robot.member_names[deepest]}: the object is '
-            f'{1e3 * depths[deepest]:.3g} mm deep in it; must be at most {1e3 * bound:.3g} mm, '
+            f'{1e3 * depths[deepest]:.3g} mm deep in it; must be at most {1e3 * diameter:.3g} mm, '
             'the diameter of the tube'
         )
-    return distance
+    return checked_spacing
 
 
 def _sum_pressure(

@@ -54,15 +54,17 @@ def solve_contact(points: ContactPoints, surface: Surface) -> ContactState:
             displacements = points.displacements(forces)
             deformed_gaps, deformed_normals = surface.nearest(points.points + displacements)  # (5)
             # (6), (7): no force pulls, and none is tangential.
-            local = forces * deformed_normals.conj()
-            sideways = NEGLIGIBLE_SHARE * np.abs(forces).max(initial=0.0)
+            along_normals = forces * deformed_normals.conj()  # its imaginary part is tangential
+            tangential_tolerance = NEGLIGIBLE_SHARE * np.abs(forces).max(initial=0.0)
             if (
-                (local.real >= 0.0).all()
-                and (np.abs(local.imag) <= sideways).all()
+                (along_normals.real >= 0.0).all()
+                and (np.abs(along_normals.imag) <= tangential_tolerance).all()
                 and (deformed_gaps >= -ROUNDING).all()
                 and (deformed_gaps[active] <= ROUNDING).all()
             ):
-                return ContactState(local.real, deformed_gaps, deformed_normals, displacements)
+                return ContactState(
+                    along_normals.real, deformed_gaps, deformed_normals, displacements
+                )
         normals = deformed_normals
         gaps = deformed_gaps - (displacements * normals.conj()).real
     raise SolverError(

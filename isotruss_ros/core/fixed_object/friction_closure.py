@@ -52,14 +52,16 @@ def balance_by_friction(
     The load is the resultant (fx, fy, m / (d/2)) of the other forces on the object [N]. The unit
     tangents (k, 2) are counter-clockwise; their lever arms are divided by d/2 [-].
     """
-    touching = normal_forces > 0.0
-    segments = np.column_stack([tangents, levers])[touching] * normal_forces[touching, None]
-    tolerance = NEGLIGIBLE_SHARE * max(1e-3, float(np.abs(load).max()), float(normal_forces.sum()))
+    is_pressed = normal_forces > 0.0
+    pressing = normal_forces[is_pressed]
+    # Friction wrenches per coefficient of friction: their sums are a zonotope.
+    segments = np.column_stack([tangents, levers])[is_pressed] * pressing[:, None]
+    tolerance = NEGLIGIBLE_SHARE * max(1e-3, float(np.abs(load).max()), float(pressing.sum()))
     facets = _facets(segments)
-    required, margin = _extremes(facets, -load, friction, tolerance)
-    shares, residual = _balance(segments, facets, load, friction)
+    required, margin = _required_friction(facets, load, friction, tolerance)
+    ratios, residual = _balance(segments, facets, load, friction)
     forces = np.zeros(len(normal_forces))
-    forces[touching] = shares * normal_forces[touching]
+    forces[is_pressed] = ratios * pressing
     return FrictionClosure(residual <= tolerance, residual, tolerance, forces, required, margin)
 
 
@@ -68,33 +70,34 @@ def _balance(
 ) -> tuple[Array, float]:
     """Return ratios (k,) of friction to normal force that balance a load, and the residual [N]."""
     normals, support = facets
-    sides = np.concatenate([normals, -normals])
-    room = friction * np.tile(support, 2) + sides @ load
-    nearest = find_nearest(sides.T, room, float(np.linalg.norm(load)), 0.0)
+    # The residual is the point nearest to zero of the polyhedron of load + friction wrenches.
+    both_sides = np.concatenate([normals, -normals])
+    distances = friction * np.tile(support, 2) + both_sides @ load
+    nearest = find_nearest(both_sides.T, distances, float(np.linalg.norm(load)), 0.0)
     unbalanced = np.zeros(3) if nearest is None else nearest.point
     # Friction is at its bound at each contact whose friction wrench has a component along the
     # residual. Only the ratios of the few contacts without such a component are unknown.
     components = segments @ unbalanced
     largest = np.linalg.norm(segments, axis=1) * np.linalg.norm(unbalanced)
-    free = np.abs(components) <= NEGLIGIBLE_SHARE * largest
-    shares = np.where(free, 0.0, -friction * np.sign(components))
-    if free.any() and friction > 0.0:
-        wanted = unbalanced - load - shares @ segments
-        shares[free] = _smallest_ratios(segments[free], wanted, friction)
-    return shares, float(np.linalg.norm(segments.T @ shares + load))
+    is_undetermined = np.abs(components) <= NEGLIGIBLE_SHARE * largest
+    ratios = np.where(is_undetermined, 0.0, -friction * np.sign(components))
+    if is_undetermined.any() and friction > 0.0:
+        missing = unbalanced - load - ratios @ segments
+        ratios[is_undetermined] = _smallest_ratios(segments[is_undetermined], missing, friction)
+    return ratios, float(np.linalg.norm(segments.T @ ratios + load))
 
 
-def _smallest_ratios(segments: Array, wanted: Array, friction: float) -> Array:
+def _smallest_ratios(segments: Array, wrench: Array, friction: float) -> Array:
     """Return the smallest friction ratios (k,) that produce a wrench, or the closest wrench."""
-    shares = solve_least_squares(segments.T, wanted)
-    if np.abs(shares).max() <= friction:
-        return shares
+    ratios = solve_least_squares(segments.T, wrench)
+    if np.abs(ratios).max() <= friction:
+        return ratios
     # Scaled, so that a load far beyond all friction does not overflow.
-    size = max(float(np.abs(segments).max()), NEGLIGIBLE_SHARE * float(np.abs(wanted).max()))
+    size = max(float(np.abs(segments).max()), NEGLIGIBLE_SHARE * float(np.abs(wrench).max()))
     count = len(segments)
     return scipy.optimize.lsq_linear(
         np.concatenate([segments.T / size, NEGLIGIBLE_SHARE * np.eye(count)]),
-        np.concatenate([wanted / size, np.zeros(count)]),
+        np.concatenate([wrench / size, np.zeros(count)]),
         (-friction, friction),
         method='bvls',
         tol=1e-14,
@@ -102,44 +105,45 @@ def _smallest_ratios(segments: Array, wanted: Array, friction: float) -> Array:
     ).x
 
 
-def _extremes(
-    facets: tuple[Array, Array], wanted: Array, friction: float, tolerance: float
+def _required_friction(
+    facets: tuple[Array, Array], load: Array, friction: float, tolerance: float
 ) -> tuple[float, float]:
     """Return the smallest coefficient of friction that balances a load, and the closure margin."""
     normals, support = facets
-    need = np.abs(normals @ wanted)
+    along_normals = np.abs(normals @ load)
     # A planar zonotope, as of two contacts, balances no wrench perpendicular to its plane.
-    flat = support == 0.0
-    if (need[flat] > tolerance).any():
-        return np.inf, -float(need[flat].max())
-    need, support = need[~flat], support[~flat]
-    required = float((need / support).max(initial=0.0))
-    margin = float((friction * support - need).min(initial=np.inf))
-    return required, min(margin, 0.0) if flat.any() else margin
+    is_flat = support == 0.0
+    if (along_normals[is_flat] > tolerance).any():
+        return np.inf, -float(along_normals[is_flat].max())
+    along_normals, support = along_normals[~is_flat], support[~is_flat]
+    required = float((along_normals / support).max(initial=0.0))
+    margin = float((friction * support - along_normals).min(initial=np.inf))
+    return required, min(margin, 0.0) if is_flat.any() else margin
 
 
 def _facets(segments: Array) -> tuple[Array, Array]:
     """Return unit normals (f, 3) of a zonotope's facets, and their distances (f,)."""
+    # Each facet is parallel to two segments.
     one, other = pairs(len(segments), 1)
     products = _cross(segments[one], segments[other])
     sizes, lengths = np.linalg.norm(products, axis=1), np.linalg.norm(segments, axis=1)
-    spanning = sizes > ROUNDING * lengths[one] * lengths[other]
-    normals = products[spanning] / sizes[spanning, None]
+    is_plane = sizes > ROUNDING * lengths[one] * lengths[other]
+    normals = products[is_plane] / sizes[is_plane, None]
     # The products of all pairs of hundreds of contacts with all contacts would take gigabytes.
-    parts = np.array_split(normals, 1 + len(normals) // FACET_BATCH)
-    support = np.concatenate([np.abs(part @ segments.T).sum(axis=1) for part in parts])
+    batches = np.array_split(normals, 1 + len(normals) // FACET_BATCH)
+    support = np.concatenate([np.abs(batch @ segments.T).sum(axis=1) for batch in batches])
     if (support > ROUNDING * lengths.sum()).any():
         return normals, support
     return _flat_facets(segments, min(len(segments), 2 if len(normals) else 1))
 
 
 def _flat_facets(segments: Array, rank: int) -> tuple[Array, Array]:
-    """Return facet normals and extents of a zonotope of a lower rank: planar, linear or empty."""
-    axes = np.linalg.svd(segments)[2]
-    edges = _cross(segments, axes[2:]) if rank == 2 else axes[:rank]
-    within = edges / np.linalg.norm(edges, axis=1)[:, None]
-    extents = np.abs(within @ segments.T).sum(axis=1)
-    return np.concatenate([axes[rank:], within]), np.append(np.zeros(3 - rank), extents)
+    """Return facet normals and distances of a zonotope of rank 2, 1 or 0 (f, 3), (f,)."""
+    axes = np.linalg.svd(segments)[2]  # those of the zonotope come first
+    normals = _cross(segments, axes[2:]) if rank == 2 else axes[:rank]
+    normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+    support = np.abs(normals @ segments.T).sum(axis=1)
+    return np.concatenate([axes[rank:], normals]), np.append(np.zeros(3 - rank), support)
 
 
 def _cross(one: Array, other: Array) -> Array:

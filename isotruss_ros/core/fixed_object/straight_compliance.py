@@ -97,23 +97,27 @@ def clamped_pieces(
     its ends; the compliances (n, n) along and across are for two points on one piece [m/N].
     """
     axial, flexural, shear = section
-    beyond, turning = length - within, np.where(pinned_start, 0.0, 0.5 / flexural)
+    to_end = length - within
 
-    def cantilever(one: Array, other: Array) -> Array:
-        near, far = np.minimum(one, other), np.maximum(one, other)
-        return near**2 * (3.0 * far - near) / (6.0 * flexural) + near / shear
+    def deflection(point: Array, loaded: Array) -> Array:
+        """Return the deflection of a cantilever per force, at distances from its clamped end."""
+        nearer, farther = np.minimum(point, loaded), np.maximum(point, loaded)
+        return nearer**2 * (3.0 * farther - nearer) / (6.0 * flexural) + nearer / shear
 
-    # Distances are from the clamped end.
-    released = np.stack([cantilever(beyond, length), -turning * beyond**2], axis=1)
-    coupling = -turning * length**2
-    redundant = np.array([[cantilever(length, length), coupling], [coupling, length / flexural]])
-    follows = np.linalg.solve(redundant.transpose(2, 0, 1), released[..., None])[..., 0]
-    across = cantilever(beyond[:, None], beyond) - follows @ released.T
-    along = (np.minimum(beyond[:, None], beyond) - np.outer(beyond, beyond / length)) / axial
-    shift, rotation = 1j * follows.T
-    # The rigid motion of the clamped end, and the start's motion relative to it.
-    ending = within / length, 1j - shift, length * shift - rotation - 1j * beyond
-    return np.array([beyond / length, shift, rotation, *ending]), along, across
+    # The redundants (n, 2) of a unit force at a point hold the start of the cantilever in place.
+    per_moment = np.where(pinned_start, 0.0, -0.5 / flexural)
+    released = np.stack([deflection(to_end, length), per_moment * to_end**2], axis=1)
+    coupling = per_moment * length**2
+    at_start = np.array([[deflection(length, length), coupling], [coupling, length / flexural]])
+    redundants = np.linalg.solve(at_start.transpose(2, 0, 1), released[..., None])[..., 0]
+    across = deflection(to_end[:, None], to_end) - redundants @ released.T
+    along = (np.minimum(to_end[:, None], to_end) - np.outer(to_end, to_end / length)) / axial
+    # By reciprocity, the redundants are the deflections by unit motions of the start. A motion of
+    # the end is a rigid motion of the piece less that motion of its start.
+    by_shift, by_rotation = 1j * redundants.T
+    by_start = to_end / length, by_shift, by_rotation
+    by_end = within / length, 1j - by_shift, length * by_shift - by_rotation - 1j * to_end
+    return np.array([*by_start, *by_end]), along, across
 
 
 def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
@@ -124,37 +128,37 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     M_w = (p pi R^2 + N) R / 2 with the smaller tension N beside a force, see `wrinkling`.
     """
     structure, frame = tubes.structure, tubes.structure.frame
-    robot, first = structure.config.robot, structure.pieces[0, 0]
+    axis, first_piece = frame.axis[tubes.pieces], structure.pieces[0, 0]
+    # Forces of the nodes on all tube pieces are those of the ends' motions, less the equivalent
+    # loads on the pieces with points.
     equivalent = np.concatenate([forces.real, forces.imag]) @ tubes.shapes
-    piece, moved = tubes.pieces - first, (tubes.response @ equivalent).reshape(-1, 3, 1)
-    changes, _ = tubes.tangent.force_changes(moved)
-    ends = end_forces(changes[first:, :, 0], frame.length[first:])
-    _, shear, start, tension, _, end = ends.T
-    pull = np.stack([tension, tension])
-    # Forces of the nodes on a piece are those of its motion less the equivalent loads.
-    axis = np.repeat(frame.axis[tubes.pieces], 2).conj()
-    x, y, couple = equivalent.reshape(-1, 3).T
-    local = (axis * (x + 1j * y)).reshape(-1, 2)
-    pull[0, piece] += local.real[:, 0]
-    pull[1, piece] -= local.real[:, 1]
-    shear[piece] -= local.imag[:, 0]
-    start[piece] -= couple[::2]
-    end[piece] -= couple[1::2]
-    # Points with contact forces, then starts and ends of all pieces.
-    pressing = np.flatnonzero(forces)
-    number, within = tubes.number[pressing], tubes.within[pressing]
-    at, push = piece[number], frame.axis[tubes.pieces][number].conj() * forces[pressing]
-    ahead = (number[:, None] == number) & (within[:, None] > within)
-    arms = np.where(ahead, within[:, None] - within, 0.0)
-    before = pull[0][at] - ahead @ push.real
-    tension = np.concatenate([np.minimum(before, before - push.real), *pull])
-    moment = np.concatenate([shear[at] * within - start[at] + arms @ push.imag, -start, end])
+    changes, _ = tubes.tangent.force_changes((tubes.response @ equivalent).reshape(-1, 3, 1))
+    at_ends = end_forces(changes[first_piece:, :, 0], frame.length[first_piece:])
+    x, y, couple = equivalent.reshape(-1, 2, 3).transpose(2, 0, 1)
+    load, loaded = axis[:, None].conj() * (x + 1j * y), tubes.pieces - first_piece
+    at_ends[loaded] -= np.stack([load.real, load.imag, couple], axis=2).reshape(-1, 6)
+    start_tension, end_tension = -at_ends[:, 0], at_ends[:, 3]
+    shear, start_moment, end_moment = at_ends[:, 1], at_ends[:, 2], at_ends[:, 5]
+    # Contact forces, along + i across their pieces, and the arms of those before each of them.
+    pressed = np.flatnonzero(forces)
+    number, within = tubes.number[pressed], tubes.within[pressed]
+    piece, push = loaded[number], axis[number].conj() * forces[pressed]
+    beyond = np.maximum(within[:, None] - within, 0.0)
+    arms = np.where(number[:, None] == number, beyond, 0.0)
+    # Smaller tensions and moments at contact forces, at starts and at ends of pieces.
+    tension_before = start_tension[piece] - (arms > 0.0) @ push.real
+    tension_at = np.minimum(tension_before, tension_before - push.real)
+    moment_at = shear[piece] * within - start_moment[piece] + arms @ push.imag
+    tension = np.concatenate([tension_at, start_tension, end_tension])
+    moment = np.abs(np.concatenate([moment_at, start_moment, end_moment]))
     owner = structure.owners.ravel()
-    member = np.concatenate([owner[at], owner, owner])
-    radius = 0.5 * robot.description.tube_diameter
-    wall = np.array(structure.pressures)[robot.topology.tube[member]] * np.pi * radius**2 + tension
-    used = np.full(len(moment), np.inf)
-    np.divide(2.0 * np.abs(moment), radius * wall, out=used, where=wall > 0.0)
-    most = np.zeros(len(structure.config.member_lengths))
-    np.maximum.at(most, member, used)
-    return most
+    member = np.concatenate([owner[piece], owner, owner])
+    robot = structure.config.robot
+    radius, tube = 0.5 * robot.description.tube_diameter, robot.topology.tube[member]
+    wall_tension = np.array(structure.pressures)[tube] * np.pi * radius**2 + tension
+    # A wall without tension wrinkles under any moment.
+    ratios = np.full(len(moment), np.inf)
+    np.divide(2.0 * moment, radius * wall_tension, out=ratios, where=wall_tension > 0.0)
+    largest = np.zeros(len(structure.config.member_lengths))
+    np.maximum.at(largest, member, ratios)
+    return largest
