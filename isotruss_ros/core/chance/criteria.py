@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Conditions under which an object is held, with their derivatives by the uncertain parameters.
+Criteria of holding an object, with their derivatives by the uncertain parameters.
 
-The parameters are those of `GraspParameters`, and as the last one the relative size of the object
-about its centroid. The condition of slip is mu - |T| / N > 0, whose derivatives vary much less
-with the parameters than those of the slip margin.
+The parameters are those of `GraspParameters`, and then the object's relative size. The criterion
+of slip is mu - |T| / N, whose derivatives vary much less than those of the slip margin.
 """
 
 from __future__ import annotations
@@ -30,88 +29,84 @@ import numpy as np
 
 
 class Criteria(NamedTuple):
-    """Values (c,) and their derivatives of conditions, positive while the object is held."""
+    """Criteria of holding an object: quantities that are positive while it is held."""
 
-    names: tuple[str, ...]  #: names of the violations
+    names: tuple[str, ...]  #: violation for which each criterion is negative
     values: Array  #: (c,) values [- or N or m]
     rates: Array  #: (c, p) derivatives by the parameters
 
 
 def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
     """
-    Return the conditions that an object is held in the equilibria along a path.
+    Return the criteria of holding an object on a path, from its equilibria along the path.
 
-    The first equilibrium has an unknown contact history; from it, the contacts roll to the others.
-    The conditions are those of the first equilibrium, of the last one, and of those with the
-    smallest slip margin and the largest utilisation.
+    The contacts have an unknown history at first, and then roll. The criteria are those of the
+    first and last equilibrium, and of those with the smallest slip margin and most utilisation.
     """
-    first, *others = grips
-    weakest = sorted(others, key=lambda grip: grip.slip_margin(friction))[:1]
-    most_used = sorted(others, key=lambda grip: -float(grip.sections.used.max()))[:1]
-    critical = list(dict.fromkeys(weakest + most_used + others[-1:]))
-    if any(grip.response is None for grip in (first, *critical)):
+    start, *later = grips
+    weakest = sorted(later, key=lambda grip: grip.slip_margin(friction))[:1]
+    most_used = sorted(later, key=lambda grip: -float(grip.sections.used.max()))[:1]
+    critical = list(dict.fromkeys(weakest + most_used + later[-1:]))
+    if any(grip.response is None for grip in (start, *critical)):
         raise GraspError('the equilibrium is neutral: it must resist every motion')
-    change, tubes = find_unknown_rates(first)
-    parts = [_criteria(first, friction, tubes, change), _bound_displacement(first, tubes, change)]
-    anchors = _rolled(first, tubes)
-    anchors += first.statics.rolling_rows(first.state.unknowns, first.state.normals) @ change
+    change, tubes = find_unknown_rates(start)
+    parts = [_criteria(start, friction, tubes, change), _bound_displacement(start, tubes, change)]
+    rolling = start.statics.rolling_rows(start.state.unknowns, start.state.normals)
+    start_rates = _invariant_rates(start, tubes) + rolling @ change
     for grip in critical:
-        old, new = first.contacts, grip.contacts
+        old, new = start.contacts, grip.contacts
+        # 1 where a contact (row) is one of the start (column). New contacts have no history.
         same = (new.members[:, None] == old.members) & (new.corners[:, None] == old.corners)
-        tubes = _loaded_tubes(grip, FOLLOWED_MOTION)
-        rates = _equation_rates(grip, tubes, sticks=True)
-        # New contacts have no history.
-        rates[grip.state.places.conditions] = _rolled(grip, tubes) - same @ anchors
+        rates, tubes = _equation_rates(grip, rolls=True)
+        rates[grip.state.places.conditions] = _invariant_rates(grip, tubes) - same @ start_rates
         parts.append(_criteria(grip, friction, tubes, grip.respond(rates)))
-    names, *arrays = zip(*parts, strict=True)
-    return Criteria(sum(names, ()), *map(np.concatenate, arrays))
+    names, values, derivatives = zip(*parts, strict=True)
+    return Criteria(sum(names, ()), np.concatenate(values), np.concatenate(derivatives))
 
 
 def find_unknown_rates(grip: HeldGrip) -> tuple[Array, LoadedTubes]:
-    """Return the derivatives (3 + 4k, p) of the unknowns, and the tubes with derivatives."""
-    tubes = _loaded_tubes(grip)
-    return -np.linalg.solve(grip.state.jacobian, _equation_rates(grip, tubes)), tubes
+    """Return the derivatives (3 + 4k, p) of an equilibrium's unknowns, and those of its tubes."""
+    rates, tubes = _equation_rates(grip)
+    return -np.linalg.solve(grip.state.jacobian, rates), tubes
 
 
-def _loaded_tubes(grip: HeldGrip, reach: float = ROUNDING) -> LoadedTubes:
-    parameters = GraspParameters.of(grip.config)
-    return LoadedTubes.of(grip, np.eye(parameters.size, parameters.size + 1), parameters, reach)
-
-
-def _equation_rates(grip: HeldGrip, tubes: LoadedTubes, sticks: bool = False) -> Array:
-    """Return the equations' derivatives (3 + 4k, p) by p parameters; the size changes no dents."""
-    state, body, touch = grip.state, grip.body, grip.state.places.balance.start
-    rates = tubes.equation_rates(sticks)
+def _equation_rates(grip: HeldGrip, rolls: bool = False) -> tuple[Array, LoadedTubes]:
+    """Return the derivatives (3 + 4k, p) of the equilibrium equations, and those of the tubes."""
+    state, body, balance = grip.state, grip.body, grip.state.places.balance.start
+    columns, reach = GraspParameters.of(grip.config), FOLLOWED_MOTION if rolls else ROUNDING
+    tubes = LoadedTubes.of(grip, np.eye(columns.size, columns.size + 1), columns, reach)
+    rates = tubes.equation_rates(sticks=rolls)
     points, _ = body.shape.surface_at(grip.contacts.corners, state.normals / body.turn)
-    larger = body.turn * (points - body.shape.centroid)
-    local = larger / grip.statics.bent.lines.axis
-    rates[0:touch:3, -1] -= local.real
-    rates[1:touch:3, -1] -= local.imag
+    # With the size, contact points move away from the centroid; the dents do not change.
+    outward = body.turn * (points - body.shape.centroid)
+    along_members = outward / grip.statics.bent.lines.axis
+    rates[0:balance:3, -1] -= along_members.real  # equations of touch along the members,
+    rates[1:balance:3, -1] -= along_members.imag  # and across
     forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
-    rates[touch + 2, -1] -= (larger.conj() * forces).imag.sum() / grip.arm
-    return rates
+    rates[balance + 2, -1] -= (outward.conj() * forces).imag.sum() / grip.arm  # moment
+    return rates, tubes
 
 
 def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Criteria:
-    """Return four conditions that bound the object's displacement from its measured pose."""
+    """Return four criteria that bound the object's displacement from its measured pose."""
     body, measured, normals = grip.body, grip.statics.body, grip.state.normals
     turns = tubes.changes.spins + change[grip.state.places.inclinations]
     normal_rates = 1j * normals[:, None] * turns
-    # Along and across the chord of the normals, which turns.
+    # Components along and across the chord of the normals, which turns with them.
     chord, chord_rates = normals[0] - normals[-1], normal_rates[0] - normal_rates[-1]
     axis = chord / abs(chord)
     displacement = (body.middle - measured.middle) / axis
-    rates = change[0] + 1j * change[1] + 1j * (body.middle - body.center) * change[ANGLE]
+    moved = change[0] + 1j * change[1] + 1j * (body.middle - body.center) * change[ANGLE]
     x, y, angle = tubes.changes.place
-    rates -= x + 1j * y + 1j * (measured.middle - measured.center) * angle
-    rates = rates / axis - 1j * (chord_rates / chord).imag * displacement
-    along = np.append(displacement, rates)
-    values = np.array([-along.real, -along.imag, along.real, along.imag])
-    values[:, 0] += MAX_DISPLACEMENT * grip.config.robot.description.tube_diameter
-    return Criteria(4 * ('far from the given pose',), values[:, 0], values[:, 1:])
+    moved -= x + 1j * y + 1j * (measured.middle - measured.center) * angle
+    rates = moved / axis - 1j * (chord_rates / chord).imag * displacement
+    largest = MAX_DISPLACEMENT * grip.config.robot.description.tube_diameter
+    values = [-displacement.real, -displacement.imag, displacement.real, displacement.imag]
+    derivatives = np.array([-rates.real, -rates.imag, rates.real, rates.imag])
+    return Criteria(4 * ('far from the given pose',), largest + np.array(values), derivatives)
 
 
-def _rolled(grip: HeldGrip, tubes: LoadedTubes) -> Array:
+def _invariant_rates(grip: HeldGrip, tubes: LoadedTubes) -> Array:
     """Return the derivatives (k, p) of the rolling invariants at constant unknowns."""
     state, statics, contacts = grip.state, grip.statics, grip.contacts
     rolling = statics.rolling_rows(state.unknowns, state.normals)
@@ -123,7 +118,7 @@ def _rolled(grip: HeldGrip, tubes: LoadedTubes) -> Array:
 
 @functools.lru_cache(maxsize=8)
 def scaled(body: ConvexObject, factor: float) -> ConvexObject:
-    """Return an object of another size; its centroid does not move, its fields are lengths."""
+    """Return the object enlarged by a factor about its centroid; its fields are lengths."""
     shape: Any = body.shape
     lengths = {field.name: np.array(getattr(shape, field.name)) for field in fields(shape)}
     larger = replace(shape, **{name: (factor * x).tolist() for name, x in lengths.items()})
@@ -133,32 +128,31 @@ def scaled(body: ConvexObject, factor: float) -> ConvexObject:
 
 
 def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, change: Array) -> Criteria:
-    """Return the criteria for changes (3 + 4k, p) of the unknowns."""
+    """Return the criteria of one equilibrium, given derivatives (3 + 4k, p) of its unknowns."""
     indices, contacts, config = grip.state.places, grip.contacts, grip.config
-    touched, count = grip.members, change.shape[1]
-    normal, presses = grip.normal_forces, contacts.sum_by_member(change[indices.normal])
-    rubs = contacts.sum_by_member(change[indices.friction])
-    needed = grip.friction_forces / normal
-    needs = (rubs - needed[:, None] * presses) / normal[:, None]
-    by_friction = np.eye(1, count, GraspParameters.of(config).friction)
-    used, utilised = tubes.utilisation(tubes.respond(change))
-    feet, slid, members = grip.state.feet, change[indices.feet], contacts.members
-    room = grip.statics.bent.lines.length - feet
-    rollers = np.eye(len(config.roller_positions), count)
-    lengthened = config.robot.topology.incidence[members] @ rollers - slid
+    normal, normal_rates = grip.normal_forces, contacts.sum_by_member(change[indices.normal])
+    friction_rates = contacts.sum_by_member(change[indices.friction])
+    used = grip.friction_forces / normal  # mobilised coefficient of friction
+    used_rates = (friction_rates - used[:, None] * normal_rates) / normal[:, None]
+    columns, unit = GraspParameters.of(config), np.eye(change.shape[1])
+    by_friction, by_rollers = unit[columns.friction], unit[columns.rollers]
+    utilisation, utilisation_rates = tubes.utilisation(tubes.respond(change))
+    feet, feet_rates, touched = grip.state.feet, change[indices.feet], contacts.members
+    length_rates = config.robot.topology.incidence[touched] @ by_rollers
     others, depths = depths_in_others(grip)
-    distances = collision_model(config.robot).body_distances(config, grip.body, others)
-    receding = distances[1] @ config.node_jacobian @ rollers + distances[2] @ change[:3]
+    _, by_nodes, by_twist = collision_model(config.robot).body_distances(config, grip.body, others)
+    gap_rates = by_nodes @ config.node_jacobian @ by_rollers + by_twist @ change[:3]
+    lengths, every_member = grip.statics.bent.lines.length, np.arange(len(utilisation))
     groups = [
-        ('slip at', touched, friction - needed, by_friction - needs),
-        ('slip at', touched, friction + needed, by_friction + needs),
-        ('no contact at', touched, normal, presses),
-        ('wrinkling of', np.arange(len(used)), 1.0 - used, -utilised),
-        ('contact beyond the start of', members, feet, slid),
-        ('contact beyond the end of', members, room, lengthened),
-        ('contact with', others, -depths, receding),
+        ('slip at', grip.members, friction - used, by_friction - used_rates),
+        ('slip at', grip.members, friction + used, by_friction + used_rates),
+        ('no contact at', grip.members, normal, normal_rates),
+        ('wrinkling of', every_member, 1.0 - utilisation, -utilisation_rates),
+        ('contact beyond the start of', touched, feet, feet_rates),
+        ('contact beyond the end of', touched, lengths - feet, length_rates - feet_rates),
+        ('contact with', others, -depths, gap_rates),
     ]
     names = config.robot.member_names
-    labels = [f'{what} {names[i]}' for what, where, *_ in groups for i in where.tolist()]
-    values, rates = (np.concatenate([group[i] for group in groups]) for i in (2, 3))
-    return Criteria(tuple(labels), values, rates)
+    labels = [f'{what} {names[i]}' for what, members, *_ in groups for i in members.tolist()]
+    _, _, values, rates = zip(*groups, strict=True)
+    return Criteria(tuple(labels), np.concatenate(values), np.concatenate(rates))

@@ -31,7 +31,7 @@ import scipy
 #: Conditions whose values exceed this many standard deviations are fulfilled [-]. The probability
 #: of a violation is then below 1e-15.
 MAX_SIGMAS = 8.0
-#: Quantities that the fields of `GraspParameters` vary, in their order.
+#: Quantities of the columns in the fields of `GraspParameters`; the last field, p, is the size's.
 QUANTITIES = 'roller offsets', 'pose', 'pressures', 'friction', 'load', 'stiffness', 'size'
 
 
@@ -43,8 +43,7 @@ class Chance(Record, headline=('probability', 'method', 'limit', 'shares', 'stan
     probability: float
     method: str  #: `first order`, `samples`, or `no equilibrium`
     limit: str  #: most probable violation, for example `slip at south/P-Q`
-    #: shares of the uncertain quantities in the variance of the limiting condition to first order,
-    #: largest first [-]
+    #: shares of the quantities in the variance of this criterion to first order, largest first [-]
     shares: dict[str, float]
     standard_error: float = 0.0  #: standard error of a probability from samples; 0 to first order
     reliability: float = 0.0  #: standard normal quantile of the probability; larger is better [-]
@@ -54,14 +53,15 @@ class Chance(Record, headline=('probability', 'method', 'limit', 'shares', 'stan
 def find_chance(grips: Sequence[HeldGrip], friction: float, covariance: Array) -> Chance:
     """Return the chance to first order that an object is held along a path."""
     criteria, columns = find_criteria(grips, friction), GraspParameters.of(grips[0].config)
-    spread = np.sqrt(np.einsum('cp,pq,cq->c', criteria.rates, covariance, criteria.rates))
+    deviations = np.sqrt(np.einsum('cp,pq,cq->c', criteria.rates, covariance, criteria.rates))
     with np.errstate(divide='ignore', invalid='ignore'):
-        sigmas = np.nan_to_num(criteria.values / spread, nan=np.inf)
+        sigmas = np.nan_to_num(criteria.values / deviations, nan=np.inf)
+    # Criteria that may be violated, the most probable violation first.
     order = np.argsort(sigmas, kind='stable')[: max(1, int((sigmas < MAX_SIGMAS).sum()))]
-    axes = criteria.rates[order] / np.maximum(spread[order, None], SMALLEST_NORMAL)
-    failure = failure_probability(sigmas[order], axes @ covariance @ axes.T)
-    variances = axes[0] * (covariance @ axes[0])
-    shares = zip(QUANTITIES, (float(variances[at].sum()) for at in columns), strict=True)
+    rates = criteria.rates[order] / np.maximum(deviations[order, None], SMALLEST_NORMAL)
+    failure = failure_probability(sigmas[order], rates @ covariance @ rates.T)
+    variances = rates[0] * (covariance @ rates[0])
+    shares = zip(QUANTITIES, (float(variances[i].sum()) for i in columns), strict=True)
     return Chance(
         probability=1.0 - failure,
         method='first order',
@@ -73,28 +73,31 @@ def find_chance(grips: Sequence[HeldGrip], friction: float, covariance: Array) -
 
 def failure_probability(sigmas: Array, correlation: Array) -> float:
     """Return Ditlevsen's bound of the probability that one of c conditions is violated."""
-    # Probabilities (c, c) that two conditions are violated, by Owen's function.
+    # Probabilities (c, c) that two conditions are violated, by Owen's function T(h, a).
     root = np.sqrt(np.maximum(1.0 - correlation**2, EPSILON))
     limits = np.where(np.abs(sigmas) < EPSILON, -EPSILON, -sigmas.clip(-MAX_SIGMAS, MAX_SIGMAS))
     single, h, k = scipy.special.ndtr(limits), limits[:, None], limits[None]
-    both = 0.5 * (single[:, None] + single - (h * k < 0.0))
-    both -= scipy.special.owens_t(h, (k / h - correlation) / root)
-    both -= scipy.special.owens_t(k, (h / k - correlation) / root)
-    both = np.tril(both.clip(0.0, np.minimum(single[:, None], single)), -1)
-    return min(1.0, float(scipy.special.ndtr(-sigmas).sum() - both.max(axis=1).sum()))
+    pairs = 0.5 * (single[:, None] + single - (h * k < 0.0))
+    pairs -= scipy.special.owens_t(h, (k / h - correlation) / root)
+    pairs -= scipy.special.owens_t(k, (h / k - correlation) / root)
+    pairs = pairs.clip(0.0, np.minimum(single[:, None], single))  # against rounding
+    # The largest overlap of each condition with a more probable one.
+    overlap = np.tril(pairs, -1).max(axis=1).sum()
+    return min(1.0, float(scipy.special.ndtr(-sigmas).sum() - overlap))
 
 
-def changed_grip(grip: HeldGrip, change: Array, near: Sequence[Start] = ()) -> HeldGrip:
-    """Return the equilibrium with unknown contact history for changes (p,) of parameters."""
-    columns, body = GraspParameters.of(grip.config), scaled(grip.statics.body, 1.0 + change[-1])
-    body = body.moved_to(np.array(body.pose) + change[columns.place])
+def changed_grip(grip: HeldGrip, change: Array, starts: Sequence[Start] = ()) -> HeldGrip:
+    """Return the equilibrium with unknown contact history after changes (p,) of parameters."""
+    columns = GraspParameters.of(grip.config)
+    resized = scaled(grip.statics.body, 1.0 + change[-1])
+    body = resized.moved_to(np.array(resized.pose) + change[columns.place])
     pressures = grip.pressures + change[columns.pressures]
     # A normal number may be negative.
     stiffness = max(grip.statics.bent.stiffness + change[columns.stiffness], 0.05)
     config = grip.config.moved_to(grip.config.roller_positions + change[columns.rollers])
     wrench = grip.wrench * (1.0, 1.0, grip.arm) + change[columns.wrench]
-    near = near or [(grip, grip.state.unknowns)]
-    return attach_grip(config, body, grip.members, wrench, pressures, stiffness, starts=near)
+    starts = starts or [(grip, grip.state.unknowns)]
+    return attach_grip(config, body, grip.members, wrench, pressures, stiffness, starts=starts)
 
 
 def sample_friction(
@@ -105,31 +108,33 @@ def sample_friction(
     on_progress: Callable[[float], None] | None,
 ) -> Array:
     """Return the required friction (s,) in random samples; infinite if the object is not held."""
-    rng, spread = np.random.default_rng(seed), np.sqrt(np.diag(covariance))
-    changes = rng.multivariate_normal(np.zeros(len(spread)), covariance, samples)
+    rng, deviations = np.random.default_rng(seed), np.sqrt(np.diag(covariance))
+    nominal = np.zeros(len(deviations))
+    changes = rng.multivariate_normal(nominal, covariance, samples)
     # Values with the first five moments of a normal number, so that few dents are tabulated.
     tabulated = np.append(np.r_[GraspParameters.of(grip.config).pressures], -1)
-    shape, shares = (samples, len(tabulated)), (1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0)
-    changes[:, tabulated] = rng.choice([-1.0, 0.0, 1.0], shape, p=shares)
-    changes[:, tabulated] *= math.sqrt(3.0) * spread[tabulated]
-    needed: list[float] = []
-    # The first equilibrium with each set of contacts, its change, and its derivatives.
-    models = {grip.contacts.corners.tobytes(): (grip, 0.0 * spread, find_unknown_rates(grip)[0])}
+    root, shares = math.sqrt(3.0), (1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0)
+    sigmas = rng.choice([-root, 0.0, root], (samples, len(tabulated)), p=shares)
+    changes[:, tabulated] = sigmas * deviations[tabulated]
+    required: list[float] = []
+    # The first equilibrium with each set of corners in contact, its change, and its derivatives.
+    models = {grip.contacts.corners.tobytes(): (grip, nominal, find_unknown_rates(grip)[0])}
     for i, change in enumerate(changes):
+        # The unknowns of each are extrapolated linearly from its change.
+        starts = [(g, g.state.unknowns + by @ (change - at)) for g, at, by in models.values()]
         try:
-            near = [(g, g.state.unknowns + by @ (change - at)) for g, at, by in models.values()]
-            drawn = changed_grip(grip, change, near)
+            drawn = changed_grip(grip, change, starts)
             held = assess_equilibrium(drawn.statics.body.pose, drawn, math.inf).held
-            needed.append(drawn.required_friction if held else math.inf)
-            contacts = drawn.contacts.corners.tobytes()
-            if held and contacts not in models:
-                models[contacts] = drawn, change, find_unknown_rates(drawn)[0]
+            required.append(drawn.required_friction if held else math.inf)
+            corners = drawn.contacts.corners.tobytes()
+            if held and corners not in models:
+                models[corners] = drawn, change, find_unknown_rates(drawn)[0]
         except ConfigurationError:
             pass  # The true robot has a configuration, so a sample without one is left out.
         except IsotrussError:  # no equilibrium
-            needed.append(math.inf)
+            required.append(math.inf)
         if on_progress is not None:
             on_progress((i + 1) / samples)
-    if not needed:
+    if not required:
         raise GraspError('no sample has a configuration: the roller offsets must deviate less')
-    return np.array(needed)
+    return np.array(required)

@@ -115,20 +115,21 @@ class Uncertainty:
         :param grip: equilibrium of the grasp.
         """
         columns = GraspParameters.of(grip.config)
-        spread = np.zeros(columns.size + 1)
-        spread[columns.rollers] = self.roller_offset
-        spread[columns.place] = self.position, self.position, self.angle
-        spread[columns.pressures] = self.pressure * np.array(grip.pressures)
-        spread[columns.friction], spread[columns.stiffness] = self.friction, self.stiffness
-        spread[columns.wrench] = self.force, self.force, self.moment
-        spread[-1] = self.size
-        covariance = np.diag(spread**2)
+        deviations = np.zeros(columns.size + 1)
+        deviations[columns.rollers] = self.roller_offset
+        deviations[columns.place] = self.position, self.position, self.angle
+        deviations[columns.pressures] = self.pressure * np.array(grip.pressures)
+        deviations[[columns.friction, columns.stiffness]] = self.friction, self.stiffness
+        deviations[columns.wrench] = self.force, self.force, self.moment
+        deviations[-1] = self.size
+        covariance = np.diag(deviations**2)
         if self.offset_covariance is not None:
-            size = columns.rollers.stop
-            offsets = covariance_matrix(self.offset_covariance, size, COVARIANCE, GraspError)
+            count = columns.rollers.stop
+            offsets = covariance_matrix(self.offset_covariance, count, COVARIANCE, GraspError)
             covariance[columns.rollers, columns.rollers] = offsets
-        weight = self.mass * grip.wrench * (1.0, 1.0, grip.arm)
-        covariance[columns.wrench, columns.wrench] += np.outer(weight, weight)
+        # An error of the mass scales all components of the wrench.
+        by_mass = self.mass * grip.wrench * (1.0, 1.0, grip.arm)
+        covariance[columns.wrench, columns.wrench] += np.outer(by_mass, by_mass)
         return covariance
 
     @single_threaded
@@ -161,14 +162,14 @@ class Uncertainty:
         if not samples:
             return chance
         # The equilibrium does not depend on friction, so friction is not drawn.
-        needed = sample_friction(grip, covariance, samples, seed, on_progress)
-        held = scipy.special.ndtr((settled.friction - needed) / max(self.friction, EPSILON))
+        required = sample_friction(grip, covariance, samples, seed, on_progress)
+        chances = scipy.special.ndtr((settled.friction - required) / max(self.friction, EPSILON))
         return replace(
             chance,
-            probability=float(held.mean()),
+            probability=float(chances.mean()),
             method='samples',
-            standard_error=float(held.std() / math.sqrt(len(held))),
-            reliability=float(scipy.special.ndtri(held.mean())),
+            standard_error=float(chances.std() / math.sqrt(len(chances))),
+            reliability=float(scipy.special.ndtri(chances.mean())),
         )
 
     @single_threaded
@@ -183,8 +184,8 @@ class Uncertainty:
         if grip is None:
             return rates
         steps = STEP * np.maximum(np.sqrt(np.diag(self.covariance(grip))), 1e-3)
-        for k, step in enumerate(np.diag(steps)):
-            for change in (step, -step):
+        for k, step in enumerate(np.diag(steps)):  # changes of one parameter
+            for change in (step, -step):  # central difference
                 moved = changed_grip(grip, change)
                 friction = gradient.settled.friction + change[columns.friction]
                 chance = find_chance([moved], friction, self.covariance(moved))
