@@ -99,20 +99,20 @@ class SearchState(NamedTuple):
     modes: Modes  #: smallest singular values, see `Modes`; the first is the rigidity index
     distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
 
-    def check_bounds(self, rigidity: float, clearance: float, gaps: Array) -> None:
+    def check_bounds(self, min_rigidity: float, min_clearance: float, min_gaps: Array) -> None:
         """Raise RequirementError if rigidity, clearance [m] or a gap (3m,) [m] is too small."""
-        low = int((self.gaps - gaps).argmin())
-        for name, value, bound in (
-            ('rigidity', self.modes.values[0], rigidity),
-            ('self_clearance', self.distances.min(initial=np.inf), clearance),
-            ('object_clearance', self.gaps[low], gaps[low]),
+        worst = int((self.gaps - min_gaps).argmin())
+        for requirement, value, bound in (
+            ('rigidity', self.modes.values[0], min_rigidity),
+            ('self_clearance', self.distances.min(initial=np.inf), min_clearance),
+            ('object_clearance', self.gaps[worst], min_gaps[worst]),
         ):
             if value < bound:
-                raise RequirementError(name, float(value), float(bound))
+                raise RequirementError(requirement, float(value), float(bound))
 
 
 def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
-    """Return a configuration with all quantities that are bounded while the members close."""
+    """Return the gaps, distances and singular values of a configuration around an object."""
     model, modes = collision_model(config.robot), rigidity_index(config.robot).modes(config)
     gaps, by_nodes, _ = model.body_distances(config, body)
     return SearchState(config, gaps, by_nodes, modes, model.distances(config))
@@ -127,52 +127,54 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
     diameter, members = config.robot.description.tube_diameter, closing.members
     targets = np.full(len(members), STANDOFF * diameter)
     state = evaluate_state(config, closing.body)
-    angle, radius = CONE_SHARE * closing.friction_angle, 0.5 * diameter
-    least_error, idle_steps, share = np.inf, 0, 1.0
+    usable_angle = CONE_SHARE * closing.friction_angle
+    least_error, idle_steps, step_share = np.inf, 0, 1.0
     while True:
         yield state.config
-        gap = float((state.gaps[members] - targets).max())
-        # Rotation that force closure requires [rad]; the members' directions may already admit it.
+        gap_error = float((state.gaps[members] - targets).max())
         normals = closing.normals(state.config)
-        is_balanced = balances(closing.body, normals, angle, radius)
-        facing = None if is_balanced else closing.facing
-        rotation = 0.0 if is_balanced else float(np.abs(np.angle(facing / normals)).sum())
-        error = max(gap, 0.0) / diameter + rotation
+        facing, rotation = None, 0.0  # none if the members' directions already admit force closure
+        if not balances(closing.body, normals, usable_angle, 0.5 * diameter):
+            facing = closing.facing
+            rotation = float(np.abs(np.angle(facing / normals)).sum())
+        error = max(gap_error, 0.0) / diameter + rotation
         if error <= GAP_TOLERANCE:
             return
         # Successive steps with less progress than the tolerance.
         idle_steps = 0 if error < least_error - GAP_TOLERANCE else idle_steps + 1
         least_error = min(least_error, error)
         if idle_steps > MAX_SEARCH_STEPS:
-            is_far = gap > GAP_TOLERANCE * diameter
-            name, value = ('reach', gap) if is_far else ('facing', rotation)
-            raise RequirementError(name, value, 0.0)
-        state, share = _take_step(state, replace(closing, facing=facing), targets, share)
+            if gap_error > GAP_TOLERANCE * diameter:
+                raise RequirementError('reach', gap_error, 0.0)
+            raise RequirementError('facing', rotation, 0.0)
+        turning = replace(closing, facing=facing)
+        state, step_share = _take_step(state, turning, targets, step_share)
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
-    """Return the configuration in which the members are indented by given depths (s,) [m]."""
+    """Return the configuration with given depths (s,) of the members in the object [m]."""
     # A nominal posture would shift the gaps from their targets.
     closing = replace(closing, nominal_posture=None, facing=None)
     state = evaluate_state(config, closing.body)
-    share, error = 1.0, np.inf
+    step_share, error = 1.0, np.inf
     for _ in range(15):
         error = float(np.abs(state.gaps[closing.members] + depths).max())
         if error <= ROUNDING:
             return state.config
-        state, share = _take_step(state, closing, -depths, share)
+        state, step_share = _take_step(state, closing, -depths, step_share)  # depth = -gap
     raise RequirementError('reach', error, 0.0)
 
 
 def _take_step(
-    state: SearchState, closing: Closing, targets: Array, share: float
+    state: SearchState, closing: Closing, targets: Array, step_share: float
 ) -> tuple[SearchState, float]:
     """
-    Move the gaps of the grasping members toward their targets (s,) [m] by one step.
+    Return the state after a step of the members' gaps to their targets (s,) [m].
 
-    The share of the longest step is that of the previous step, and 1 at first.
+    The share of the longest step is doubled for the next step, or reduced until it is admissible.
     """
-    travel = _solve_step(state, closing, targets, share)
+    travel = _solve_step(state, closing, targets, step_share)
+    # Quantities beyond their bounds must not become worse.
     min_rigidity = min(closing.needs.min_rigidity, state.modes.values[0])
     min_clearance = state.distances.min(initial=0.0)
     config, diameter = state.config, state.config.robot.description.tube_diameter
@@ -180,13 +182,13 @@ def _take_step(
     min_gaps = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
     min_gaps[closing.members] = targets - GAP_TOLERANCE * diameter
     min_gaps = np.minimum(min_gaps, state.gaps - COINCIDENCE)
-    for halving in range(5):
+    for factor in (1.0, 0.5, 0.25, 0.125, 0.0625):
         closing.tally.evaluations += 1
         try:
-            moved = config.moved_to(config.roller_positions + 0.5**halving * travel)
+            moved = config.moved_to(config.roller_positions + factor * travel)
             moved_state = evaluate_state(moved, closing.body)
             moved_state.check_bounds(min_rigidity, min_clearance, min_gaps)
-            return moved_state, min(1.0, share * (0.5**halving if halving else 2.0))
+            return moved_state, min(1.0, step_share * (factor if factor < 1.0 else 2.0))
         except ConfigurationError:
             violation = RequirementError('rigidity', 0.0, min_rigidity)
         except RequirementError as error:
@@ -194,12 +196,13 @@ def _take_step(
     raise violation
 
 
-def _solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
-    """Return the roller travel (r,) of one step by solving the quadratic program [m]."""
+def _solve_step(state: SearchState, closing: Closing, targets: Array, step_share: float) -> Array:
+    """Return the roller travel (r,) [m] of one step, from a quadratic program."""
     config, members = state.config, closing.members
-    length = share * config.robot.home.member_lengths.mean()
-    rows, lower = _bound_rows(state, closing, targets)
-    rates = rows[members]
+    length = step_share * config.robot.home.member_lengths.mean()
+    bound_rows, lower = _bound_rows(state, closing, targets)
+    # Desired changes of the members' gaps, and of their directions times an arm.
+    rates = bound_rows[members]  # the first rows have the gaps
     changes = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * length)
     if closing.facing is not None:
         rotations = np.angle(closing.facing * closing.normals(config).conj())
@@ -212,33 +215,35 @@ def _solve_step(state: SearchState, closing: Closing, targets: Array, share: flo
     nominal = np.zeros(len(longest))
     if closing.nominal_posture is not None:
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
+    # The travel u minimises 1/2 |rates u - changes|^2 + MOTION_WEIGHT / 2 |u - nominal|^2.
     unit = np.eye(len(longest))
     hessian = rates.T @ rates + MOTION_WEIGHT * unit
     gradient = -rates.T @ changes - MOTION_WEIGHT * nominal
-    bounds = np.concatenate([-lower, longest, longest])
-    program = QuadraticProgram(hessian, gradient, np.vstack([-rows, unit, -unit]), bounds)
-    return require_solution(solve_qp(program))
+    rows, upper = np.vstack([-bound_rows, unit, -unit]), np.concatenate([-lower, longest, longest])
+    return require_solution(solve_qp(QuadraticProgram(hessian, gradient, rows, upper)))
 
 
 def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
     """
-    Return the matrix (k, r) and the bounds (k,) of the constraints matrix @ u >= bounds.
+    Return the matrix (k, r) and the bounds (k,) of the constraints matrix @ travel >= bounds.
 
     The first bound the gaps of all parts to the object, by targets for grasping members.
     """
     config, robot = state.config, state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()
     clearance = CLEARANCE * robot.description.tube_diameter
+    # Bounds of the changes by one step.
     gap_bounds = BOUND_SHARE * (clearance - state.gaps)
     gap_bounds[closing.members] = targets - state.gaps[closing.members]
     # Two singular values, because they may exchange their order during a step.
     modes = Modes(*(values[..., :2] for values in state.modes))
-    pairs = np.flatnonzero(state.distances < MAX_CONSTRAINED_DISTANCE * length)
-    rigidity_margins = modes.values - closing.needs.min_rigidity
-    margins = np.append(rigidity_margins, state.distances[pairs] - clearance)
+    rigidity_bounds = BOUND_SHARE * (closing.needs.min_rigidity - modes.values)
     rigidity_rows = rigidity_index(robot).gradients(config, modes)
+    pairs = np.flatnonzero(state.distances < MAX_CONSTRAINED_DISTANCE * length)
+    pair_bounds = BOUND_SHARE * (clearance - state.distances[pairs])
     pair_rows = collisions.gradients(config, pairs)
     rows = config.roller_rows(np.vstack([state.gaps_by_nodes, rigidity_rows, pair_rows]))
-    bounds = np.minimum(0.0, np.concatenate([gap_bounds, -BOUND_SHARE * margins]))
-    limits, upper = closing.limit.rows(config).one_sided()
-    return np.vstack([rows, -limits]), np.concatenate([bounds, -upper])
+    # A quantity beyond its bound must not decrease.
+    bounds = np.minimum(0.0, np.concatenate([gap_bounds, rigidity_bounds, pair_bounds]))
+    limit_rows, upper = closing.limit.rows(config).one_sided()
+    return np.vstack([rows, -limit_rows]), np.concatenate([bounds, -upper])

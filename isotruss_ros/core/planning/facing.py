@@ -37,33 +37,34 @@ def contact_ends(body: ConvexObject, normals: Points, radius: float) -> tuple[Po
 
     Normals (s,) point to the members; ends are relative to the object's origin, in robot axes.
     """
-    shape, facing = body.shape.smoothed(radius), normals * body.turn.conjugate()
+    shape, local_normals = body.shape.smoothed(radius), normals * body.turn.conjugate()
     if not shape.faces_at(0):
-        points = body.turn * shape.support_points(facing)
+        points = body.turn * shape.support_points(local_normals)
         return points, points
-    patches = [shape.contact_patch(normal, radius) for normal in facing.tolist()]
-    first, last = (body.turn * np.array([patch[i].point for patch in patches]) for i in (0, -1))
-    return first, last
+    patches = [shape.contact_patch(normal, radius) for normal in local_normals.tolist()]
+    ends = np.array([(patch[0].point, patch[-1].point) for patch in patches])
+    return body.turn * ends[:, 0], body.turn * ends[:, 1]
 
 
 @functools.lru_cache(maxsize=16)
 def _find_pairs(shape: Shape, radius: float) -> tuple[Points, Points, Array]:
-    """Return candidates of two directions in the object's frame, with their friction angles."""
-    firsts, corner = np.exp(2j * np.pi * np.arange(72) / 72).tolist(), 0
-    smooth = shape.smoothed(radius)
+    """Return directions of two members in the object's frame, with required friction angles."""
+    # Directions of the first member every 5 degrees, and those of all faces.
+    directions = np.exp(2j * np.pi * np.arange(72) / 72).tolist()
+    smooth, corner = shape.smoothed(radius), 0
     while faces := smooth.faces_at(corner):
-        firsts.append(faces[-1].normal)
+        directions.append(faces[-1].normal)
         corner = faces[-1].corner
         if corner == 0:
             break
-    directions, wedges = np.meshgrid(firsts, np.linspace(-0.8, 0.8, 17))
-    normals = directions.ravel()
-    others = -normals * np.exp(1j * wedges.ravel())
-    return normals, others, friction_angles(ConvexObject(shape), normals, others, radius)
+    # The second member is opposite, but for wedges of up to 0.8 rad.
+    firsts, wedges = (grid.ravel() for grid in np.meshgrid(directions, np.linspace(-0.8, 0.8, 17)))
+    seconds = -firsts * np.exp(1j * wedges)
+    return firsts, seconds, friction_angles(ConvexObject(shape), firsts, seconds, radius)
 
 
 def friction_angles(body: ConvexObject, normals: Points, others: Points, radius: float) -> Array:
-    """Return the smallest friction angles (s,) at which the forces of s pairs balance [rad]."""
+    """Return the smallest friction angles (s,) [rad] at which pairs of members balance."""
     ends, other_ends = (contact_ends(body, n, radius) for n in (normals, others))
     return balance_angles(normals, others, np.array(ends), np.array(other_ends))
 
@@ -87,14 +88,12 @@ def find_facing(
 
     They minimise a weighted sum of required friction angle and rotation.
     """
-    firsts, others, used = _find_pairs(body.shape, radius)
-    firsts, others = firsts * body.turn, others * body.turn
-    turns = np.abs(np.angle([firsts / normals[0], others / normals[1]]))
-    price = np.where(used <= angle, used + turning * turns.sum(axis=0), math.inf)
-    # Rounded, so that of equal directions the frame does not choose: those of equal turns are
-    # first, then those nearest to the first member.
-    ranks = np.round([turns[0], np.square(turns).sum(axis=0), price], ROUNDED_DIGITS)
-    best = int(np.lexsort(ranks)[0])
-    if price[best] == math.inf:
-        return None
-    return np.array([firsts[best], others[best]])
+    local_firsts, local_seconds, required = _find_pairs(body.shape, radius)
+    pairs = np.array([local_firsts, local_seconds]) * body.turn
+    turns = np.abs(np.angle(pairs / normals[:, None]))
+    cost = np.where(required <= angle, required + turning * turns.sum(axis=0), math.inf)
+    # Of pairs with the least cost, that with the most equal turns, then with the least first turn.
+    # Costs are rounded, because rounding errors depend on the frame.
+    ranks = np.round([turns[0], np.square(turns).sum(axis=0), cost], ROUNDED_DIGITS)
+    best = int(np.lexsort(ranks)[0])  # the last rank counts first
+    return None if cost[best] == math.inf else pairs[:, best]

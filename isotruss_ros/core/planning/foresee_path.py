@@ -64,14 +64,15 @@ def foresee_grip(
     """
     friction = check_friction(friction)
     foresight = None
-    for find_grip in (attach_grip,) if record is None else (record.restore, attach_grip):
+    grip_sources = [attach_grip] if record is None else [record.restore, attach_grip]
+    for find_grip in grip_sources:
         try:
             held = find_grip(config, body)
         except NotHeldError:
             break
         if held.hold(friction) is HoldStatus.HELD:
             foresight = foresee_path(held, friction, poses)
-            if not foresight.why:
+            if foresight.share == 1.0:
                 break
     return foresight
 
@@ -89,37 +90,37 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     poses = finite_rows(poses, 3, what, GraspError, MAX_MAGNITUDE)
     if not len(poses):
         raise GraspError('the path has no poses: must have one or more')
-    along = np.abs(np.diff(poses, axis=0)) * (1.0, 1.0, held.arm)
-    lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(along, axis=1))])
+    differences = np.abs(np.diff(poses, axis=0)) * (1.0, 1.0, held.arm)
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(differences, axis=1))])
     count = min(max(math.ceil(lengths[-1] / STEP), 1), MAX_STEPS)
-    at = np.linspace(0.0, lengths[-1], count + 1)
+    samples = np.linspace(0.0, lengths[-1], count + 1)
     # The equilibrium may differ from the first pose.
     shifted = poses - poses[0] + np.array(held.pose)
-    goals = np.column_stack([np.interp(at, lengths, values) for values in shifted.T])
-    grips, least, force = [held], held.slip_margin(friction), held.squeeze
+    goals = np.column_stack([np.interp(samples, lengths, values) for values in shifted.T])
+    grips, least_margin = [held], held.slip_margin(friction)
     for number, goal in enumerate(goals[1:]):
         try:
-            moved = _take_step(held, friction, force, goal)
+            moved = _take_step(grips[-1], friction, held.squeeze, goal)
         except (ConfigurationError, GraspError, SolverError) as error:
             if number == 0:
                 raise
             moved = str(error)
         if isinstance(moved, str):
-            return Foresight(held.pose, number / count, least, moved, grips)
-        held, least = moved, min(least, moved.slip_margin(friction))
-        grips.append(held)
-    return Foresight(held.pose, 1.0, least, '', grips)
+            return Foresight(grips[-1].pose, number / count, least_margin, moved, grips)
+        least_margin = min(least_margin, moved.slip_margin(friction))
+        grips.append(moved)
+    return Foresight(grips[-1].pose, 1.0, least_margin, '', grips)
 
 
-def _take_step(held: HeldGrip, friction: float, force: float, goal: Array) -> HeldGrip | str:
+def _take_step(held: HeldGrip, friction: float, squeeze: float, goal: Array) -> HeldGrip | str:
     """Return the grip at a pose (3,) [m, rad] with a squeeze [N], or the reason of a failure."""
-    opening = (force - held.squeeze) / held.squeeze_stiffness()
+    opening = (squeeze - held.squeeze) / held.squeeze_stiffness()
     grip, displacement = held.touching(friction), pose_difference(goal, held.pose)
     command = solve_twist(held.config, grip, displacement, opening_rate=opening)
     if command.scale < MIN_STEP_SCALE:
         return f'limits of {", ".join(command.limiting)}'
-    moved = command.achieved_twist * (1.0, 1.0, held.arm)
-    ratio = np.abs(command.roller_velocities).max() / max(np.linalg.norm(moved), SMALLEST_NORMAL)
+    motion = np.linalg.norm(command.achieved_twist * (1.0, 1.0, held.arm))
+    ratio = np.abs(command.roller_velocities).max() / max(motion, SMALLEST_NORMAL)
     if ratio > MAX_TRAVEL_RATIO:
         why = f'a roller must move by {ratio:.0f} times the motion of the object'
         return f'{why}; must be at most {MAX_TRAVEL_RATIO:g}'
@@ -128,10 +129,10 @@ def _take_step(held: HeldGrip, friction: float, force: float, goal: Array) -> He
     hold = HoldStatus.NO_BALANCE if rolled is None else rolled.hold(friction)
     if hold is not HoldStatus.HELD:
         return hold.value
-    off = math.hypot(goal[0] - rolled.pose.x, goal[1] - rolled.pose.y)
-    if off > 4.0 * STEP:
-        return f'the robot cannot move the object along the path, {1e3 * off:.0f} mm off it'
-    margin, bound = rolled.slip_margin(friction), MIN_RELATIVE_MARGIN * force
+    error = math.hypot(goal[0] - rolled.pose.x, goal[1] - rolled.pose.y)
+    if error > 4.0 * STEP:
+        return f'the robot cannot move the object along the path, {1e3 * error:.0f} mm off it'
+    margin, bound = rolled.slip_margin(friction), MIN_RELATIVE_MARGIN * squeeze
     if margin < bound:
         return f'the slip margin is {margin:.3g} N, and must be {bound:.3g} N'
     return rolled

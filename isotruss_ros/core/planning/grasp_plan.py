@@ -138,13 +138,13 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
 
     The module is empty if the members meet at none; the chance needs an uncertainty.
     """
-    numbers = [field.name for field in fields(grasp) if field.type == 'float']
+    float_names = [field.name for field in fields(grasp) if field.type == 'float']
     chance = {} if grasp.chance is None else {'chance': grasp.chance.probability}
     return {
         'module': grasp.module or '',
         'members': list(grasp.members),
         'roller_positions': grasp.roller_positions.tolist(),
-        **{name: getattr(grasp, name) for name in numbers},
+        **{name: getattr(grasp, name) for name in float_names},
         **chance,
     }
 
@@ -161,20 +161,20 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
 
 
 def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
-    """Return the times (k,) of the waypoints (k, r) of a piecewise linear path, from 0 [s]."""
+    """Return the times (k,) of the waypoints (k, r) of a path, slower on `near` segments."""
     speeds = np.where(near, NEAR_SPEED_SHARE * limits.max_speed, limits.max_speed)
     steps = np.diff(path, axis=0)
     longest = np.abs(steps).max(axis=1, initial=0.0)
     durations = np.maximum(longest / speeds, 0.01)  # [s], so that times increase
-    # A segment contains half of the blends at both corners, see `RollerTrajectory`.
     while len(steps):
-        slopes = np.pad(steps / durations[:, None], ((1, 1), (0, 0)))
-        changes = np.abs(np.diff(slopes, axis=0)).max(axis=1)
-        needed = 0.5 * (changes[1:] + changes[:-1]) / limits.max_acceleration
-        if (needed <= durations).all():
+        velocities = np.pad(steps / durations[:, None], ((1, 1), (0, 0)))  # from rest to rest
+        jumps = np.abs(np.diff(velocities, axis=0)).max(axis=1)
+        # A segment contains half of the blends at both of its ends, see `RollerTrajectory`.
+        required = 0.5 * (jumps[1:] + jumps[:-1]) / limits.max_acceleration
+        if (required <= durations).all():
             break
         # The factor ends the iteration on segments too short for the acceleration.
-        durations = np.maximum(durations, 1.01 * np.sqrt(durations * needed))
+        durations = np.maximum(durations, 1.01 * np.sqrt(durations * required))
     return np.append(0.0, np.cumsum(durations))
 
 
@@ -183,18 +183,19 @@ def plan_in_words(plan: GraspPlan) -> str:
     if not plan.grasps:
         violation = violation_in_words(plan.closest_violation)
         return f'no grasp found in {plan.evaluations} evaluations; {violation}'
-    best, outside, chance, others = plan[0], '', '', ''
+    best = plan[0]
     count = 'one grasp' if len(plan) == 1 else f'{len(plan)} grasps, the best'
     where = '' if best.module is None else f'at {best.module} '
+    outside = others = chance = ''
     wrinkled = sum(grasp.outside_model for grasp in plan[1:])
-    if wrinkled:
-        others = f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
     if best.outside_model:
         outside = '; a tube wrinkles, these numbers are outside of the model'
         others = f'; a tube wrinkles in {wrinkled} of the others too' if wrinkled else ''
+    elif wrinkled:
+        others = f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
     if best.chance is not None:
-        first, second, *_ = best.chance.shares.items()
-        shares = ', '.join(f'{name} {100.0 * share:.0f} %' for name, share in (first, second))
+        largest = list(best.chance.shares.items())[:2]
+        shares = ', '.join(f'{name} {100.0 * share:.0f} %' for name, share in largest)
         chance = (
             f'; held with a chance of {best.chance.probability:.3g} ({best.chance.method}), '
             f'otherwise most probably {best.chance.limit} ({shares})'

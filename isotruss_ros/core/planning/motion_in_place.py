@@ -63,7 +63,7 @@ REFINEMENT = 0.34
 
 
 def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
-    """Return the equilibrium of an object between given members, from which it can roll."""
+    """Return the equilibrium of an object between the closing members, with rolling contacts."""
     try:
         attached = attach_grip(config, closing.body, closing.members)
     except NotHeldError:
@@ -72,7 +72,7 @@ def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
 
 
 def roll_between(grasp: HeldGrip, config: Configuration, closing: Closing) -> HeldGrip:
-    """Return the grasp rolled to a configuration; raise RequirementError if a member lets go."""
+    """Return the grasp rolled to a configuration; raise RequirementError if contact is lost."""
     rolled = roll_grip(grasp, config)
     if rolled is None or len(rolled.members) != len(closing.members):
         raise RequirementError('held', 0.0, 1.0)
@@ -81,46 +81,39 @@ def roll_between(grasp: HeldGrip, config: Configuration, closing: Closing) -> He
 
 def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:
     """Return the grasp with this mean normal force [N] and an unchanged pose of the object."""
-    force_errors = [SQUEEZE_TOLERANCE * force] * len(closing.members)
-    pose_errors = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])
-    others = [*pose_errors, *force_errors] if len(closing.members) > 2 else pose_errors
-    tolerances = np.array([force_errors[0], *others])
-    weights = np.ones(len(others))
-    weights[2] = ROTATION_WEIGHT
-    rows, room = closing.limit.rows(grasp.config).one_sided()  # up to the end of the motion
+    # Tolerances of the errors of `_find_errors`: squeeze, pose and, for three members, forces.
+    force_tolerance = SQUEEZE_TOLERANCE * force
+    pose_tolerances = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])
+    force_tolerances = 3 * [force_tolerance] if len(closing.members) > 2 else []
+    tolerances = np.array([force_tolerance, *pose_tolerances, *force_tolerances])
+    # The squeeze is an equality constraint; the other errors are minimised.
+    weights = np.ones(len(tolerances) - 1)
+    weights[2] = ROTATION_WEIGHT  # x, y, angle
+    limit_rows, room = closing.limit.rows(grasp.config).one_sided()  # up to the end of the motion
     rollers = len(grasp.config.roller_positions)
     for _ in range(MAX_SEARCH_STEPS):
-        # Squeeze, pose and, for three members, ratios of forces.
         errors = _find_errors(grasp, force, closing.body) / tolerances
         try:
             gradient = held_gradient(grasp)
         except GraspError:
             break
-        pose, forces = gradient.pose[:, :rollers], gradient.normal_forces[:, :rollers]
-        rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(errors)]
+        pose_rates, force_rates = gradient.pose[:, :rollers], gradient.normal_forces[:, :rollers]
+        rates = np.vstack([force_rates.mean(axis=0), pose_rates, force_rates])[: len(errors)]
         rates = rates / tolerances[:, None]
-        # The squeeze is an equality constraint; the other errors are minimised.
         matrix = weights[:, None] * rates[1:]
         hessian = matrix.T @ matrix + MOTION_WEIGHT * np.eye(rollers)
         linear = -matrix.T @ (weights * errors[1:])
-        program = QuadraticProgram(hessian, linear, rows, room, rates[:1], errors[:1])
+        program = QuadraticProgram(hessian, linear, limit_rows, room, rates[:1], errors[:1])
         travel = solve_qp(program)
         if travel is None:
             break
-        room = room - rows @ travel
+        room = room - limit_rows @ travel
         decrease = rates @ travel
         size_before = np.linalg.norm(weights * errors[1:])
         size_after = np.linalg.norm(weights * (errors - decrease)[1:])
         has_converged = np.abs(decrease).max() < 1.0 or size_after > MAX_CONTRACTION * size_before
         if has_converged and abs(errors[0]) < 1.0:
-            state = evaluate_state(grasp.config, grasp.body)
-            min_gaps = np.zeros(len(state.gaps))
-            min_gaps[closing.members] = -np.inf
-            state.check_bounds(closing.needs.min_rigidity, 0.0, min_gaps)
-            bound = MAX_SHIFT * grasp.config.robot.description.tube_diameter
-            distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
-            if distance > bound:
-                raise RequirementError('in_place', distance, bound)
+            _check_in_place(grasp, closing)
             return grasp
         closing.tally.evaluations += 1
         try:
@@ -131,38 +124,52 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     raise RequirementError('squeeze', grasp.squeeze, force)
 
 
+def _check_in_place(grasp: HeldGrip, closing: Closing) -> None:
+    """Raise RequirementError if the object is displaced, or rigidity or a gap is too small."""
+    state = evaluate_state(grasp.config, grasp.body)
+    min_gaps = np.zeros(len(state.gaps))
+    min_gaps[closing.members] = -np.inf
+    state.check_bounds(closing.needs.min_rigidity, 0.0, min_gaps)
+    bound = MAX_SHIFT * grasp.config.robot.description.tube_diameter
+    displacement = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
+    if displacement > bound:
+        raise RequirementError('in_place', displacement, bound)
+
+
 def _find_errors(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
     """Return the errors of squeeze [N], pose [m, rad] and, for three members, forces [N]."""
     rise = max(force - grasp.squeeze, -MAX_FALL * grasp.squeeze)
     errors = np.append(rise, pose_difference(body.pose, grasp.pose))
     if len(grasp.members) < 3:
         return errors
-    # Forces of three members in the ratios of a balance without friction.
+    # Three forces balance without friction if each is proportional to the sine of the angle
+    # between the other two.
     normals = grasp.state.normals[grasp.contacts.member_starts]
-    shares = (np.roll(normals, -1).conj() * np.roll(normals, -2)).imag
-    return np.append(errors, 3.0 * force * shares / shares.sum() - grasp.normal_forces)
+    sines = (np.roll(normals, -1).conj() * np.roll(normals, -2)).imag
+    return np.append(errors, 3.0 * force * sines / sines.sum() - grasp.normal_forces)
 
 
 def close_in_place(touch: Configuration, closing: Closing) -> Iterator[ClosedGrip]:
     """Yield grips with increasing squeeze until a requirement would be violated."""
     needs, diameter = closing.needs, touch.robot.description.tube_diameter
     depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
-    # The part of the friction that a grip may use while it closes.
-    usable, share = math.tan(CONE_SHARE * math.atan(needs.friction)), 1.0
-    grasp = _require_hold(hold_between(press(touch, closing, depths), closing), usable)
+    # A grip may use a part of the friction angle while it closes.
+    usable_friction = math.tan(CONE_SHARE * math.atan(needs.friction))
+    grasp = _require_hold(hold_between(press(touch, closing, depths), closing), usable_friction)
     # A grip of two members is assessed after the first step, which moves the object to its pose.
     if len(closing.members) > 2:
         with closing.tally.recording():
             yield _judge(grasp, closing)
-    while share >= REFINEMENT and not (needs.squeeze and _has_squeeze(grasp, needs)):
+    step_share = 1.0
+    while step_share >= REFINEMENT and not (needs.squeeze and _has_squeeze(grasp, needs)):
         rise = -CLOSING_STEP * diameter * grasp.squeeze_stiffness()
-        force = min(grasp.squeeze + share * rise, needs.squeeze or math.inf)
+        force = min(grasp.squeeze + step_share * rise, needs.squeeze or math.inf)
         with closing.tally.recording():
-            moved = _require_hold(squeeze_in_place(grasp, force, closing), usable)
+            moved = _require_hold(squeeze_in_place(grasp, force, closing), usable_friction)
             yield _judge(moved, closing)
             grasp = moved
             continue
-        share *= REFINEMENT
+        step_share *= REFINEMENT  # after a violation, which ends the `with` block
 
 
 def _judge(grasp: HeldGrip, closing: Closing) -> ClosedGrip:
@@ -175,23 +182,22 @@ def _judge(grasp: HeldGrip, closing: Closing) -> ClosedGrip:
     closing.tally.analyses += 1
     needs.check_bounds(max_contact_force=forces.max(), max_total_force=forces.sum())
     needs.check_bounds(max_utilisation=grasp.sections.used.max())
-    margin = chance = None
     if _has_squeeze(grasp, needs):
         with closing.tally.recording():
-            loaded = grasp
+            loaded, chance = grasp, None
             if any(needs.external_wrench):
                 rolled = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
                 loaded = _require_hold(rolled, needs.friction)
-            slip = loaded.slip_margin(needs.friction)
-            needs.check_bounds(min_slip_margin=slip)
+            slip_margin = loaded.slip_margin(needs.friction)
+            needs.check_bounds(min_slip_margin=slip_margin)
             if closing.uncertainty is not None:
                 chance = _find_chance(grasp, loaded, closing.uncertainty, needs.friction)
-            margin = slip
-    return ClosedGrip(grasp, margin, chance)
+            return ClosedGrip(grasp, slip_margin, chance)
+    return ClosedGrip(grasp, slip_margin=None)  # it violates a requirement
 
 
 def _has_squeeze(grasp: HeldGrip, needs: GraspRequirements) -> bool:
-    """Return whether a grasp has the required squeeze, if any."""
+    """Return whether a grasp has the squeeze that is required, if one is."""
     return grasp.squeeze >= (1.0 - 2.0 * SQUEEZE_TOLERANCE) * (needs.squeeze or 0.0)
 
 
@@ -208,7 +214,7 @@ def _require_hold(grasp: HeldGrip | None, friction: float) -> HeldGrip:
 def _find_chance(
     grasp: HeldGrip, loaded: HeldGrip, uncertainty: Uncertainty, friction: float
 ) -> Chance:
-    """Return the chance that the object is held from rest on, without and with the wrench."""
+    """Return the chance that an object is held in a grasp, and also when it is `loaded`."""
     try:
         rest = attach_grip(grasp.config, grasp.body, grasp.members)
         grips = [rest] if loaded is grasp else [rest, loaded]

@@ -107,14 +107,14 @@ def plan_grasps(
         if search.stopped or len(search.best()) >= needs.count:
             break
     best, tally = tuple(search.best()), search.tally
-    closest, evaluations = None if best else tally.closest, tally.evaluations + tally.analyses
-    spent = time.perf_counter() - search.began
-    return GraspPlan(best, not search.stopped, closest, evaluations, tally.analyses, spent)
+    closest = None if best else tally.closest
+    evaluations, duration = tally.evaluations + tally.analyses, time.perf_counter() - search.began
+    return GraspPlan(best, not search.stopped, closest, evaluations, tally.analyses, duration)
 
 
 @dataclass(eq=False)
 class _Search:
-    """State of a search; its first fields are the parameters of `plan_grasps`."""
+    """State of a grasp search; its first fields are the parameters of `plan_grasps`."""
 
     config: Configuration
     needs: GraspRequirements
@@ -129,7 +129,7 @@ class _Search:
     tally: SearchTally = field(default_factory=SearchTally)
 
     def judge(self, closings: list[Closing], thorough: bool) -> None:
-        """Compute grasps from seeds; stop when enough are found, unless `thorough`."""
+        """Add the grasps of closing motions; stop at the required number, unless `thorough`."""
         self.begun += len(closings)
         self._report()
         for grasp, tally in self._judge_each(closings):
@@ -146,19 +146,19 @@ class _Search:
 
     def best(self) -> list[PlannedGrasp]:
         """Return the distinct grasps found so far, best first."""
-        same = EQUALITY_SHARE * self.config.robot.home.member_lengths.mean()
+        tolerance = EQUALITY_SHARE * self.config.robot.home.member_lengths.mean()
         distinct: list[PlannedGrasp] = []
         for grasp in sorted(self.grasps, key=lambda grasp: -grasp.score):
             if not any(
-                grasp.members == other.members
-                and np.abs(grasp.path[-1] - other.path[-1]).max() < same
-                for other in distinct
+                grasp.members == better.members
+                and np.abs(grasp.path[-1] - better.path[-1]).max() < tolerance
+                for better in distinct
             ):
                 distinct.append(grasp)
         return distinct[: self.needs.count]
 
     def _judge_each(self, closings: list[Closing]) -> Iterator[Judgement]:
-        """Yield the results of the seeds in their order, until the search is stopped."""
+        """Yield the judgements of closing motions in their order, until the search is stopped."""
         if self.executor is None:
             for closing in closings:
                 self.stopped = self.should_stop()
@@ -166,7 +166,7 @@ class _Search:
                     return
                 yield judge_candidate(self.config, closing)
             return
-        futures = [self.executor.submit(judge_candidate, self.config, one) for one in closings]
+        futures = [self.executor.submit(judge_candidate, self.config, item) for item in closings]
         try:
             for future in futures:
                 while not wait([future], POLL_INTERVAL).done:

@@ -71,20 +71,21 @@ def reach_pose(config: Configuration, grip: Grip, pose: ArrayLike) -> ReachedPos
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
     guard = ShapeGuard(config.robot)
     remaining, weights = pose_difference(goal, rolling.pose), (1.0, 1.0, grip.body.arm)
-    whole = size = float(np.linalg.norm(weights * remaining))
+    initial_distance = distance = float(np.linalg.norm(weights * remaining))
     status, why = Status.OK, ''
-    while size > ROUNDING:
+    while distance > ROUNDING:
         try:
-            rolling, status, why = _take_step(rolling, min(1.0, STEP / size) * remaining, guard)
+            step = min(1.0, STEP / distance) * remaining
+            rolling, status, why = _take_step(rolling, step, guard)
         except (ConfigurationError, GraspError, SolverError) as error:
             status, why = Status.HALT_KINEMATICS, str(error)
         if why:
             break
         path.append(rolling.config.roller_positions)
         remaining = pose_difference(goal, rolling.pose)
-        size = float(np.linalg.norm(weights * remaining))
-    share = 1.0 - size / whole if whole > ROUNDING else 1.0
-    status = status if why else Status.OK
+        distance = float(np.linalg.norm(weights * remaining))
+    share = 1.0 - distance / initial_distance if initial_distance > ROUNDING else 1.0
+    status = status if why else Status.OK  # also if a step was slowed
     return ReachedPose(rolling.config, rolling.pose, share, status, why, np.array(path))
 
 
@@ -104,7 +105,7 @@ def _take_step(
         return rolling, command.status, words
     command = watch.keep(command, np.zeros(len(config.roller_positions)), duration)
     if command.scale < MIN_STEP_SCALE:
-        named = ', '.join(command.limiting)
-        return rolling, command.status, f'limits of {named}' if named else str(command.status)
-    travel = config.roller_positions + duration * command.roller_velocities
-    return rolling.moved_to(config.moved_to(travel)), command.status, ''
+        names = ', '.join(command.limiting)
+        return rolling, command.status, f'limits of {names}' if names else str(command.status)
+    rollers = config.roller_positions + duration * command.roller_velocities
+    return rolling.moved_to(config.moved_to(rollers)), command.status, ''

@@ -70,7 +70,7 @@ def plan_release(
     The `record` of the loop that holds the object replaces the equilibrium of `attach_grip`; the
     predicted rotation of the object is at most `max_turn` [rad].
     """
-    file = config.robot.description
+    description = config.robot.description
     longest = float(config.member_lengths.sum())
     if not 0.0 < clearance <= longest:
         raise GraspError(
@@ -78,21 +78,21 @@ def plan_release(
             'all tubes together'
         )
     numbers = find_members(config.robot.topology, Grip(tuple(members), body).members).members
-    limit = MemberLengthLimit(file.min_length, file.max_length, BOUND_SHARE)
+    limit = MemberLengthLimit(description.min_length, description.max_length, BOUND_SHARE)
     held = None if record is None else record.restore(config, body)
     body = body if held is None else held.body  # the pose in the model
     closing = Closing(body, numbers, limit, GraspRequirements())
     try:
         path, closing = _unload(config, closing, held)
-        turned = math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi)
-        if abs(turned) > max_turn:
-            raise RequirementError('turned', abs(turned), max_turn)
-        apart = max(len(path) - 1, 1)
+        turn = abs(math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi))
+        if turn > max_turn:
+            raise RequirementError('turned', turn, max_turn)
+        first_apart = max(len(path) - 1, 1)
         for gap in np.linspace(clearance / 5, clearance, 5):
             path.append(press(path[-1], closing, np.full(len(closing.members), -gap)))
     except RequirementError as error:
         return Release(np.empty((0, len(config.roller_positions))), 0, Violation(*error.args))
-    return Release(np.array([where.roller_positions for where in path]), apart)
+    return Release(np.array([waypoint.roller_positions for waypoint in path]), first_apart)
 
 
 def _unload(
@@ -107,16 +107,16 @@ def _unload(
     if float(member_depths(config, closing.body).max()) <= FIRST_INDENTATION * diameter:
         return path, closing
     grasp = hold_between(config, closing) if held is None else held
-    if grasp.normal_forces.min() <= 0.0:
+    if grasp.normal_forces.min() <= 0.0:  # a member without contact force
         return path, closing
     # On the straight line to a grip almost without forces, all contact forces decrease in
     # proportion; so the waypoints are near this line. On the shortest way to less squeeze, the
     # friction may rise until contacts slip.
     min_squeeze = -FIRST_INDENTATION * diameter * grasp.squeeze_stiffness()
     end = squeeze_in_place(grasp, min_squeeze, closing).config.roller_positions
-    for pieces in range(UNLOADING_STEPS, 1, -1):
+    for steps_left in range(UNLOADING_STEPS, 1, -1):
         start = grasp.config.roller_positions
-        target = grasp.config.moved_to(start + (end - start) / pieces)
+        target = grasp.config.moved_to(start + (end - start) / steps_left)
         rolled = roll_between(grasp, target, closing)
         grasp = squeeze_in_place(rolled, rolled.squeeze, closing)  # the object back in place
         path.append(grasp.config)

@@ -76,20 +76,20 @@ class GraspRequirements:
 
     def __post_init__(self) -> None:
         """Check the values; names are checked against the robot when a search begins."""
-        for name, most in ('external_wrench', MAX_LOAD), ('direction', LARGEST_NUMBER):
+        for name, bound in ('external_wrench', MAX_LOAD), ('direction', LARGEST_NUMBER):
             what = f'requirement {name}'
-            values = finite_array(getattr(self, name), 3, what, GraspError, most)
+            values = finite_array(getattr(self, name), 3, what, GraspError, bound)
             object.__setattr__(self, name, tuple(values.tolist()))
         for field in fields(self):
             name, value = field.name, getattr(self, field.name)
             if field.type not in ('float', 'float | None') or value is None:
                 continue
-            bounded = not name.startswith('max_') or name == 'max_length'
-            usable = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if not usable or not value >= 0.0 or (bounded and math.isinf(value)):
+            must_be_finite = not name.startswith('max_') or name == 'max_length'
+            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not is_number or not value >= 0.0 or (must_be_finite and math.isinf(value)):
                 raise GraspError(
                     f'requirement {name}: {value!r}: must be a number, not negative'
-                    + (', and finite' if bounded else '')
+                    + (', and finite' if must_be_finite else '')
                 )
         check_friction(self.friction, 'requirement friction')
         poses = [finite_array(pose, 3, 'pose of carry', GraspError) for pose in self.carry]
@@ -126,7 +126,8 @@ class GraspRequirements:
         """
         for name, value in values.items():
             bound = getattr(self, name)
-            if value > bound if name.startswith('max_') else value < bound:
+            excess = value - bound if name.startswith('max_') else bound - value
+            if excess > 0.0:
                 raise RequirementError(name, float(value), bound)
 
     def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:

@@ -38,11 +38,14 @@ def find_seeds(
     config: Configuration, body: ConvexObject, needs: GraspRequirements, seed: int, number: int
 ) -> list[Closing]:
     """Return the closing motions of a round of the search, pairs first, most promising first."""
-    description, around = config.robot.description, enclosing_members(config, body.middle)
+    description, enclosing = config.robot.description, enclosing_members(config, body.middle)
     required = required_members(config.robot, needs)
-    groups = [*itertools.combinations(around, 2), *itertools.combinations(around, 3)]
+    if not enclosing:
+        raise RequirementError('enclosed', 0.0, 1.0)
+    groups = [*itertools.combinations(enclosing, 2), *itertools.combinations(enclosing, 3)]
     groups = [group for group in groups if not required or required == set(group)]
-    if number > 0 and groups:
+    is_random = number > 0  # after the first round
+    if is_random and groups:
         groups *= math.ceil(MAX_SEEDS / len(groups))
     shortest = description.min_length if needs.min_length is None else needs.min_length
     longest = description.max_length if needs.max_length is None else needs.max_length
@@ -52,7 +55,7 @@ def find_seeds(
     seeds: list[tuple[float, Closing]] = []
     for group in groups:
         turn_weight, friction_angle, posture = TURN_WEIGHT, math.atan(needs.friction), None
-        if number > 0:
+        if is_random:
             turn_weight *= rng.uniform(0.0, 1.0)
             random_travel = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * random_travel
@@ -67,10 +70,8 @@ def find_seeds(
             rotation = np.abs(np.angle(facing / normals)).sum()
             cost = float(gaps[closing.members].sum() / length + 0.5 * rotation)
             seeds.append((round(cost, ROUNDED_DIGITS), replace(closing, facing=facing)))
-    if not around:
-        raise RequirementError('enclosed', 0.0, 1.0)
     if not seeds:
-        visible, count = len(required.intersection(around)), len(required)
+        visible, count = len(required.intersection(enclosing)), len(required)
         raise RequirementError('members' if visible < count else 'opposed', visible, count)
     # Pairs first: three members of tubes with constant lengths rarely reach an object.
     seeds.sort(key=lambda item: (len(item[1].members), item[0]))
@@ -88,20 +89,21 @@ def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[in
 def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     """Return the members visible from a point; none if the robot does not enclose the point."""
     topology, points = config.robot.topology, config.points
-    count = topology.n_modules
     b, c = points[topology.b], points[topology.c]
+    # Segments that block the view: members, modules from B to C, and rods from joints to modules.
     starts = np.concatenate([b, b, points[topology.joint]]) - point
     ends = np.concatenate([points[topology.end], c, 0.5 * (b + c)]) - point
     # Between the directions of ends, all lines of sight meet the same segments.
     angles = np.sort(np.angle(np.concatenate([starts, ends])))
     between = np.diff(angles, append=angles[0] + 2.0 * np.pi)
     sights = np.exp(1j * (angles + 0.5 * between)[between > ROUNDING, None])
-    one, other = starts * sights.conj(), ends * sights.conj()
-    crossing = (one.imag > 0.0) != (other.imag > 0.0)
-    share = one.imag / np.where(crossing, one.imag - other.imag, 1.0)
-    away = one.real + share * (other.real - one.real)
-    away = np.where(crossing & (away > 0.0), away, np.inf)
-    first = away.argmin(axis=1)
-    if np.isinf(away.min(axis=1)).any():
+    # Ends along (real) and across (imaginary) each line of sight, (lines, segments).
+    local_starts, local_ends = starts * sights.conj(), ends * sights.conj()
+    crosses = (local_starts.imag > 0.0) != (local_ends.imag > 0.0)
+    share = local_starts.imag / np.where(crosses, local_starts.imag - local_ends.imag, 1.0)
+    distances = local_starts.real + share * (local_ends.real - local_starts.real)
+    distances = np.where(crosses & (distances > 0.0), distances, np.inf)
+    if np.isinf(distances.min(axis=1)).any():
         return ()
-    return tuple(int(i) for i in np.unique(first[first < count]))
+    nearest = distances.argmin(axis=1)
+    return tuple(int(i) for i in np.unique(nearest[nearest < topology.n_modules]))
