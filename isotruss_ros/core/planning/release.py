@@ -87,7 +87,7 @@ def plan_release(
         turn = abs(math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi))
         if turn > max_turn:
             raise RequirementError('turned', turn, max_turn)
-        first_apart = max(len(path) - 1, 1)
+        first_apart = max(len(path) - 1, 1)  # the row with the open grip, or the first retreat
         for gap in np.linspace(clearance / 5, clearance, 5):
             path.append(press(path[-1], closing, np.full(len(closing.members), -gap)))
     except RequirementError as error:
