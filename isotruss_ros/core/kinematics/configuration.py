@@ -102,9 +102,10 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         :raises ConfigurationError: the configuration is singular.
         """
         topology = self.robot.topology
-        right = np.zeros((self.robot.constraints.n_rows, len(topology.driven)))
-        right[: topology.n_modules] = topology.incidence
-        return np.asarray(self.factor.solve(right))
+        # (12) with Ldot = C phidot; the other constraints are constant.
+        length_rates = np.zeros((self.robot.constraints.n_rows, len(topology.driven)))
+        length_rates[: topology.n_modules] = topology.incidence
+        return np.asarray(self.factor.solve(length_rates))
 
     @single_threaded
     def moved_to(self, roller_positions: ArrayLike) -> Configuration:
@@ -121,33 +122,35 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         # Arrays of floats need no conversion.
         if goal.dtype != float or goal.shape != start.shape or not np.isfinite(goal).all():
             goal = robot.check_rollers(roller_positions, 'roller positions [m]')
-        goal_lengths = _lengths(robot, goal)[: robot.topology.n_modules]
-        worst = int(goal_lengths.argmin())
-        if goal_lengths[worst] <= 0.0:
+        goal_lengths = _span_lengths(robot, goal)[: robot.topology.n_modules]
+        shortest = int(goal_lengths.argmin())
+        if goal_lengths[shortest] <= 0.0:
             raise ConfigurationError(
                 f'robot {robot.name}: roller positions {goal.tolist()} m make member '
-                f'{robot.member_names[worst]} {goal_lengths[worst]:.6g} m long; must be positive'
+                f'{robot.member_names[shortest]} {goal_lengths[shortest]:.6g} m long; '
+                'must be positive'
             )
-        points, factor = self.points, self.__dict__.get('factor')
-        done, step = 0.0, 1.0  # fractions of the way
+        cause = f'near a singular one, none found in {MAX_NEWTON_ITERATIONS} steps'
+        points = self.points
+        factor = self.__dict__.get('factor')  # at `points`; None if not factorised yet
+        fraction, step = 0.0, 1.0  # of the line from start to goal
         for _ in range(MAX_NEWTON_ITERATIONS):
-            end = min(done + step, 1.0)
-            lengths = _lengths(robot, start + end * (goal - start))
-            moved = follow_branch(robot.constraints, points, lengths, factor)
-            if moved is None:
+            next_fraction = min(fraction + step, 1.0)
+            lengths = _span_lengths(robot, start + next_fraction * (goal - start))
+            next_points = follow_branch(robot.constraints, points, lengths, factor)
+            if next_points is None:
                 step *= 0.25
+            elif next_fraction == 1.0:
+                return Configuration(robot, goal, next_points)
             else:
-                points, factor, done, step = moved, None, end, 2.0 * step
-            if done == 1.0:
-                return Configuration(robot, goal, points)
+                points, factor = next_points, None
+                fraction, step = next_fraction, 2.0 * step
             if step < NEGLIGIBLE_SHARE:
-                why = 'no configuration exists'
+                cause = 'no configuration exists'
                 break
-        else:
-            why = f'near a singular one, none found in {MAX_NEWTON_ITERATIONS} steps'
         raise ConfigurationError(
-            f'robot {robot.name}: roller positions {goal.tolist()} m: {why} '
-            f'beyond {100 * done:.6g} % of the way from {start.tolist()} m'
+            f'robot {robot.name}: roller positions {goal.tolist()} m: {cause} '
+            f'beyond {100 * fraction:.6g} % of the way from {start.tolist()} m'
         )
 
     def predict(self, travel: Array) -> Configuration:
@@ -166,10 +169,11 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         if np.abs(travel).max() > MAX_FIRST_ORDER_TRAVEL:
             return self.moved_to(self.roller_positions + travel)
         # (12) with Ldot = C phidot.
-        right = np.zeros(self.robot.constraints.n_rows)
-        right[: self.robot.topology.n_modules] = self.robot.topology.incidence @ travel
-        moved = self.factor.solve(right).view(np.complex128)
-        return Configuration(self.robot, self.roller_positions + travel, self.points + moved)
+        length_changes = np.zeros(self.robot.constraints.n_rows)
+        length_changes[: self.robot.topology.n_modules] = self.robot.topology.incidence @ travel
+        displacements = self.factor.solve(length_changes).view(np.complex128)
+        positions = self.roller_positions + travel
+        return Configuration(self.robot, positions, self.points + displacements)
 
     def roller_rows(self, node_rows: Array) -> Array:
         """
@@ -181,15 +185,15 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         :return: (k, r) coefficients of the roller speeds.
         :raises ConfigurationError: the configuration is singular.
         """
-        topology = self.robot.topology
-        by_length = self.factor.solve(node_rows.T, transposed=True).T
-        # dL_i = dphi_i - dphi_following(i)
-        before = topology.previous[topology.driven]
-        return by_length.take(topology.driven, 1) - by_length.take(before, 1)
+        driven, previous = self.robot.topology.driven, self.robot.topology.previous
+        length_rows = self.factor.solve(node_rows.T, transposed=True).T
+        # Since dL_i = dphi_i - dphi_following(i), roller i lengthens member i and shortens the
+        # previous member.
+        return length_rows.take(driven, 1) - length_rows.take(previous[driven], 1)
 
 
-def _lengths(robot: Mechanism, roller_positions: Array) -> Array:
-    """Return the lengths (4m,) at roller travel, see `Constraints.residual` [m]."""
+def _span_lengths(robot: Mechanism, roller_positions: Array) -> Array:
+    """Return the lengths (4m,) of `Constraints.spans` at given roller travel [m]."""
     lengths = robot.home_lengths.copy()
     lengths[: robot.topology.n_modules] += robot.topology.incidence @ roller_positions
     return lengths
@@ -202,7 +206,7 @@ class ConfigurationTracker:
         self._home = self._last = home
 
     def configuration(self, roller_positions: Array) -> Configuration:
-        """Return the configuration at measured travel; the last one at unchanged travel."""
+        """Return the configuration at measured travel; the previous one if it is unchanged."""
         if not np.array_equal(roller_positions, self._last.roller_positions):
             try:
                 self._last = self._last.moved_to(roller_positions)

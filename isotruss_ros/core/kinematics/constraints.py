@@ -26,67 +26,67 @@ MAX_REUSE_CONTRACTION = 0.1
 
 
 class Constraints:
-    """Kinematic constraints; the rows are those of tubes, modules, bisections and ground."""
+    """Constraints on 4m lengths of members and modules, m bisections and g fixed coordinates."""
 
     def __init__(self, topology: Topology) -> None:
         self._topology = topology
         m, n = topology.n_modules, len(topology.node_names)
-        a, b, c, member_end = topology.joint, topology.b, topology.c, topology.end
+        a, b, c = topology.joint, topology.b, topology.c
         self.n_rows = 5 * m + len(topology.grounded)
         self.n_columns = 2 * n
-        self._heads = np.concatenate([member_end, b, c, c])
+        # End and start nodes of the spans: members, AB, AC and BC.
+        self._heads = np.concatenate([topology.end, b, c, c])
         self._tails = np.concatenate([b, a, a, b])
-        stretch = np.arange(4 * m)
-        bend = 4 * m + np.arange(m)
-        self._rows = np.concatenate([stretch, stretch, bend, bend, bend, bend, bend])
-        bisection = [member_end, b, c, a, b[topology.previous]]
-        self._nodes = np.concatenate([self._heads, self._tails, *bisection])
+        # Row and node of each entry of `gradients`.
+        length_rows = np.arange(4 * m)
+        bisection_rows = 4 * m + np.arange(m)
+        rows = np.concatenate([length_rows, length_rows, *5 * [bisection_rows]])
+        bisection_nodes = [topology.end, b, c, a, b[topology.previous]]
+        nodes = np.concatenate([self._heads, self._tails, *bisection_nodes])
+        self._flat_indices = rows * n + nodes
         self._ground_rows = 5 * m + np.arange(len(topology.grounded))
-        self._places = self._rows * n + self._nodes
-        self._sparse: csc_matrix | None = None
+        self._pattern: csc_matrix | None = None
         if self.n_columns > MAX_DENSE_COORDINATES:
-            # Sparsity pattern with indices of the nonzero entries as data.
-            columns = np.stack([2 * self._nodes, 2 * self._nodes + 1], axis=1).ravel()
-            rows = np.concatenate([np.repeat(self._rows, 2), self._ground_rows])
-            columns = np.concatenate([columns, topology.grounded])
-            order = np.arange(1, len(rows) + 1)  # from 1: a stored zero could be dropped
-            pattern = coo_matrix((order, (rows, columns)), shape=(self.n_rows, self.n_columns))
-            self._sparse = pattern.tocsc()
+            # The data of the sparsity pattern are the numbers of the entries, see `matrix`.
+            columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
+            all_rows = np.concatenate([np.repeat(rows, 2), self._ground_rows])
+            all_columns = np.concatenate([columns, topology.grounded])
+            numbers = np.arange(1, len(all_rows) + 1)  # from 1: a stored zero could be dropped
+            shape = (self.n_rows, self.n_columns)
+            self._pattern = coo_matrix((numbers, (all_rows, all_columns)), shape=shape).tocsc()
 
     def residual(self, points: Points, lengths: Array) -> Array:
-        """Return residuals (5m + g,): lengths (4m,) of `spans` [m], (3) [rad], ground [m]."""
-        stretched = self.spans(points)
-        return np.concatenate(
-            [
-                np.abs(stretched) - lengths,
-                self.bisection(stretched),
-                points.view(np.float64)[self._topology.grounded] - self._topology.ground,
-            ]
-        )
+        """Return errors (5m + g,) of span lengths (4m,) [m], bisections [rad] and supports [m]."""
+        spans = self.spans(points)
+        support_errors = points.view(np.float64)[self._topology.grounded] - self._topology.ground
+        return np.concatenate([np.abs(spans) - lengths, self.bisection(spans), support_errors])
 
-    def bisection(self, stretched: Points) -> Array:
-        """Return the difference of the two angles between rod and sides in (3) [rad]."""
-        side, to_b, to_c, _ = stretched.reshape(4, -1)
-        rod = (to_b + to_c).conj()
-        turn = -side * side[self._topology.previous] * rod * rod
+    def bisection(self, spans: Points) -> Array:
+        """Return the rod's angle (m,) from one side minus that from the other, by (3) [rad]."""
+        side, to_b, to_c, _ = spans.reshape(4, -1)
+        rod = to_b + to_c
+        # The previous side ends at the module, so the directions are `side` and -previous_side.
+        previous_side = side[self._topology.previous]
+        turn = -side * previous_side * rod.conj() ** 2
         return np.arctan2(turn.imag, turn.real)
 
     def spans(self, points: Points) -> Points:
-        """Return vectors (4m,) along the members, then AB, AC and BC of the modules [m]."""
+        """Return the vectors (4m,) of the members, then AB, AC and BC of the modules [m]."""
         return points.take(self._heads) - points.take(self._tails)
 
     def matrix(self, points: Points) -> Array | csc_matrix:
         """Return the Jacobian (5m + g, 2n) of the residual by nodes; sparse for a large robot."""
-        values = self.gradients(points)
-        if self._sparse is not None:
-            data = np.concatenate([values.view(np.float64), np.ones(len(self._ground_rows))])
-            pattern = self._sparse
+        gradients = self.gradients(points)
+        if self._pattern is not None:
+            entries = np.concatenate([gradients.view(np.float64), np.ones(len(self._ground_rows))])
+            pattern = self._pattern
             return csc_matrix(
-                (data[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape
+                (entries[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape
             )
-        gradients = np.zeros(self.n_rows * len(points), dtype=np.complex128)
-        gradients[self._places] = values
-        matrix = gradients.view(np.float64).reshape(self.n_rows, self.n_columns)
+        # A complex entry for each row and node; its parts are the columns of x and y.
+        complex_matrix = np.zeros(self.n_rows * len(points), dtype=np.complex128)
+        complex_matrix[self._flat_indices] = gradients
+        matrix = complex_matrix.view(np.float64).reshape(self.n_rows, self.n_columns)
         matrix[self._ground_rows, self._topology.grounded] = 1.0
         return matrix
 
@@ -95,20 +95,21 @@ class Constraints:
         Return the nonzero entries of the Jacobian (12), see `matrix`.
 
         Each entry is the gradient of one constraint by one node, x + iy: first the gradients of
-        the 4m lengths (see `residual`) by the end nodes [-], then by the start nodes (the
-        negatives of the first), and last the 5m gradients of the bisection rows [1/m].
+        the 4m lengths of `spans` by their end nodes [-], then by their start nodes, and last those
+        of the m bisections by the next C, own B, own C, joint A and previous B [1/m].
         """
         m = self._topology.n_modules
         spans = self.spans(points).reshape(4, m)
         lengths = np.abs(spans)
-        stretch = spans / lengths
-        # Bisection rows depend on next C, own B and C (which also turn the rod), joint, previous
-        # B.
-        side, rod = 1j * stretch[0] / lengths[0], 2j / (spans[1] + spans[2]).conj()
-        back = side[self._topology.previous]
-        bend = side, -side - rod, back - rod, 2.0 * rod, -back
-        along = stretch.ravel()
-        return np.concatenate([along, -along, *bend])
+        directions = spans / lengths
+        # Gradients of the angle of a member by its end, and of the rod's angle, which counts twice
+        # in a bisection, by B or C; AB + AC is twice the rod.
+        member = 1j * directions[0] / lengths[0]
+        rod = 2j / (spans[1] + spans[2]).conj()
+        previous = member[self._topology.previous]
+        bisections = member, -member - rod, previous - rod, 2.0 * rod, -previous
+        by_ends = directions.ravel()
+        return np.concatenate([by_ends, -by_ends, *bisections])
 
     def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:
         """
@@ -119,31 +120,35 @@ class Constraints:
         and the direction angle t of v.
         """
         m = self._topology.n_modules
-        stretched = self.spans(points)[:, None]
-        nodes = np.ascontiguousarray(motions.T).view(np.complex128).T
-        moved = nodes[self._heads] - nodes[self._tails]
-        lengths = np.abs(stretched)
-        across = 1j * stretched / lengths
-        gradients = weights[: 4 * m] * ((across.conj() * moved).real / lengths) * across
-        sides, arms, bisection = slice(m), slice(m, 3 * m), slice(4 * m, 5 * m)
-        bend = weights[bisection]
-        at_both_ends = bend + bend[self._topology.following]
-        gradients[sides] += at_both_ends * (1j * moved[sides] / stretched[sides] ** 2).conj()
-        rod = stretched[arms].reshape(2, m, 1).sum(axis=0)
-        rod_moved = moved[arms].reshape(2, m, -1).sum(axis=0)
-        turned = -2.0 * bend * (1j * rod_moved / rod**2).conj()
-        gradients[arms] += np.concatenate([turned, turned])
-        derivative = np.zeros_like(nodes)
-        np.add.at(derivative, self._heads, gradients)
-        np.subtract.at(derivative, self._tails, gradients)
-        return np.ascontiguousarray(derivative.T).view(np.float64).T
+        members, rod_sides, bisections = slice(m), slice(m, 3 * m), slice(4 * m, 5 * m)
+        # Complex arrays: vectors (4m, 1), motions of nodes (n, p) and changes of vectors (4m, p).
+        spans = self.spans(points)[:, None]
+        node_motions = np.ascontiguousarray(motions.T).view(np.complex128).T
+        changes = node_motions[self._heads] - node_motions[self._tails]
+        lengths = np.abs(spans)
+        normals = 1j * spans / lengths
+        # Gradients (4m, p) by the vectors, first of their lengths, then of the bisections: the
+        # angle of a member is in the bisections at both of its ends.
+        gradients = weights[: 4 * m] * ((normals.conj() * changes).real / lengths) * normals
+        angle_weights = weights[bisections]
+        member_weights = angle_weights + angle_weights[self._topology.following]
+        gradients[members] += member_weights * (1j * changes[members] / spans[members] ** 2).conj()
+        # Twice the rod is AB + AC, and its angle counts twice.
+        rods = spans[rod_sides].reshape(2, m, 1).sum(axis=0)
+        rod_changes = changes[rod_sides].reshape(2, m, -1).sum(axis=0)
+        rod_gradients = -2.0 * angle_weights * (1j * rod_changes / rods**2).conj()
+        gradients[rod_sides] += np.concatenate([rod_gradients, rod_gradients])
+        by_nodes = np.zeros_like(node_motions)
+        np.add.at(by_nodes, self._heads, gradients)
+        np.subtract.at(by_nodes, self._tails, gradients)
+        return np.ascontiguousarray(by_nodes.T).view(np.float64).T
 
 
 def follow_branch(
     constraints: Constraints, points: Points, lengths: Array, factor: Factor | None = None
 ) -> Points | None:
     """
-    Return the nodes for new lengths on the same branch; None if the step is too long.
+    Return the nodes at new lengths on the same branch of solutions; None if the step is too long.
 
     A tangent step (12) is the predictor, modified Newton steps are the corrector. The `factor` is
     that of the matrix at `points`.
@@ -152,34 +157,31 @@ def follow_branch(
     tolerance = max(COINCIDENCE, 64.0 * EPSILON * float(np.abs(points).max()))
     residual = constraints.residual(points, lengths)
     error = np.abs(residual).max()
-    start, predictor = points, None
+    predictor, max_correction = None, np.inf
     for _ in range(MAX_NEWTON_ITERATIONS):
         if error <= tolerance:
             return points
-        fresh = factor is None
+        is_full_newton = factor is None
         try:
             factor = factor or factorize(constraints.matrix(points))
         except np.linalg.LinAlgError:
             return None
         moved = points - factor.solve(residual).view(np.complex128)
         residual = constraints.residual(moved, lengths)
-        previous, error = error, np.abs(residual).max()
-        if not error < np.inf:
+        previous_error, error = error, np.abs(residual).max()
+        if not error < np.inf or (is_full_newton and error > previous_error):
             return None
         if predictor is None:
             predictor = moved
-        else:
-            # A longer corrector may leave the branch.
-            reach = 0.5 * np.abs(predictor - start).max()
-            if np.abs(moved - predictor).max() > reach + tolerance:
-                return None
-        if fresh and error > previous:
+            max_correction = 0.5 * np.abs(moved - points).max() + tolerance
+        elif np.abs(moved - predictor).max() > max_correction:  # it may leave the branch
             return None
         points = moved
-        if error > MAX_REUSE_CONTRACTION * previous:
+        contraction = error / previous_error
+        if contraction > MAX_REUSE_CONTRACTION:
             factor = None
-        elif error * error < MAX_REUSE_CONTRACTION**2 * tolerance * previous:
-            # Steps with the same factor reduce the residual by the same ratio, so the next step
-            # is the last.
+        elif contraction * error < MAX_REUSE_CONTRACTION**2 * tolerance:
+            # A step with the same factor multiplies the residual by the same contraction, so the
+            # next step is the last.
             return points - factor.solve(residual).view(np.complex128)
     return points if error <= tolerance else None

@@ -19,11 +19,11 @@ def member_lines(config: Configuration) -> Points:
 
 
 def member_depths(config: Configuration, body: ConvexObject) -> Array:
-    """Return the depth (m,) of an object in each undeformed member; negative if apart."""
+    """Return the depth (m,) of an object in each undeformed member, negative for a gap [m]."""
     radius = 0.5 * config.robot.description.tube_diameter
     starts, ends = member_lines(config).T
     if body.shape.is_round:
-        # Closed form for discs, in a fifth of the time.
+        # Closed form for discs, in a fifth of the time: the distance of a segment from the centre.
         spans = ends - starts
         shares = np.clip(((body.center - starts) / spans).real, 0.0, 1.0)
         return radius + body.shape.reach - np.abs(starts + shares * spans - body.center)
@@ -33,11 +33,11 @@ def member_depths(config: Configuration, body: ConvexObject) -> Array:
 def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     """Return an object translated along normals, out of the members that it overlaps."""
     starts, ends = member_lines(config).T
-    reach = 0.5 * config.robot.description.tube_diameter
+    radius = 0.5 * config.robot.description.tube_diameter
     for _ in range(200):  # a closing wedge needs many small pushes
         nearest = segment_gaps(body, starts, ends)
         deepest = int(np.argmin(nearest.gaps))
-        depth = reach - float(nearest.gaps[deepest])
+        depth = radius - float(nearest.gaps[deepest])
         if depth <= ROUNDING:
             break
         push = -depth * complex(nearest.normals[deepest])

@@ -35,17 +35,17 @@ import numpy as np
 
 
 def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
-    """Return distances (k,) [m], unit vectors to the points, positions along segments, 0 to 1."""
+    """Return points' distances (k,) from segments [m], unit vectors to them, positions 0 to 1."""
     from_start, span = point - start, end - start
-    squares = np.maximum(span.real**2 + span.imag**2, COINCIDENCE**2)
-    shares = np.clip((span.conj() * from_start).real / squares, 0.0, 1.0)
+    squared_length = np.maximum(span.real**2 + span.imag**2, COINCIDENCE**2)
+    shares = np.clip((span.conj() * from_start).real / squared_length, 0.0, 1.0)
     from_segment = from_start - shares * span
     distances = np.abs(from_segment)
-    # The vector to a point on the segment is the normal of the segment.
+    # A point on its segment has no direction from there; the segment's normal is used instead.
     normals = np.where(
         distances > COINCIDENCE,
         from_segment / np.maximum(distances, COINCIDENCE),
-        1j * span / np.sqrt(squares),
+        1j * span / np.sqrt(squared_length),
     )
     return distances, normals, shares
 
@@ -55,8 +55,8 @@ def _middles(points: Points, nodes: Indices) -> Points:
     return 0.5 * (points[nodes[0]] + points[nodes[1]])
 
 
-def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
-    """Add to each row the gradient with respect to a midpoint: half to each of the two nodes."""
+def _add_midpoint_gradients(rows: Points, nodes: Indices, gradients: Points) -> None:
+    """Add gradients (k,) by midpoints of node pairs (2, k) to k rows, half for each node."""
     row = np.arange(len(rows))
     for ends in nodes:
         rows[row, ends] += 0.5 * gradients
@@ -66,30 +66,31 @@ class CollisionModel:
     """Parts of a robot with radii (3m,) [m], and the pairs of parts that must not collide."""
 
     def __init__(self, robot: Mechanism) -> None:
+        self._robot = robot
         topology, file = robot.topology, robot.description
         m, joints = topology.n_modules, np.arange(len(topology.joint_names))
-        tube = 0.5 * file.tube_diameter
-        self._robot = robot
-        disc = 0.5 * file.module.pinch_separation + tube
+        tube_radius = 0.5 * file.tube_diameter
+        module_radius = 0.5 * file.module.pinch_separation + tube_radius
+        # Parts are members, modules (of no length) and rods. Each end of a part is the midpoint of
+        # two nodes, which may be the same; nodes (2, 3m) of the starts and of the ends.
         a, b, c, member_end = topology.joint, topology.b, topology.c, topology.end
-        # Segments between midpoints of two nodes: members, modules (of no length), rods.
-        self._start = np.array([[b, b, a], [b, c, a]]).reshape(2, -1)
-        self._end = np.array([[member_end, b, b], [member_end, c, c]]).reshape(2, -1)
-        self.part_radii = np.repeat([tube, disc, 0.0], m)
+        self._start_nodes = np.array([[b, b, a], [b, c, a]]).reshape(2, -1)
+        self._end_nodes = np.array([[member_end, b, b], [member_end, c, c]]).reshape(2, -1)
+        self.part_radii = np.repeat([tube_radius, module_radius, 0.0], m)
         self.part_radii.flags.writeable = False
-        # Points: modules, joints.
-        points = np.array([np.append(b, joints), np.append(c, joints)])
-        point_radius = np.repeat([disc, 0.0], [m, len(joints)])
-        self._first, self._second = np.nonzero(_measured(robot))
-        self._point = points[:, self._first]
-        self._reach = point_radius[self._first] + self.part_radii[self._second]
+        # Points are modules and joints, also midpoints of two nodes (2, m + j).
+        point_nodes = np.array([np.append(b, joints), np.append(c, joints)])
+        point_radii = np.repeat([module_radius, 0.0], [m, len(joints)])
+        self._pair_points, self._pair_parts = np.nonzero(_pair_mask(robot))
+        self._pair_nodes = point_nodes[:, self._pair_points]
+        self._pair_radii = point_radii[self._pair_points] + self.part_radii[self._pair_parts]
 
     def names(self, pairs: Indices) -> list[str]:
         """Return a name for each of the given pairs of parts."""
         modules, joints = self._robot.module_names, self._robot.topology.joint_names
         points = [f'module {name}' for name in modules] + [f'joint {name}' for name in joints]
-        segments = self.part_names()
-        return [f'{points[self._first[i]]} and {segments[self._second[i]]}' for i in pairs]
+        parts = self.part_names()
+        return [f'{points[self._pair_points[i]]} and {parts[self._pair_parts[i]]}' for i in pairs]
 
     def part_names(self) -> list[str]:
         """Return the names (3m,) of the parts: first members, then modules, then rods."""
@@ -101,70 +102,73 @@ class CollisionModel:
 
     def distances(self, config: Configuration, pairs: Indices | slice = slice(None)) -> Array:
         """Return the distances between the surfaces of pairs of parts [m]."""
-        return self._nearest(config, pairs)[0] - self._reach[pairs]
+        return self._nearest(config, pairs)[0] - self._pair_radii[pairs]
 
     def gradients(self, config: Configuration, pairs: Indices) -> Array:
         """Return the derivatives (k, 2n) of the pairs' distances by the node coordinates [-]."""
         _, normals, shares = self._nearest(config, pairs)
-        rows = self.part_rows(config, self._second[pairs], shares, normals)
-        _add(rows, self._point[:, pairs], normals)
+        rows = self.part_rows(config, self._pair_parts[pairs], shares, normals)
+        _add_midpoint_gradients(rows, self._pair_nodes[:, pairs], normals)
         return rows.view(np.float64)
 
     def body_distances(
         self, config: Configuration, body: ConvexObject, parts: Indices | slice = slice(None)
     ) -> tuple[Array, Array, Array]:
-        """Return distances (k,) of parts [m], gradients by the nodes and the object's twist."""
+        """Return parts' distances (k,) from an object [m], gradients by nodes and by its twist."""
         starts, ends = self.part_ends(config, parts)
         nearest = segment_gaps(body, starts, ends)
         rows = self.part_rows(config, parts, nearest.shares, -nearest.normals)
         # The moment arm is that of the nearest point of the segment; the surface point is on the
         # same line of action.
         arms = starts + nearest.shares * (ends - starts) - body.center
-        turning = (nearest.normals.conj() * 1j * arms).real
-        twist_rows = -np.column_stack([as_xy(nearest.normals), turning])
+        moments = (nearest.normals.conj() * 1j * arms).real
+        # Motion of the object along the normal, toward the part, shortens the distance.
+        twist_rows = -np.column_stack([as_xy(nearest.normals), moments])
         return nearest.gaps - self.part_radii[parts], rows.view(np.float64), twist_rows
 
     def _nearest(
         self, config: Configuration, pairs: Indices | slice
     ) -> tuple[Array, Points, Array]:
-        starts, ends = self.part_ends(config, self._second[pairs])
-        return nearest_on_segment(_middles(config.points, self._point[:, pairs]), starts, ends)
+        starts, ends = self.part_ends(config, self._pair_parts[pairs])
+        points = _middles(config.points, self._pair_nodes[:, pairs])
+        return nearest_on_segment(points, starts, ends)
 
     def part_ends(
         self, config: Configuration, parts: Indices | slice = slice(None)
     ) -> tuple[Points, Points]:
         """Return the start points (k,) and end points (k,) of the parts' segments [m]."""
-        start, end = (
-            _middles(config.points, nodes[:, parts]) for nodes in (self._start, self._end)
-        )
-        return start, end
+        starts = _middles(config.points, self._start_nodes[:, parts])
+        return starts, _middles(config.points, self._end_nodes[:, parts])
 
     def part_rows(
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
-        """Return gradients (k, n) of distances from fixed points, see `nearest_on_segment` [-]."""
+        """Return gradients (k, n) by the nodes of distances of parts from fixed points [-]."""
         rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
-        _add(rows, self._start[:, parts], -(1.0 - shares) * normals)
-        _add(rows, self._end[:, parts], -shares * normals)
+        _add_midpoint_gradients(rows, self._start_nodes[:, parts], -(1.0 - shares) * normals)
+        _add_midpoint_gradients(rows, self._end_nodes[:, parts], -shares * normals)
         return rows
 
 
-def _measured(robot: Mechanism) -> Array:
-    """Return a mask (m + j, 3m) of unconnected pairs: modules and joints with all parts."""
+def _pair_mask(robot: Mechanism) -> Array:
+    """Return the mask (m + j, 3m) of unconnected pairs of modules and joints (rows) with parts."""
     topology = robot.topology
-    m = topology.n_modules
-    joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])
-    point, member = np.arange(len(joint))[:, None], np.arange(m)
-    own_joint, next_joint = topology.joint, topology.joint[topology.following]
+    m, joints = topology.n_modules, np.arange(len(topology.joint_names))
+    point = np.arange(m + len(joints))[:, None]
+    is_module = point < m
+    joint_of_point = np.concatenate([topology.joint, joints])[:, None]
+    # Parts of each kind have the numbers and joints of their modules.
+    number, start_joint = np.arange(m), topology.joint
+    end_joint = start_joint[topology.following]
     # A member is fixed to the modules and joints at its ends, but not to other tubes there.
-    of_members = np.where(
-        point < m,
-        (member != point) & (topology.following != point),
-        (joint[:, None] != own_joint) & (joint[:, None] != next_joint),
+    with_members = np.where(
+        is_module,
+        (point != number) & (point != topology.following),
+        (joint_of_point != start_joint) & (joint_of_point != end_joint),
     )
-    of_modules = (point < m) & (point < member)
-    of_rods = joint[:, None] != own_joint
-    return np.hstack([of_members, of_modules, of_rods])
+    with_modules = is_module & (point < number)  # each pair once
+    with_rods = joint_of_point != start_joint
+    return np.hstack([with_members, with_modules, with_rods])
 
 
 @functools.lru_cache(maxsize=16)

@@ -29,47 +29,48 @@ MAX_CONDITION = 1e8
 
 
 def place_home(robot: Mechanism) -> Points:
-    """Return the nodes at home, (n,) x + iy [m]."""
+    """Return the node positions at home, (n,) x + iy [m]."""
     topology, constraints, module = robot.topology, robot.constraints, robot.description.module
-    joints = np.array([complex(*place) for place in robot.description.joints.values()])
-    inward, left = _corners(robot, joints)
-    # Relative to the joint along the rod: B and C on both sides of its end.
-    b_arm = module.rod_length + 0.5j * module.pinch_separation * left
-    angles, points = np.angle(inward), np.append(joints, np.zeros(2 * topology.n_modules))
-    m, numbers = topology.n_modules, np.arange(topology.n_modules)
-    modules = np.concatenate([topology.following, numbers, numbers, topology.previous])
+    joints = np.array([complex(*position) for position in robot.description.joints.values()])
+    inward, signs = _corners(robot, joints)
+    points = np.append(joints, np.zeros(2 * topology.n_modules))
+    # B and C are on both sides of the rod's end: relative to the joint, along + i across the rod.
+    b_offset = module.rod_length + 0.5j * module.pinch_separation * signs
+    # Bisection i depends on the angles of the rods of four modules, which turn four nodes.
+    m, modules = topology.n_modules, np.arange(topology.n_modules)
+    rod_modules = np.concatenate([topology.following, modules, modules, topology.previous])
     nodes = np.concatenate([topology.end, topology.b, topology.c, topology.b[topology.previous]])
+    angles = np.angle(inward)
     for _ in range(MAX_NEWTON_ITERATIONS):
-        rod = np.exp(1j * angles)
-        points[topology.b] = joints[topology.joint] + rod * b_arm
-        points[topology.c] = joints[topology.joint] + rod * b_arm.conj()
+        directions = np.exp(1j * angles)
+        points[topology.b] = joints[topology.joint] + directions * b_offset
+        points[topology.c] = joints[topology.joint] + directions * b_offset.conj()
         bisection = constraints.bisection(constraints.spans(points))
         if np.abs(bisection).max() < COINCIDENCE:
             break
-        # Gradients by the next C, own B and C, the joint (fixed), and the previous B.
-        ahead, b, c, _, back = constraints.gradients(points).reshape(13, m)[8:]
-        turning = 1j * (points[nodes] - points[topology.joint[modules]])
-        slopes = (np.concatenate([ahead, b, c, back]).conj() * turning).real
-        slope = csc_matrix((slopes, (np.tile(numbers, 4), modules)), shape=(m, m))
+        # Gradients of the bisections by the nodes and the joint (fixed), after those of lengths.
+        by_next_c, by_b, by_c, _, by_previous_b = constraints.gradients(points).reshape(13, m)[8:]
+        by_nodes = np.concatenate([by_next_c, by_b, by_c, by_previous_b])
+        node_rates = 1j * (points[nodes] - points[topology.joint[rod_modules]])
+        entries = (by_nodes.conj() * node_rates).real
+        jacobian = csc_matrix((entries, (np.tile(modules, 4), rod_modules)), shape=(m, m))
         try:
-            step = factorize(slope).solve(bisection)
+            step = factorize(jacobian).solve(bisection)
         except np.linalg.LinAlgError:
             break
         angles = angles - np.clip(step, -0.3, 0.3)
     if not np.abs(bisection).max() < 1e-9:
         worst = int(np.abs(bisection).argmax())
         raise _misfit(robot, worst, 'no angle of its rod bisects its sides')
-    _refuse_misfits(robot, points, angles, left)
+    _refuse_misfits(robot, points, angles, signs)
     return points
 
 
 def _corners(robot: Mechanism, joints: Points) -> tuple[Points, Array]:
     """Return the corners' inward directions, and 1 if the next side is on their left, else -1."""
     topology, corners = robot.topology, joints[robot.topology.joint]
-    to_next, to_previous = (
-        corners[topology.following] - corners,
-        corners[topology.previous] - corners,
-    )
+    to_next = corners[topology.following] - corners
+    to_previous = corners[topology.previous] - corners
     opening = np.abs(np.angle(to_next * to_previous.conj()))
     for i in np.flatnonzero((opening < MIN_CORNER_ANGLE) | (opening > np.pi - MIN_CORNER_ANGLE)):
         raise RobotFileError(
@@ -81,10 +82,11 @@ def _corners(robot: Mechanism, joints: Points) -> tuple[Points, Array]:
     return inward, np.sign((inward.conj() * to_next).imag)
 
 
-def _refuse_misfits(robot: Mechanism, points: Points, angles: Array, left: Array) -> None:
+def _refuse_misfits(robot: Mechanism, points: Points, angles: Array, signs: Array) -> None:
     """Raise RobotFileError if a module or a member does not fit at home."""
     file, topology = robot.description, robot.topology
-    corners, sides = points[topology.joint], points[topology.end] - points[topology.b]
+    sides = points[topology.end] - points[topology.b]
+    corners = points[topology.joint]
     between_joints = corners[topology.following] - corners
     distances = np.abs(between_joints)
     projections = (sides.conj() * between_joints).real / distances
@@ -96,11 +98,11 @@ def _refuse_misfits(robot: Mechanism, points: Points, angles: Array, left: Array
         )
         raise _misfit(robot, i, what)
     # Both sides continue into the triangle, each on its own side of the rod.
-    half = np.rad2deg(left * np.angle(sides * np.exp(-1j * angles)))
-    for i in np.flatnonzero((half <= 0.0) | (half >= 90.0)):
+    to_rods = np.rad2deg(signs * np.angle(sides * np.exp(-1j * angles)))
+    for i in np.flatnonzero((to_rods <= 0.0) | (to_rods >= 90.0)):
         what = (
-            f'its sides would leave it at {half[i]:.4g} degrees to the rod; must be more than 0, '
-            'where they cross, and less than 90, where they run back past the joint'
+            f'its sides would leave it at {to_rods[i]:.4g} degrees to the rod; must be more than '
+            '0, where they cross, and less than 90, where they run back past the joint'
         )
         raise _misfit(robot, i, what)
     lengths, ring = np.abs(sides), file.module.guide_ring_distance
@@ -133,7 +135,7 @@ def require_determinate(robot: Mechanism, points: Points) -> None:
     source, topology = robot.description.source, robot.topology
     matrix = robot.constraints.matrix(points)
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
-    needed = 2 * joints - m
+    needed = 2 * joints - m  # grounded coordinates
     if grounded == needed and estimate_condition(matrix) < MAX_CONDITION:
         return
     if needed < 3:
@@ -147,22 +149,24 @@ def require_determinate(robot: Mechanism, points: Points) -> None:
             f'coordinates; must be {needed}: 2 for each of {joints} joints, less one for each of '
             f'{m} members'
         )
-    moving = ', '.join(_what_moves(topology, matrix))
+    movable = ', '.join(_movable_joints(topology, matrix))
     missing = (
         f'; {needed - grounded} more members or supports are needed' if grounded < needed else ''
     )
     raise RobotFileError(
         f'{source}: not rigid with the rollers locked: these joints can still move: '
-        f'{moving}{missing}'
+        f'{movable}{missing}'
     )
 
 
-def _what_moves(topology: Topology, matrix: Array | csc_matrix) -> list[str]:
-    """Return the names of the joints that can move while the rollers are locked."""
+def _movable_joints(topology: Topology, matrix: Array | csc_matrix) -> list[str]:
+    """Return the names of joints that can move with locked rollers, by the matrix of (12)."""
     dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
     _, values, vectors = np.linalg.svd(dense)
     rank = int((values > values[0] / MAX_CONDITION).sum())
-    first = min(rank, dense.shape[1] - 1)
-    free = vectors[first:].reshape(-1, len(topology.node_names), 2)
-    motion = np.linalg.norm(free[:, : len(topology.joint_names)], axis=2).max(axis=0)
-    return [topology.joint_names[i] for i in np.flatnonzero(motion > 1e-3 * motion.max())]
+    # Motions without a change of the constraints, or the one with the smallest change, (f, n, 2).
+    first_free = min(rank, dense.shape[1] - 1)
+    motions = vectors[first_free:].reshape(-1, len(topology.node_names), 2)
+    amplitudes = np.linalg.norm(motions[:, : len(topology.joint_names)], axis=2).max(axis=0)
+    movable = np.flatnonzero(amplitudes > 1e-3 * amplitudes.max())
+    return [topology.joint_names[i] for i in movable]

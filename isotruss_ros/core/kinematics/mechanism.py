@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 class Mechanism:
     """
-    Properties of a robot without a configuration; the subclass `Robot` adds home.
+    Names, topology and constraints of a robot; the subclass `Robot` adds the home configuration.
 
     :ivar node_names: names of the kinematic nodes: joints j, then t/j/B and t/j/C of each module.
     :ivar member_names: names t/j-k of the members, in module order.
@@ -25,7 +25,7 @@ class Mechanism:
     :ivar roller_names: names of the driven modules, in the order of every array over the rollers.
     """
 
-    #: (4m,) lengths at home, see `Constraints.residual`; only in `Robot` [m]
+    #: (4m,) lengths of `Constraints.spans` at home; only in `Robot` [m]
     home_lengths: Array
     home: Any  #: `Configuration` at zero roller travel; only in `Robot`
 

@@ -34,7 +34,7 @@ ITERATIONS = 3
 
 
 class Modes(NamedTuple):
-    """The p smallest singular values of the constraint Jacobian, ascending, with their vectors."""
+    """The p smallest singular values of the matrix of (12), ascending, with their vectors."""
 
     values: Array  #: (p,) singular values, divided by the smallest one at home
     rows: Array  #: (5m + g, p) left singular vectors, one entry for each row of (12)
@@ -50,31 +50,32 @@ class RigidityIndex:
     """
 
     def __init__(self, robot: Robot) -> None:
-        m = robot.topology.n_modules
-        self._scale = np.ones((robot.constraints.n_rows, 1))
-        bisection = slice(4 * m, 5 * m)
-        rod = robot.description.module.rod_length
-        self._scale[bisection] = rod
+        m, rod = robot.topology.n_modules, robot.description.module.rod_length
+        self._row_scale = np.ones((robot.constraints.n_rows, 1))
+        self._row_scale[4 * m : 5 * m] = rod  # bisections
         size = robot.constraints.n_columns
         noise = np.random.default_rng(0).standard_normal((size, min(BLOCK_SIZE, size)))
-        self._at_home, self._start = 1.0, noise
-        # Iterations from random vectors, once for each robot.
-        home = self.modes(robot.home, 60)
-        self._at_home = float(home.values[0])
-        self.weights = np.repeat([1.0, rod], [8 * m, 5 * m]) / self._at_home
+        # Iterations from random vectors, once for each robot, give the divisor of `modes`.
+        self._home_value, self._start_vectors = 1.0, noise
+        home_modes = self.modes(robot.home, 60)
+        self._home_value = float(home_modes.values[0])
         # Random components find weakest modes that are orthogonal to those at home.
-        self._start = home.nodes + 0.3 * noise / np.sqrt(size)
+        self._start_vectors = home_modes.nodes + 0.3 * noise / np.sqrt(size)
+        # Of the 8m gradients of lengths and the 5m gradients of bisections.
+        self.weights = np.repeat([1.0, rod], [8 * m, 5 * m]) / self._home_value
 
     def modes(self, config: Configuration, iterations: int = ITERATIONS) -> Modes:
-        """Return the smallest singular values and vectors of the Jacobian in a configuration."""
-        factor, scale, basis = config.factor, self._scale, self._start
+        """Return the smallest singular values and vectors of the matrix of a configuration."""
+        factor, scale, vectors = config.factor, self._row_scale, self._start_vectors
+        # Inverse iteration with M^T M, where M is the matrix with scaled rows.
         for _ in range(iterations):
-            # (M^T M)^-1 with M = scale * matrix.
-            weak = factor.solve(basis, transposed=True) / scale
-            basis = np.linalg.qr(factor.solve(weak / scale))[0]
-        weak = factor.solve(basis, transposed=True) / scale
-        rows, inverse, turned = np.linalg.svd(weak, full_matrices=False)
-        return Modes(1.0 / (self._at_home * inverse), rows, basis @ turned.T)
+            solved = factor.solve(vectors, transposed=True) / scale  # M^-T V
+            vectors = np.linalg.qr(factor.solve(solved / scale))[0]
+        # M^-T V = U S R^T, so M has the left vectors U, right vectors V R and values 1 / S.
+        solved = factor.solve(vectors, transposed=True) / scale
+        left_vectors, inverses, rotation = np.linalg.svd(solved, full_matrices=False)
+        values = 1.0 / (self._home_value * inverses)
+        return Modes(values, left_vectors, vectors @ rotation.T)
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
         """
@@ -82,10 +83,10 @@ class RigidityIndex:
 
         They are u^T dM v / s_home with singular vectors u and v of the matrix M.
         """
-        turning = config.robot.constraints.second_derivative(
-            config.points, self._scale * modes.rows, modes.nodes
+        derivatives = config.robot.constraints.second_derivative(
+            config.points, self._row_scale * modes.rows, modes.nodes
         )
-        return turning.T / self._at_home
+        return derivatives.T / self._home_value
 
 
 @functools.lru_cache(maxsize=16)
