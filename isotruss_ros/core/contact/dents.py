@@ -136,7 +136,7 @@ class DentTable:
         """Return the depth [m], odd in the force, and derivatives by force and angle [m/rad]."""
         size = max(abs(force), 1e-9)
         abscissa, sign = size**DEPTH_EXPONENT, force / size
-        samples, piece_abscissa, weights = self._find_samples(abscissa, angle)
+        samples, piece_abscissa, weights = self._samples_at(abscissa, angle)
         depths = weights @ [sample.depth(abscissa, piece_abscissa) for sample in samples]
         (depth, by_abscissa), (by_angle, _) = depths.tolist()
         return sign * depth, DEPTH_EXPONENT * abscissa / size * by_abscissa, sign * by_angle
@@ -144,7 +144,7 @@ class DentTable:
     def pressure_rate(self, force: float, angle: float) -> float:
         """Return the derivative of the depth by the tube's gauge pressure [m/Pa]."""
         abscissa = abs(force) ** DEPTH_EXPONENT
-        samples, piece_abscissa, weights = self._find_samples(abscissa, angle)
+        samples, piece_abscissa, weights = self._samples_at(abscissa, angle)
         rates = [
             (higher(abscissa, piece_abscissa)[0] - lower(abscissa, piece_abscissa)[0]) / difference
             for higher, lower, difference in (sample.inflated for sample in samples)
@@ -164,9 +164,7 @@ class DentTable:
         smooth._polynomial_at = abs(force) ** DEPTH_EXPONENT, angle
         return smooth
 
-    def _find_samples(
-        self, abscissa: float, angle: float
-    ) -> tuple[list[DentSample], float, Array]:
+    def _samples_at(self, abscissa: float, angle: float) -> tuple[list[DentSample], float, Array]:
         """Return s samples, the abscissa that selects their pieces, and weights (2, s)."""
         piece_abscissa, polynomial_angle = self._polynomial_at or (abscissa, angle)
         numbers, weights = [0], np.array([[1.0], [0.0]])  # of a disc
@@ -208,12 +206,12 @@ class DentTable:
         number, rate = self._fractional_number(angle, start)
         x = number - start  # from 0 to 1 between the second and the third sample
         powers = [x**n for n in range(6)]
-        rates = [0.0, *(rate * n * power for n, power in enumerate(powers[:-1], start=1))]
+        power_rates = [0.0, *(rate * n * power for n, power in enumerate(powers[:-1], start=1))]
         # Quintic polynomials, with the first and second central differences at both samples: for
         # each sample, twice the coefficients of the powers.
         coefficients = [[0, -1, 1, 3, -5, 2], [2, 0, -2, -9, 15, -6]]
         coefficients += [[0, 1, 1, 9, -15, 6], [0, 0, 0, -3, 5, -2]]
-        weights = 0.5 * np.array([powers, rates]) @ np.array(coefficients).T
+        weights = 0.5 * np.array([powers, power_rates]) @ np.array(coefficients).T
         numbers = [start + i for i in (-1, 0, 1, 2)]
         if self._faces:
             # The depth d at a sample beyond a face is extrapolated by a parabola through the next
@@ -233,6 +231,7 @@ class DentTable:
         if shape.is_round:
             return functools.partial(press_disc, kernel, shape.reach)
         profile = find_profile(self._outline, shape.point_at(self._corner, normal), normal)
+        # Both ends of a long face have contacts, which extend to its middle.
         extents = np.full(2, MAX_EXTENT * kernel.radius)
         for side, face in enumerate(self._faces):
             if face.length >= kernel.radius:
@@ -268,9 +267,8 @@ class Dents(NamedTuple):
 
     def pressure_rates(self, forces: Array, angles: Array) -> Array:
         """Return the derivatives (k,) of the depths by the tubes' gauge pressures [m/Pa]."""
-        return np.array(
-            [table.pressure_rate(*at) for table, *at in self._contacts(forces, angles)]
-        )
+        rates = [table.pressure_rate(*at) for table, *at in self._contacts(forces, angles)]
+        return np.array(rates)
 
     def _contacts(self, forces: Array, angles: Array) -> Iterator[tuple[DentTable, float, float]]:
         """Yield the table of each contact, with its arguments: force / `scale` [N] and angle."""

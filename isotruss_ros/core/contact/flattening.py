@@ -81,7 +81,8 @@ class Flattening:
         # Compliance of each mode for a concentrated load, at the load.
         peak = 0.5 / np.sqrt(self.stiffness * self.tension)
         # The average over two pieces at a distance of d spacings is exp(-d ratio) times
-        # (2 sinh(ratio / 2) / ratio)^2, here in a form that cannot overflow.
+        # (2 sinh(ratio / 2) / ratio)^2, which is here without overflow exp(-(d - 1) ratio) times
+        # ((1 - exp(-ratio)) / ratio)^2.
         steps = np.arange(distances.max(initial=0) + 1) - 1.0
         averaged_peak = peak * (np.expm1(-ratio) / ratio) ** 2
         by_distance = averaged_peak @ np.exp(-np.outer(ratio, steps))
