@@ -123,12 +123,11 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         if goal.dtype != float or goal.shape != start.shape or not np.isfinite(goal).all():
             goal = robot.check_rollers(roller_positions, 'roller positions [m]')
         goal_lengths = _span_lengths(robot, goal)[: robot.topology.n_modules]
-        shortest = int(goal_lengths.argmin())
-        if goal_lengths[shortest] <= 0.0:
+        member = int(goal_lengths.argmin())
+        if goal_lengths[member] <= 0.0:
             raise ConfigurationError(
                 f'robot {robot.name}: roller positions {goal.tolist()} m make member '
-                f'{robot.member_names[shortest]} {goal_lengths[shortest]:.6g} m long; '
-                'must be positive'
+                f'{robot.member_names[member]} {goal_lengths[member]:.6g} m long; must be positive'
             )
         cause = f'near a singular one, none found in {MAX_NEWTON_ITERATIONS} steps'
         points = self.points

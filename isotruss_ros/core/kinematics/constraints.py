@@ -102,12 +102,12 @@ class Constraints:
         spans = self.spans(points).reshape(4, m)
         lengths = np.abs(spans)
         directions = spans / lengths
-        # Gradients of the angle of a member by its end, and of the rod's angle, which counts twice
-        # in a bisection, by B or C; AB + AC is twice the rod.
-        member = 1j * directions[0] / lengths[0]
+        # Gradients of angles: of the two sides by their ends, and of the rod, whose angle counts
+        # twice in a bisection, by B or C; AB + AC is twice the rod.
+        side = 1j * directions[0] / lengths[0]
+        previous_side = side[self._topology.previous]
         rod = 2j / (spans[1] + spans[2]).conj()
-        previous = member[self._topology.previous]
-        bisections = member, -member - rod, previous - rod, 2.0 * rod, -previous
+        bisections = side, -side - rod, previous_side - rod, 2.0 * rod, -previous_side
         by_ends = directions.ravel()
         return np.concatenate([by_ends, -by_ends, *bisections])
 
@@ -115,9 +115,10 @@ class Constraints:
         """
         Return the gradients (2n, p) of p scalars weights^T J motion by the node coordinates.
 
-        For changes a and b of a vector v between two nodes, the second derivatives are
-        d2|v|[a, b] = (n . a) (n . b) / |v| and d2t[a, b] = -Im(a b / v^2), with the unit normal n
-        and the direction angle t of v.
+        J is the Jacobian (5m + g, 2n) of (12), weights are (5m + g, p) and motions (2n, p). For
+        changes a and b of a vector v between two nodes, the second derivatives are d2|v|[a, b] =
+        (n . a) (n . b) / |v| and d2t[a, b] = -Im(a b / v^2), with the unit normal n and the
+        direction angle t of v.
         """
         m = self._topology.n_modules
         members, rod_sides, bisections = slice(m), slice(m, 3 * m), slice(4 * m, 5 * m)

@@ -32,11 +32,11 @@ def place_home(robot: Mechanism) -> Points:
     """Return the node positions at home, (n,) x + iy [m]."""
     topology, constraints, module = robot.topology, robot.constraints, robot.description.module
     joints = np.array([complex(*position) for position in robot.description.joints.values()])
-    inward, signs = _corners(robot, joints)
+    inward, signs = _corners(robot, joints)  # 1 where the next side is left of the rod, else -1
     points = np.append(joints, np.zeros(2 * topology.n_modules))
     # B and C are on both sides of the rod's end: relative to the joint, along + i across the rod.
     b_offset = module.rod_length + 0.5j * module.pinch_separation * signs
-    # Bisection i depends on the angles of the rods of four modules, which turn four nodes.
+    # A bisection depends on next C, own B and C, and previous B, which turn with their rods.
     m, modules = topology.n_modules, np.arange(topology.n_modules)
     rod_modules = np.concatenate([topology.following, modules, modules, topology.previous])
     nodes = np.concatenate([topology.end, topology.b, topology.c, topology.b[topology.previous]])
@@ -97,7 +97,8 @@ def _refuse_misfits(robot: Mechanism, points: Points, angles: Array, signs: Arra
             f'{distances[i] - projections[i]:.4g} m of that'
         )
         raise _misfit(robot, i, what)
-    # Both sides continue into the triangle, each on its own side of the rod.
+    # Angles from the rods to the next sides, positive toward the next joint. Both sides continue
+    # into the triangle, each on its own side of the rod.
     to_rods = np.rad2deg(signs * np.angle(sides * np.exp(-1j * angles)))
     for i in np.flatnonzero((to_rods <= 0.0) | (to_rods >= 90.0)):
         what = (

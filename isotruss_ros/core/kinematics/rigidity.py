@@ -67,9 +67,10 @@ class RigidityIndex:
     def modes(self, config: Configuration, iterations: int = ITERATIONS) -> Modes:
         """Return the smallest singular values and vectors of the matrix of a configuration."""
         factor, scale, vectors = config.factor, self._row_scale, self._start_vectors
-        # Inverse iteration with M^T M, where M is the matrix with scaled rows.
+        # Inverse iteration with M^T M, where M = D A is the matrix A with rows scaled by D, so
+        # M^-T = D^-1 A^-T and M^-1 = A^-1 D^-1.
         for _ in range(iterations):
-            solved = factor.solve(vectors, transposed=True) / scale  # M^-T V
+            solved = factor.solve(vectors, transposed=True) / scale
             vectors = np.linalg.qr(factor.solve(solved / scale))[0]
         # M^-T V = U S R^T, so M has the left vectors U, right vectors V R and values 1 / S.
         solved = factor.solve(vectors, transposed=True) / scale
