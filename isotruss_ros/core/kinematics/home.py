@@ -151,17 +151,15 @@ def require_determinate(robot: Mechanism, points: Points) -> None:
             f'{m} members'
         )
     movable = ', '.join(_movable_joints(topology, matrix))
-    missing = (
-        f'; {needed - grounded} more members or supports are needed' if grounded < needed else ''
-    )
+    missing = f'; {needed - grounded} more members or supports are needed'
     raise RobotFileError(
         f'{source}: not rigid with the rollers locked: these joints can still move: '
-        f'{movable}{missing}'
+        f'{movable}{missing if grounded < needed else ""}'
     )
 
 
 def _movable_joints(topology: Topology, matrix: Array | csc_matrix) -> list[str]:
-    """Return the names of joints that can move with locked rollers, by the matrix of (12)."""
+    """Return the names of joints that can move with locked rollers, by the constraint matrix."""
     dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
     _, values, vectors = np.linalg.svd(dense)
     rank = int((values > values[0] / MAX_CONDITION).sum())

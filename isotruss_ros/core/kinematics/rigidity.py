@@ -75,8 +75,7 @@ class RigidityIndex:
         # M^-T V = U S R^T, so M has the left vectors U, right vectors V R and values 1 / S.
         solved = factor.solve(vectors, transposed=True) / scale
         left_vectors, inverses, rotation = np.linalg.svd(solved, full_matrices=False)
-        values = 1.0 / (self._home_value * inverses)
-        return Modes(values, left_vectors, vectors @ rotation.T)
+        return Modes(1.0 / (self._home_value * inverses), left_vectors, vectors @ rotation.T)
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
         """

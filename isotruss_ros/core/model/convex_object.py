@@ -86,11 +86,11 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         """Set the pose, and the quantities that follow from shape and pose."""
         try:
             x, y, angle = map(float, pose)
-            fits = all(-MAX_MAGNITUDE <= number <= MAX_MAGNITUDE for number in pose)
-            fits = fits and not {bool, np.bool_}.issuperset(map(type, pose))
+            is_within = all(-MAX_MAGNITUDE <= number <= MAX_MAGNITUDE for number in pose)
+            is_valid = is_within and not {bool, np.bool_}.issuperset(map(type, pose))
         except (TypeError, ValueError):
-            fits = False
-        if not fits:
+            is_valid = False
+        if not is_valid:  # `finite_array` raises the error of a pose that is not three numbers
             finite_array(pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
             raise GraspError(f"the object's pose {pose!r}: must be within {MAX_MAGNITUDE:g} m")
         center, turn = complex(x, y), cmath.rect(1.0, angle)
@@ -118,7 +118,7 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
 
     def friction_or(self, given: float | None) -> float:
         """
-        Return the given coefficient of friction, or without one the object's coefficient.
+        Return the given coefficient of friction, or the object's if none is given.
 
         :param given: coefficient for the grasp [-]; None: the object's coefficient, or
             `DEFAULT_FRICTION` if the object has none.
@@ -188,9 +188,9 @@ def check_friction(value: float, what: str = 'friction') -> float:
 def check_load(
     body: ConvexObject, friction: float | None, external_wrench: ArrayLike
 ) -> tuple[float, Array]:
-    """Return the friction, see `ConvexObject.friction_or`, and the external wrench, checked."""
-    mu = check_friction(body.friction_or(friction))
-    return mu, finite_array(external_wrench, 3, EXTERNAL_WRENCH, GraspError, MAX_LOAD)
+    """Return the checked coefficient of friction of a grasp, and the external wrench (3,)."""
+    coefficient = check_friction(body.friction_or(friction))
+    return coefficient, finite_array(external_wrench, 3, EXTERNAL_WRENCH, GraspError, MAX_LOAD)
 
 
 class SegmentGaps(NamedTuple):
@@ -203,9 +203,9 @@ class SegmentGaps(NamedTuple):
 
 
 def facing_normals(middle: complex, points: Points, axes: Points) -> Points:
-    """Return the unit normals (k,) of lines along `axes` (k,), away from an object's centroid."""
-    is_right = (axes.conj() * (middle - points)).imag < 0.0
-    return -1j * np.where(is_right, -axes, axes)
+    """Return the unit normals (k,) of lines through `points`, directed away from `middle`."""
+    middle_is_right = (axes.conj() * (middle - points)).imag < 0.0
+    return -1j * np.where(middle_is_right, -axes, axes)
 
 
 def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGaps:
@@ -217,16 +217,18 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     """
     spans = ends - starts
     lengths = np.abs(spans)
-    has_length = lengths > COINCIDENCE
+    has_length = lengths > COINCIDENCE  # others have any axis
     axes = np.where(has_length, spans, 1.0) / np.where(has_length, lengths, 1.0)
     normals = facing_normals(body.middle, starts, axes)
-    points = body.center + body.turn * body.shape.support_points(normals * body.turn.conjugate())
+    # Points of the surface that are nearest to the lines along the segments.
+    support_points = body.shape.support_points(normals * body.turn.conjugate())
+    points = body.center + body.turn * support_points
     gaps = ((starts - points) * normals.conj()).real
     shares = (axes.conj() * (points - starts)).real / np.maximum(lengths, COINCIDENCE)
-    at_ends = np.flatnonzero((shares < 0.0) | (shares > 1.0) | ~has_length)
-    if len(at_ends):
-        at_start = shares[at_ends] < 0.0
-        nearest = body.nearest(np.where(at_start, starts[at_ends], ends[at_ends]))
-        gaps[at_ends], normals[at_ends] = nearest.gaps, nearest.normals
-        shares[at_ends] = np.where(at_start, 0.0, 1.0)
+    beyond = np.flatnonzero((shares < 0.0) | (shares > 1.0) | ~has_length)
+    if len(beyond):
+        before_start = shares[beyond] < 0.0
+        nearest = body.nearest(np.where(before_start, starts[beyond], ends[beyond]))
+        gaps[beyond], normals[beyond] = nearest.gaps, nearest.normals
+        shares[beyond] = np.where(before_start, 0.0, 1.0)
     return SegmentGaps(gaps, normals, shares)

@@ -35,7 +35,7 @@ MAX_WALL_STRAIN = 0.1
 
 
 class SectionStiffness(NamedTuple):
-    """EA, EI and GA of Timoshenko beams."""
+    """Axial, bending and shear stiffness EA, EI and GA of k Timoshenko beams."""
 
     axial: Array  #: (k,) EA [N]
     flexural: Array  #: (k,) EI [N m^2]
@@ -50,36 +50,38 @@ def inflated_section(
     length: Array,
     pressure: Array,
 ) -> SectionStiffness:
-    """Return EA, EI and GA of `InflatableBeam` for lengths and gauge pressures."""
-    force = pressure * np.pi * radius**2
+    """Return EA, EI and GA of inflated tubes of given lengths and gauge pressures."""
+    pressure_force = pressure * np.pi * radius**2
     circumference = 2.0 * np.pi * radius
-    wall = membrane_modulus * circumference
-    end = end_softening * pressure * radius
+    wall_axial = membrane_modulus * circumference
+    end_stiffness = end_softening * pressure * radius
     return SectionStiffness(
-        axial=1.0 / (1.0 / wall + 2.0 / (end * length)),
+        # The wall in series with two pinched ends.
+        axial=1.0 / (1.0 / wall_axial + 2.0 / (end_stiffness * length)),
         # The thickness t cancels.
-        flexural=membrane_modulus * np.pi * radius**3 + force * radius**2 / 2.0,
+        flexural=membrane_modulus * np.pi * radius**3 + pressure_force * radius**2 / 2.0,
         # The shear coefficient of a thin circular tube is 1/2.
-        shear=force + 0.5 * membrane_shear_modulus * circumference,
+        shear=pressure_force + 0.5 * membrane_shear_modulus * circumference,
     )
 
 
 def find_implausible(file: RobotDescription) -> Iterator[str]:
-    """Yield a fault for each stiffness of a robot file that no tube of its diameter has."""
+    """Yield a fault for each stiffness of a robot file that is implausible for its tubes."""
     block, radius = file.stiffness, 0.5 * file.tube_diameter
     if block['model'] == 'inflatable_beam':
         modulus = float(block.get('membrane_modulus', MEMBRANE_MODULUS))
         yield from _overstretched('tube.pressure', max(file.pressures.values()), radius, modulus)
     elif block['model'] == 'section':
         yield from _implausible_section(block, radius, file.pressures, file.min_length)
+    # Power laws; `find_contradictions` refuses members without a length between guide rings.
     elif file.min_length > 2.0 * file.module.guide_ring_distance:
         yield from _implausible_laws(file, radius)
 
 
 def _overstretched(key: str, pressure: float, radius: float, modulus: float) -> Iterator[str]:
     """Yield a fault if a pressure p [Pa] stretches the wall of modulus E t [N/m] too far."""
-    if pressure * radius > MAX_WALL_STRAIN * modulus:
-        highest = MAX_WALL_STRAIN * modulus / radius
+    highest = MAX_WALL_STRAIN * modulus / radius
+    if pressure > highest:
         lowest, _ = plausible_range('tube.pressure')
         yield (
             f'{key}: {pressure:g}: must be at most {highest:.6g} Pa gauge, because the wall of '
@@ -89,17 +91,17 @@ def _overstretched(key: str, pressure: float, radius: float, modulus: float) -> 
         )
 
 
-def _bounds(
+def _plausible_sections(
     radius: float, pressure: float, length: float, softening: float
 ) -> tuple[SectionStiffness, SectionStiffness]:
-    """Return the smallest plausible EA, EI and GA of a member, and the largest, of metal foil."""
+    """Return the smallest and the largest plausible EA, EI and GA of a member."""
     min_modulus, max_modulus = plausible_range('tube.stiffness.membrane_modulus')
     _, max_shear = plausible_range('tube.stiffness.membrane_shear_modulus')
     min_scale, _ = plausible_range('tube.stiffness_scale')
     min_modulus = max(min_modulus, pressure * radius / MAX_WALL_STRAIN)
     smallest = inflated_section(radius, min_modulus, 0.0, END_SOFTENING, length, pressure)
     largest = inflated_section(radius, max_modulus, max_shear, softening, length, pressure)
-    return SectionStiffness(*(min_scale * x for x in smallest)), largest
+    return SectionStiffness(*(min_scale * stiffness for stiffness in smallest)), largest
 
 
 def _implausible_section(
@@ -107,22 +109,20 @@ def _implausible_section(
 ) -> Iterator[str]:
     """Yield a fault for each of EA, EI and GA of the model `section` out of its range."""
     reference = float(block.get('pressure', next(iter(pressures.values()))))
-    ranges = zip(
-        ('axial_rigidity', 'flexural_rigidity', 'shear_rigidity'),
-        ('N', 'N m^2', 'N'),
-        *_bounds(radius, reference, length, np.inf),
-        strict=True,
-    )
-    wrong = [
-        f'tube.stiffness.{key}: {float(block[key]):g}: must be from {low:.4g} to {high:.4g} '
-        f'{unit} in a tube of {2.0 * radius:g} m at {reference:g} Pa'
-        f'{likely_unit(float(block[key]), unit, low, high)}'
-        for key, unit, low, high in ranges
-        if not low <= float(block[key]) <= high
-    ]
-    yield from wrong
-    if not wrong:
-        # The wall without the share of the pressure.
+    smallest, largest = _plausible_sections(radius, reference, length, np.inf)
+    keys, units = ('axial_rigidity', 'flexural_rigidity', 'shear_rigidity'), ('N', 'N m^2', 'N')
+    is_plausible = True
+    for key, unit, low, high in zip(keys, units, smallest, largest, strict=True):
+        value = float(block[key])
+        if not low <= value <= high:
+            is_plausible = False
+            yield (
+                f'tube.stiffness.{key}: {value:g}: must be from {low:.4g} to {high:.4g} '
+                f'{unit} in a tube of {2.0 * radius:g} m at {reference:g} Pa'
+                f'{likely_unit(value, unit, low, high)}'
+            )
+    if is_plausible:
+        # The modulus of the wall from EI without the pressure's share, see `inflated_section`.
         with_pressure = float(block['flexural_rigidity']) / (np.pi * radius**3)
         modulus = max(with_pressure - 0.5 * reference * radius, SMALLEST_NORMAL)
         yield from _overstretched('tube.pressure', max(pressures.values()), radius, modulus)
@@ -133,27 +133,29 @@ def _implausible_section(
 def _implausible_laws(file: RobotDescription, radius: float) -> Iterator[str]:
     """Yield a fault for the first law that gives an end stiffness out of its range."""
     laws = read_laws(file.stiffness)
-    _, most_softening = plausible_range('tube.stiffness.end_softening')
+    _, max_softening = plausible_range('tube.stiffness.end_softening')
     for tube, pressure in file.pressures.items():
-        for whole in (file.min_length, file.max_length):
-            span = whole - 2.0 * file.module.guide_ring_distance
-            soft, hard = _bounds(radius, pressure, whole, most_softening)
+        for member_length in (file.min_length, file.max_length):
+            small, large = _plausible_sections(radius, pressure, member_length, max_softening)
+            axial_range = small.axial / member_length, large.axial / member_length
+            span = member_length - 2.0 * file.module.guide_ring_distance
+            transverse_range = _transverse(small, span), _transverse(large, span)
             # A beam with shear has a rotary stiffness from EI / l to 4 EI / l.
-            ranges = (
-                ('axial', 'N/m', whole, soft.axial / whole, hard.axial / whole),
-                ('transverse', 'N/m', span, _transverse(soft, span), _transverse(hard, span)),
-                ('rotary', 'N m/rad', span, soft.flexural / span, 4.0 * hard.flexural / span),
-            )
-            for mode, unit, length, low, high in ranges:
+            rotary_range = small.flexural / span, 4.0 * large.flexural / span
+            for mode, unit, length, (low, high) in (
+                ('axial', 'N/m', member_length, axial_range),
+                ('transverse', 'N/m', span, transverse_range),
+                ('rotary', 'N m/rad', span, rotary_range),
+            ):
                 law = laws[mode]
                 k = float(law.stiffness(np.array(length), np.array(pressure)))
                 if not low <= k <= high:
-                    kilo = float(law.stiffness(np.array(length), np.array(1e-3 * pressure)))
+                    in_kpa = float(law.stiffness(np.array(length), np.array(1e-3 * pressure)))
                     yield (
                         f'tube.stiffness.{mode}: C = {law.C:g}, a = {law.a:g}, b = {law.b:g} '
                         f'gives {k:g} {unit} for a length of {length:.6g} m at {pressure:g} Pa in '
                         f'tube {tube}: must be from {low:.4g} to {high:.4g}; laws are in SI units'
-                        f'{likely_unit(k, unit, low, high, {"with p in kPa": (0.0, kilo)})}'
+                        f'{likely_unit(k, unit, low, high, {"with p in kPa": (0.0, in_kpa)})}'
                     )
                     return
 

@@ -56,7 +56,7 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
 
 
 def make_object(content: Any, source: str) -> ConvexObject:
-    """Return the object that keys and values describe, at the origin of the robot frame."""
+    """Return the object of an object file's keys and values, at the origin of the robot frame."""
     if not isinstance(content, Mapping):
         raise ObjectFileError(
             f'{source}: {quote(repr(content))}: must be keys and values, with the key shape'
@@ -71,16 +71,16 @@ def make_object(content: Any, source: str) -> ConvexObject:
     allowed = ('shape', *(field.name for field in size_fields), *OPTIONAL_KEYS)
     for key in content:
         if key not in allowed:
-            known = f'{suggest(str(key), allowed)}those of shape {kind} are {", ".join(allowed)}'
-            raise ObjectFileError(f'{source}: unknown key {quote(str(key))}; {known}')
+            hint = f'{suggest(str(key), allowed)}those of shape {kind} are {", ".join(allowed)}'
+            raise ObjectFileError(f'{source}: unknown key {quote(str(key))}; {hint}')
     for field in size_fields:
         if field.default is MISSING and field.name not in content:
             raise ObjectFileError(f'{source}: key {field.name!r} is missing; a {kind} needs it')
     sizes = {field.name: content[field.name] for field in size_fields if field.name in content}
-    about = {key: content[key] for key in OPTIONAL_KEYS if key in content}
+    optional_values = {key: content[key] for key in OPTIONAL_KEYS if key in content}
     for fault in find_faults(content.get('uncertainty', {}), 'uncertainty'):
         raise ObjectFileError(f'{source}: uncertainty: {fault}')
     try:
-        return ConvexObject(SHAPES[kind](**sizes), **about)
+        return ConvexObject(SHAPES[kind](**sizes), **optional_values)
     except GraspError as error:
         raise ObjectFileError(f'{source}: {error}') from error

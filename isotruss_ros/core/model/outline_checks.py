@@ -25,7 +25,7 @@ def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Arra
 
 
 def polygon_moments(corners: Points) -> tuple[float, complex, float]:
-    """Return the integrals of 1, z and |z|^2, z = x + iy, over a polygon; clockwise times -1."""
+    """Return the integrals of 1, z = x + iy and |z|^2 over a polygon, negated if clockwise."""
     ends = np.roll(corners, -1)
     cross = (corners.conj() * ends).imag
     squares = np.abs(corners) ** 2 + np.abs(ends) ** 2 + (corners * ends.conj()).real
@@ -69,35 +69,36 @@ def _validate_radii(radius: object, count: int) -> Array:
     return radii
 
 
-def _name(corner: complex, i: int) -> str:
-    return f'vertex {i + 1} ({corner.real:g}, {corner.imag:g}) m'
+def _vertex(corners: Points, i: int) -> str:
+    return f'vertex {i + 1} ({corners[i].real:g}, {corners[i].imag:g}) m'
 
 
 def _check_convex(corners: Points) -> None:
     """Raise GraspError if the polygon is not convex."""
     sides = np.roll(corners, -1) - corners
     lengths = np.abs(sides)
-    i = int(lengths.argmin())
-    if lengths[i] < MIN_DIAMETER:
+    shortest = int(lengths.argmin())
+    if lengths[shortest] < MIN_DIAMETER:
         raise GraspError(
-            f'{_name(corners[i], i)}: the next vertex has the same position; the '
+            f'{_vertex(corners, shortest)}: the next vertex has the same position; the '
             f'distance must be at least {MIN_DIAMETER:g} m'
         )
     turns = np.angle(sides * np.roll(sides, 1).conj())
-    sines = np.sin(turns)
-    i = int(np.abs(sines).argmin())
-    if abs(sines[i]) < ROUNDING:
+    abs_sines = np.abs(np.sin(turns))
+    straightest = int(abs_sines.argmin())
+    if abs_sines[straightest] < ROUNDING:
         raise GraspError(
-            f'{_name(corners[i], i)}: on one line with its neighbours; remove it, or move it so '
-            'that the outline is convex'
+            f'{_vertex(corners, straightest)}: on one line with its neighbours; remove it, or '
+            'move it so that the outline is convex'
         )
     total_turn = float(turns.sum())
     concave = np.flatnonzero(turns * total_turn < 0.0)
     # An outline that winds more than once crosses itself, though all turns have one sign.
-    if len(concave) or not 1.0 < abs(total_turn) < 3.0 * np.pi:
-        i = int(concave[0]) if len(concave) else 0
+    winds_once = 1.0 < abs(total_turn) < 3.0 * np.pi
+    if len(concave) or not winds_once:
+        culprit = int(concave[0]) if len(concave) else 0
         raise GraspError(
-            f'{_name(corners[i], i)}: the polygon is concave there, or its sides cross each '
+            f'{_vertex(corners, culprit)}: the polygon is concave there, or its sides cross each '
             'other; must be convex: list the vertices in their order around the polygon, remove '
             'this vertex, or divide the object'
         )
@@ -111,13 +112,15 @@ def _check_convex(corners: Points) -> None:
 def _check_fit(corners: Points, radii: Array) -> None:
     """Raise GraspError if the arcs at both ends of a side do not fit on the side."""
     sides = np.roll(corners, -1) - corners
-    half = 0.5 * np.abs(np.angle(sides * np.roll(sides, 1).conj()))
-    arcs = radii * np.tan(half)
-    straight = np.abs(sides) - arcs - np.roll(arcs, -1)
-    i = int(straight.argmin())
-    if straight[i] < -ROUNDING * abs(sides[i]):  # arcs may take all of a side, up to rounding
+    lengths = np.abs(sides)
+    turns = np.abs(np.angle(sides * np.roll(sides, 1).conj()))
+    tangent_lengths = radii * np.tan(0.5 * turns)  # between a vertex and an end of its arc
+    required = tangent_lengths + np.roll(tangent_lengths, -1)
+    i = int((lengths - required).argmin())
+    # Arcs may take all of a side, up to rounding.
+    if required[i] > (1.0 + ROUNDING) * lengths[i]:
         raise GraspError(
-            f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
-            f'begins at {_name(corners[i], i)} must be at least '
-            f'{arcs[i] + np.roll(arcs, -1)[i]:g} m long for its two arcs; use a smaller radius'
+            f'corner_radius {radii[i]:g} m does not fit: the side of {lengths[i]:g} m that '
+            f'begins at {_vertex(corners, i)} must be at least {required[i]:g} m long for its '
+            'two arcs; use a smaller radius'
         )

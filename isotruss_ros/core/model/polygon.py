@@ -80,25 +80,27 @@ class Polygon(PolygonalShape):
     @cached_property
     def _moments(self) -> tuple[float, complex, float]:
         """Return the integrals of 1, z and |z|^2 over the area, with z = x + iy."""
-        # The polygon through the arcs' ends and centres, and the sectors of the arcs.
-        centers, radii, half = self.arc_centers, self.radii, 0.5 * self.turns
-        ends = centers + radii * np.array([np.roll(self.normals, 1), self.normals])
-        area, first, second = polygon_moments(np.stack([ends[0], centers, ends[1]], 1).ravel())
-        sectors = half * radii**2
-        means = centers + self._outward * radii * 2.0 * np.sin(half) / (3.0 * half)
-        # Parallel-axis theorem, from the arcs' centres to the origin.
-        squares = 0.5 * radii**2 + 2.0 * (means * centers.conj()).real - np.abs(centers) ** 2
+        # The polygon through the arcs' starts, centres and ends, and the sectors of the arcs.
+        centers, radii, half_turns = self.arc_centers, self.radii, 0.5 * self.turns
+        starts, ends = centers + radii * np.array([np.roll(self.normals, 1), self.normals])
+        polygon = polygon_moments(np.stack([starts, centers, ends], axis=1).ravel())
+        areas = half_turns * radii**2
+        centroids = centers + self._outward * radii * 2.0 * np.sin(half_turns) / (3.0 * half_turns)
+        # Means of |z|^2 by the parallel-axis theorem, from the arcs' centres to the origin.
+        squares = 0.5 * radii**2 + 2.0 * (centroids * centers.conj()).real - np.abs(centers) ** 2
         return (
-            area + float(sectors.sum()),
-            first + complex(sectors @ means),
-            second + float(sectors @ squares),
+            polygon[0] + float(areas.sum()),
+            polygon[1] + complex(areas @ centroids),
+            polygon[2] + float(areas @ squares),
         )
 
     @cached_property
     def perimeter(self) -> float:
         """Return the length of the polygon's outline [m]."""
-        saved = self.radii * (2.0 * np.tan(0.5 * self.turns) - self.turns)
-        return float(np.abs(np.roll(self.corners, -1) - self.corners).sum() - saved.sum())
+        sides = np.abs(np.roll(self.corners, -1) - self.corners)
+        # An arc replaces the two pieces of sides between its ends and the vertex.
+        shortened = self.radii * (2.0 * np.tan(0.5 * self.turns) - self.turns)
+        return float(sides.sum() - shortened.sum())
 
     @cached_property
     def reach(self) -> float:
@@ -138,6 +140,7 @@ class Polygon(PolygonalShape):
     def _faces(self) -> list[tuple[Face, Face]]:
         """Return the faces before and after each corner."""
         count, centers = len(self.vertices), self.arc_centers
+        # Normal and length k are those of the face from corner k to the next corner.
         lengths = np.abs(np.roll(centers, -1) - centers).tolist()
         normals = self.normals.tolist()
         return [
@@ -149,48 +152,49 @@ class Polygon(PolygonalShape):
         ]
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
-        """Return points with given normals on corners' arcs; see `Shape.surface_at`."""
+        """Return points and radii of corners' arcs at given normals; see `Shape.surface_at`."""
         radii = self.radii[corners]
         return self.arc_centers[corners] + radii * normals, radii
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths to points on corners' arcs; see `Shape.unroll`."""
-        middles, starts = self._unrolled_corners
-        from_middles = angles - middles[corners]
-        turns = np.round(from_middles / (2.0 * np.pi))
-        within = from_middles - 2.0 * np.pi * turns
-        return starts[corners] + self.radii[corners] * within + self.perimeter * turns
+        middle_angles, middle_lengths = self._unrolled_corners
+        from_middles = angles - middle_angles[corners]
+        full_turns = np.round(from_middles / (2.0 * np.pi))
+        arc_angles = from_middles - 2.0 * np.pi * full_turns
+        arc_lengths = middle_lengths[corners] + self.radii[corners] * arc_angles
+        return arc_lengths + self.perimeter * full_turns
 
     @cached_property
     def _unrolled_corners(self) -> tuple[Array, Array]:
-        """Return angles (k,) of the corners' middle normals, and arc lengths (k,) there."""
-        middles = np.angle(self.normals[0]) + self._directions - 0.5 * self.turns
-        between_centers = np.roll(self.arc_centers, -1) - self.arc_centers
-        faces = (between_centers * (1j * self.normals).conj()).real
+        """Return the normals' angles (k,) in the middles of arcs, and arc lengths (k,) there."""
+        middle_angles = np.angle(self.normals[0]) + self._directions - 0.5 * self.turns
         half_arcs = 0.5 * self.radii * self.turns
-        steps = half_arcs[:-1] + faces[:-1] + half_arcs[1:]
-        return middles, np.append(0.0, np.cumsum(steps))
+        face_lengths = np.array([following.length for _, following in self._faces])
+        between_middles = half_arcs[:-1] + face_lengths[:-1] + half_arcs[1:]
+        return middle_angles, np.append(0.0, np.cumsum(between_middles))
 
     def nearest(self, points: Points) -> SurfacePoints:
         """Return the nearest points of the surface; see `Shape.nearest`."""
         rows = np.arange(len(points))
-        from_centers = points[:, None] - self.arc_centers
-        # Components across and along the side after a vertex, and along the side before it.
-        after = from_centers * self.normals.conj()
-        along_before = (from_centers * np.roll(self.normals, 1).conj()).imag
-        from_sides = after.real - self.radii
-        side = from_sides.argmax(axis=1)
-        gaps, normals = from_sides[rows, side], self.normals[side]
+        from_centers = points[:, None] - self.arc_centers  # (c, k)
+        # Components along the next side's normal (real) and along the side (imaginary), and along
+        # the previous side.
+        by_next_side = from_centers * self.normals.conj()
+        along_previous_side = (from_centers * np.roll(self.normals, 1).conj()).imag
+        side_gaps = by_next_side.real - self.radii
+        sides = side_gaps.argmax(axis=1)
+        gaps, normals = side_gaps[rows, sides], self.normals[sides]
         # An arc is nearest where the direction from its centre is in its normal cone.
-        in_cone = (after.imag < 0.0) & (along_before > 0.0)
+        in_cone = (by_next_side.imag < 0.0) & (along_previous_side > 0.0)
         if not in_cone.any():
             return SurfacePoints(gaps, normals)
-        from_arcs = np.where(in_cone, np.abs(from_centers) - self.radii, -np.inf)
-        corner = from_arcs.argmax(axis=1)
-        arc_gaps = from_arcs[rows, corner]
-        at_arc = np.flatnonzero(arc_gaps > gaps)
-        from_center = from_centers[at_arc, corner[at_arc]]
-        gaps[at_arc], normals[at_arc] = arc_gaps[at_arc], from_center / np.abs(from_center)
+        arc_gaps = np.where(in_cone, np.abs(from_centers) - self.radii, -np.inf)
+        corners = arc_gaps.argmax(axis=1)
+        largest_arc_gaps = arc_gaps[rows, corners]
+        at_arc = np.flatnonzero(largest_arc_gaps > gaps)
+        radial = from_centers[at_arc, corners[at_arc]]
+        gaps[at_arc], normals[at_arc] = largest_arc_gaps[at_arc], radial / np.abs(radial)
         return SurfacePoints(gaps, normals)
 
     def smoothed(self, length: float) -> Shape:
@@ -202,7 +206,7 @@ class Polygon(PolygonalShape):
 
         :param length: only faces shorter than this are regarded as chords of a smooth curve [m].
         """
-        longest = np.abs(np.roll(self.arc_centers, -1) - self.arc_centers).max()
+        longest = max(following.length for _, following in self._faces)
         return self if self._curve is None or longest >= length else self._curve
 
     @cached_property
@@ -216,11 +220,11 @@ class Polygon(PolygonalShape):
 
     def outline(self, spacing: float) -> Points:
         """Return points along the surface; see `Shape.outline`."""
-        parts = []
-        for center, radius, turn, normal in zip(
+        arcs = []
+        for center, radius, turn, start_normal in zip(
             self.arc_centers, self.radii, self.turns, np.roll(self.normals, 1), strict=True
         ):
             count = 1 + int(np.ceil(radius * turn / spacing))
-            along = np.linspace(0.0, turn, count)
-            parts.append(center + radius * normal * np.exp(1j * along))
-        return np.concatenate(parts)
+            normals = start_normal * np.exp(1j * np.linspace(0.0, turn, count))
+            arcs.append(center + radius * normals)
+        return np.concatenate(arcs)

@@ -40,7 +40,7 @@ class Pose(NamedTuple):
 
 
 def pose_fault(x: float, y: float, angle: float = 0.0) -> str:
-    """Return the fault of a pose that is too far away or turned by more than once; else empty."""
+    """Return the fault of a pose that is too far away or beyond one turn; empty if none."""
     _, farthest = plausible_range('joints')
     for name, value, unit, most in (
         ('x', x, 'm', farthest),
@@ -62,9 +62,9 @@ def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
 
 def check_range(value: float, what: str, unit: str, low: float, high: float) -> float:
     """Return a checked number; raise GraspError if it is not finite or not within its range."""
-    words, unit_name = (f'{what} [{unit}]', f' {unit}') if unit else (what, '')
-    (number,) = finite_array([value], 1, words, GraspError).tolist()
+    subject, in_unit = (f'{what} [{unit}]', f' {unit}') if unit else (what, '')
+    (number,) = finite_array([value], 1, subject, GraspError).tolist()
     if not low <= number <= high:
-        limits = f'from {low:g} to {high:g}{unit_name}{likely_unit(number, unit, low, high)}'
-        raise GraspError(f'{what} {value!r}{unit_name}: must be {limits}')
+        limits = f'from {low:g} to {high:g}{in_unit}{likely_unit(number, unit, low, high)}'
+        raise GraspError(f'{what} {value!r}{in_unit}: must be {limits}')
     return float(number)

@@ -73,8 +73,8 @@ def _check_stiffness(description: RobotDescription) -> Iterator[str]:
     yield from implausible
     if stiffness['model'] == 'power_law' and not implausible:
         yield from find_contradictions(description)
-    alike = len(set(description.pressures.values())) == 1
-    if stiffness['model'] == 'section' and 'pressure' not in stiffness and not alike:
+    is_uniform = len(set(description.pressures.values())) == 1
+    if stiffness['model'] == 'section' and 'pressure' not in stiffness and not is_uniform:
         yield (
             "tube.stiffness: key 'pressure' is missing; where tubes have different pressures "
             'it is the gauge pressure at which the three numbers hold [Pa]'
@@ -91,7 +91,7 @@ def _unknown(where: str, kind: str, names: Iterable[str], valid: Iterable[str]) 
 def _cross_check(content: Mapping[str, Any]) -> Iterator[str]:
     """Yield faults that the schema cannot express, such as names of joints that do not exist."""
     joints, tubes, limits = content['joints'], content['tubes'], content['members']
-    used = {joint for tube in tubes.values() for joint in tube['joints']}
+    joints_on_tubes = {joint for tube in tubes.values() for joint in tube['joints']}
     for name, tube in tubes.items():
         yield from _unknown(f'tubes.{name}.joints', 'joint', tube['joints'], joints)
         if tube['passive'] not in tube['joints']:
@@ -100,7 +100,7 @@ def _cross_check(content: Mapping[str, Any]) -> Iterator[str]:
                 f'must be one of {", ".join(tube["joints"])}'
             )
     for joint in joints:
-        if joint not in used:
+        if joint not in joints_on_tubes:
             yield f'joints.{joint}: no tube has this joint; add it to a tube, or remove it'
     for joint in content['supports']:
         yield from _unknown(f'supports.{joint}', 'joint', [joint], joints)
@@ -121,9 +121,9 @@ def _cross_check(content: Mapping[str, Any]) -> Iterator[str]:
         yield from _unknown(f'calibration.{key}', 'roller', names, driven)
     occupants: dict[tuple[float, float], str] = {}
     for joint, (x, y) in joints.items():
-        other = occupants.setdefault((x, y), joint)
-        if other != joint:
-            yield f'joints.{joint}: [{x}, {y}]: joint {other} is at this position; must differ'
+        occupant = occupants.setdefault((x, y), joint)  # the first joint at this position
+        if occupant != joint:
+            yield f'joints.{joint}: [{x}, {y}]: joint {occupant} is at this position; must differ'
     if limits['min_length'] >= limits['max_length']:
         yield (
             f'members.min_length: {limits["min_length"]}: '

@@ -35,7 +35,7 @@ def find_faults(content: Any, block: str | None = None) -> Iterator[str]:
 
 
 def suggest(key: str, allowed: Iterable[str]) -> str:
-    """Return a question with the allowed key that is most similar to an unknown one, or none."""
+    """Return a question whether the most similar allowed key was meant, or an empty text."""
     similar = difflib.get_close_matches(key, list(allowed), n=1)
     return f'did you mean {similar[0]}? ' if similar else ''
 
@@ -68,14 +68,15 @@ def _unique_texts(_validator: Any, wanted: bool, value: Any, _schema: Any) -> It
 @functools.cache
 def ranged_numbers() -> dict[str, dict[str, Any]]:
     """Return the schema of each number with a plausible range, by its key in a robot file."""
-    top = _schema()['properties']
-    entries = {'joints': top['joints']['additionalProperties']['items']}
-    for block, content in top.items():
+    blocks = _schema()['properties']
+    entries = {'joints': blocks['joints']['additionalProperties']['items']}
+    for block, content in blocks.items():
         for key, entry in content.get('properties', {}).items():
             entries[f'{block}.{key}'] = entry
     for model in _schema()['definitions']['stiffness']['allOf']:
         for key, entry in model['then']['properties'].items():
             entries[f'tube.stiffness.{key}'] = entry
+    # The range of a number with a special value outside of it is in the schema's `then`.
     return {
         key: {**entry, **entry.get('then', {})}
         for key, entry in entries.items()
@@ -123,25 +124,24 @@ def find_keys_without_quotes(value: Any, where: str = 'top level') -> Iterator[s
 def _explain(error: jsonschema.ValidationError) -> Iterator[str]:
     """Translate a schema error into lines of the form 'key: value: fault; valid range'."""
     where = '.'.join(map(str, error.absolute_path)) or 'top level'
-    right = error.schema.get('description') if isinstance(error.schema, dict) else None
+    valid = error.schema.get('description') if isinstance(error.schema, dict) else None
     if error.validator == 'additionalProperties':
         allowed = error.schema['properties']
         for key in error.instance:
             if key not in allowed:
-                known = f'{suggest(key, allowed)}known are {", ".join(allowed)}'
-                yield f'{where}: unknown key {key!r}; {known}'
+                hint = f'{suggest(key, allowed)}known are {", ".join(allowed)}'
+                yield f'{where}: unknown key {key!r}; {hint}'
     elif error.validator == 'required':
         for key in error.validator_value:
             if key not in error.instance:
-                wanted = error.schema.get('properties', {}).get(key, {})
-                meaning = wanted.get('description') if isinstance(wanted, dict) else None
-                yield f'{where}: key {key!r} is missing' + (
-                    f'; it is {meaning}' if meaning else ''
-                )
+                schema = error.schema.get('properties', {}).get(key)
+                has_meaning = isinstance(schema, dict) and 'description' in schema
+                meaning = f'; it is {schema["description"]}' if has_meaning else ''
+                yield f'{where}: key {key!r} is missing{meaning}'
     else:
-        value = repr(error.instance)
-        value = value if len(value) <= 60 else value[:57] + '...'
-        yield f'{where}: {value}: must be {right}{_plausible(error)}'
+        text = repr(error.instance)
+        shown = text if len(text) <= 60 else text[:57] + '...'
+        yield f'{where}: {shown}: must be {valid}{_plausible(error)}'
 
 
 def _plausible(error: jsonschema.ValidationError) -> str:

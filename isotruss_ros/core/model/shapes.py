@@ -34,7 +34,7 @@ NORMAL_SAMPLES = 64
 
 
 class SurfacePoints(NamedTuple):
-    """Points of the surface nearest to given points x; they are x - gap * normal."""
+    """Points of a surface nearest to given points x, which are x - gap * normal."""
 
     gaps: Array  #: (c,) distances of the points from the surface, negative inside [m]
     #: (c,) unit vectors x + iy, the outward normals at the nearest points; at a sharp corner, any
@@ -121,7 +121,7 @@ class Shape(ABC):
 
     def point_at(self, corner: int, normal: complex) -> complex:
         """
-        Return the point of the surface on a tangent, x + iy [m].
+        Return the point of a corner's arc with a given normal, x + iy [m].
 
         :param corner: index of the corner in contact, see `corner_at`.
         :param normal: outward unit normal of the tangent, x + iy.
@@ -151,38 +151,40 @@ class Shape(ABC):
         :param skin: position of the straight tube's skin along the normal, from the origin [m];
             infinite if the tube is not indented yet.
         """
-        corner, to_local = self.corner_at(normal), normal.conjugate()
-        point, min_length = self.point_at(corner, normal), tube_radius
-        # Corners within short faces come before those behind a long face: of equal ones, the first
-        # is chosen.
-        within = [PatchEnd(corner, point, (point * to_local).real, 0.0)]
-        beyond: list[PatchEnd] = []
-        depth = max(within[0].height - skin, PLANNED_DEPTH * tube_radius)
-        lowest = within[0].height - depth
-        for side in range(len(self.faces_at(corner))):
-            reached, along, is_short = corner, 0.0, True
+        # A point times this has its height along the normal as real part, and its position along
+        # the tube as imaginary part.
+        to_tube = normal.conjugate()
+        deepest = self.corner_at(normal)
+        point = self.point_at(deepest, normal)
+        ends = [PatchEnd(deepest, point, (point * to_tube).real, 0.0)]
+        behind_long_faces: list[PatchEnd] = []
+        depth = max(ends[0].height - skin, PLANNED_DEPTH * tube_radius)
+        min_height = ends[0].height - depth
+        # On both sides, corners in contact are reached over short faces and at most one long face.
+        for side in range(len(self.faces_at(deepest))):
+            corner, along, is_short = deepest, 0.0, True
             while is_short:
-                face = self.faces_at(reached)[side]
-                reached, along = face.corner, along + face.step * face.length
-                is_short = face.length < min_length
-                height = (self.point_at(reached, face.normal) * to_local).real
+                face = self.faces_at(corner)[side]
+                corner, along = face.corner, along + face.step * face.length
+                is_short = face.length < tube_radius
+                height = (self.point_at(corner, face.normal) * to_tube).real
                 # A face is in contact at its ends only; a curve of short faces has no ends.
-                if height < lowest or reached == corner or (is_short and abs(along) >= min_length):
+                is_curve = is_short and abs(along) >= tube_radius
+                if height < min_height or corner == deepest or is_curve:
                     break
-                point = self.point_at(reached, normal)
-                ends = within if is_short else beyond
-                ends.append(PatchEnd(reached, point, height, along))
-        # Among corners of equal depth, the one nearest to the middle counts first.
-        tie, middle = NEGLIGIBLE_SHARE * depth, (self.centroid * to_local).imag
-        ends = within + beyond
-        highest = max(end.height for end in ends) - tie
-        chosen = min(
-            (end for end in ends if end.height >= highest),
-            key=lambda end: abs((end.point * to_local).imag - middle),
+                reached = ends if is_short else behind_long_faces
+                reached.append(PatchEnd(corner, self.point_at(corner, normal), height, along))
+        # The main end is the highest, of equal ones that nearest to the centroid, and of those the
+        # first one without a long face to the deepest corner.
+        ends += behind_long_faces
+        main_height = max(end.height for end in ends) - NEGLIGIBLE_SHARE * depth
+        main = min(
+            (end for end in ends if end.height >= main_height),
+            key=lambda end: abs(((end.point - self.centroid) * to_tube).imag),
         )
-        others = [end for end in ends if abs(end.along - chosen.along) >= min_length]
-        second = max(others, key=lambda end: end.height, default=None)
-        return [chosen] if second is None else sorted((chosen, second), key=lambda end: end.along)
+        others = [end for end in ends if abs(end.along - main.along) >= tube_radius]
+        patch = [main, max(others, key=lambda end: end.height)] if others else [main]
+        return sorted(patch, key=lambda end: end.along)
 
     @abstractmethod
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
@@ -222,27 +224,27 @@ class Shape(ABC):
 
         :param points: (c,) points x + iy, outside or inside [m].
         """
-        # The tangent at the nearest point has the largest distance of all tangents.
+        # The tangent at the nearest point has the largest distance of all tangents. Its normal's
+        # angle is between the samples before and after the best sample.
         sampled, support = self._sampled_tangents
         x, y = points.real[:, None], points.imag[:, None]
         best = (x * np.cos(sampled) + y * np.sin(sampled) - support).argmax(axis=1)
-        bounds = np.concatenate([sampled[-1:] - 2.0 * np.pi, sampled, sampled[:1] + 2.0 * np.pi])
-        angles, low, high = sampled[best], bounds[best], bounds[best + 2]
+        padded = np.concatenate([sampled[-1:] - 2.0 * np.pi, sampled, sampled[:1] + 2.0 * np.pi])
+        angles, low, high = sampled[best], padded[best], padded[best + 2]
         corners = np.zeros(len(points), dtype=np.intp)
         for _ in range(MAX_NEWTON_ITERATIONS):
             normals = np.exp(1j * angles)
             feet, radii = self.surface_at(corners, normals)
-            away = (points - feet) * normals.conj()
-            # The imaginary part is the derivative of the distance by the angle.
-            low, high = np.where(away.imag > 0.0, [angles, high], [low, angles])
+            # The distance from the tangent, and as imaginary part its derivative by the angle.
+            distances = (points - feet) * normals.conj()
+            low, high = np.where(distances.imag > 0.0, [angles, high], [low, angles])
             # Newton's method, or bisection where it leaves the bounds.
-            newton = angles + away.imag / np.maximum(away.real + radii, COINCIDENCE)
-            inside = (newton >= low) & (newton <= high)
-            step = np.where(inside, newton, 0.5 * (low + high)) - angles
-            if (np.abs(step) <= COINCIDENCE).all():
+            newton = angles + distances.imag / np.maximum(distances.real + radii, COINCIDENCE)
+            is_bounded = (newton >= low) & (newton <= high)
+            previous, angles = angles, np.where(is_bounded, newton, 0.5 * (low + high))
+            if (np.abs(angles - previous) <= COINCIDENCE).all():
                 break
-            angles = angles + step
-        return SurfacePoints(away.real, normals)
+        return SurfacePoints(distances.real, normals)
 
     def smoothed(self, length: float) -> Shape:
         """

@@ -90,34 +90,35 @@ class SmoothOutline(PolygonalShape):
         return scipy.interpolate.PPoly.from_spline(spline.antiderivative())
 
     def _divide(self, pieces: int) -> Array:
-        """Return the normals' angles (pieces n,) at and between the corners [rad]."""
+        """Return the normals' angles at the n corners and between them, (pieces n,) [rad]."""
         shares = np.arange(pieces) / pieces
         return (self._angles[:-1, None] + np.diff(self._angles)[:, None] * shares).ravel()
 
     @cached_property
     def is_convex(self) -> bool:
         """Return whether the curve turns to the left everywhere, by one full turn in total."""
-        around = abs(self._angles[-1] - self._angles[0] - 2.0 * np.pi) < 1e-9
-        if not around or np.diff(self._angles).min() <= 0.0:
+        turns_once = abs(self._angles[-1] - self._angles[0] - 2.0 * np.pi) < 1e-9
+        if not turns_once or np.diff(self._angles).min() <= 0.0:
             return False
-        _, value, _, curve = self._around(self._divide(SAMPLES))
-        return bool((value + curve).min() > 0.0)
+        _, h, _, second = self._support_derivatives(self._divide(SAMPLES))
+        return bool((h + second).min() > 0.0)  # radii of curvature
 
-    def _around(self, angles: Array) -> Array:
+    def _support_derivatives(self, angles: Array) -> Array:
         """Return the integral of h, h, h' and h'' (4, k) at angles (k,) of the normals."""
         within_turn = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
         return np.array([self._integral(within_turn, order) for order in range(4)])
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points of the surface with given normals; see `Shape.surface_at`."""
-        _, value, slope, curve = self._around(np.angle(normals))
-        return self.centroid + (value + 1j * slope) * normals, value + curve
+        _, h, slope, second = self._support_derivatives(np.angle(normals))
+        return self.centroid + (h + 1j * slope) * normals, h + second
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths to points with given normals; see `Shape.unroll`."""
-        integral, _, slope, _ = self._around(angles)
-        turns = np.floor((angles - self._angles[0]) / (2.0 * np.pi))
-        return np.asarray(integral + slope + self.perimeter * turns)
+        # The integral of the radius of curvature h + h''.
+        integral, _, slope, _ = self._support_derivatives(angles)
+        full_turns = np.floor((angles - self._angles[0]) / (2.0 * np.pi))
+        return np.asarray(integral + slope + self.perimeter * full_turns)
 
     def outline(self, spacing: float) -> Points:
         """Return points along the surface; see `Shape.outline`."""
@@ -128,15 +129,17 @@ class SmoothOutline(PolygonalShape):
 def _conic_tangents(points: Points) -> Points:
     """Return the unit tangents (n,) of conics through each point and two points on each side."""
     size = np.abs(points - points.mean()).max()
-    # Pascal's theorem in homogeneous coordinates. Two corners of the hexagon coincide at the
-    # point; the side between them is the tangent.
+    # Pascal's theorem: the pairs of opposite sides of a hexagon on a conic meet in three points of
+    # one line. The first two corners coincide at the point, so the first side is the tangent.
     hexagon = []
-    for step in (0, 0, 1, -2, 2, -1):
-        corners = (np.roll(points, -step) - points) / size
+    for offset in (0, 0, 1, -2, 2, -1):
+        corners = (np.roll(points, -offset) - points) / size
         hexagon.append(np.array([corners.real, corners.imag, np.ones(len(corners))]).T)
+    # In homogeneous coordinates, cross products are lines through points and points on lines.
     sides = [np.cross(hexagon[i], hexagon[(i + 1) % 6]) for i in range(6)]
-    line = np.cross(np.cross(sides[1], sides[4]), np.cross(sides[2], sides[5]))
-    tangent = np.cross(hexagon[0], np.cross(sides[3], line))
-    directions = tangent[:, 1] - 1j * tangent[:, 0]
+    pascal_line = np.cross(np.cross(sides[1], sides[4]), np.cross(sides[2], sides[5]))
+    tangents = np.cross(hexagon[0], np.cross(sides[3], pascal_line))
+    # The line a x + b y + c = 0 has the direction (b, -a); it is chosen counter-clockwise.
+    directions = tangents[:, 1] - 1j * tangents[:, 0]
     chords = np.roll(points, -1) - np.roll(points, 1)
     return directions / np.abs(directions) * np.sign((directions * chords.conj()).real)

@@ -48,30 +48,31 @@ def find_contradictions(file: RobotDescription) -> Iterator[str]:
     The ratio of two power laws is a power law, so if it is at least 4 at both ends of a range of
     lengths, it is at least 4 in between. The length at which it is 4 follows in closed form.
     """
-    limits, ring = (file.min_length, file.max_length), file.module.guide_ring_distance
-    laws = read_laws(file.stiffness)
-    if limits[0] <= 2.0 * ring:
+    limits, both_rings = (file.min_length, file.max_length), 2.0 * file.module.guide_ring_distance
+    if limits[0] <= both_rings:
         yield (
             f'members.min_length: {limits[0]}: must be more than twice '
-            f'module.guide_ring_distance, {2.0 * ring:g} m: the transverse and rotary stiffness '
+            f'module.guide_ring_distance, {both_rings:g} m: the transverse and rotary stiffness '
             'laws are those of the tube between guide rings'
         )
         return
+    laws = read_laws(file.stiffness)
     transverse, rotary = laws['transverse'], laws['rotary']
-    slope, log_lengths = rotary.b - transverse.b - 2.0, np.log(np.array(limits) - 2.0 * ring)
+    length_exponent = rotary.b - transverse.b - 2.0
+    log_lengths = np.log(np.array(limits) - both_rings)
     log_factor = np.log(12.0) + np.log(rotary.C) - np.log(transverse.C)
     log_bound = np.log(4.0) + np.log1p(-ROUNDING)
     for tube, pressure in file.pressures.items():
-        log_ratio = log_factor + (rotary.a - transverse.a) * np.log(pressure)
-        short, long = log_ratio + slope * log_lengths < log_bound
-        if not (short or long):
+        log_ratio = log_factor + (rotary.a - transverse.a) * np.log(pressure)  # at 1 m
+        short_fails, long_fails = log_ratio + length_exponent * log_lengths < log_bound
+        if not (short_fails or long_fails):
             continue
         where = 'at every length of a member'
-        if not (short and long):
-            length = float(np.exp((log_bound - log_ratio) / slope))
+        if not (short_fails and long_fails):
+            length = float(np.exp((log_bound - log_ratio) / length_exponent))
             where = (
-                f'{"below" if short else "above"} {length:.6g} m from ring to ring, '
-                f'{length + 2.0 * ring:.6g} m from pinch to pinch'
+                f'{"below" if short_fails else "above"} {length:.6g} m from ring to ring, '
+                f'{length + both_rings:.6g} m from pinch to pinch'
             )
         yield (
             f'tube.stiffness: the transverse and rotary laws contradict each other {where}, '

@@ -50,38 +50,38 @@ class Topology:
 def make_topology(description: RobotDescription) -> Topology:
     """Return the topology of a robot, in the order of its file."""
     joints, tubes = tuple(description.joints), description.tubes
-    pairs = [(tube, name) for tube in tubes for name in tube.joints]
-    sizes, count = [len(tube.joints) for tube in tubes], len(pairs)
-    # The modules of a tube are numbered one after the other, and it is closed.
-    by_tube = np.split(np.arange(count), np.cumsum(sizes)[:-1])
-    following = np.concatenate([np.roll(numbers, -1) for numbers in by_tube])
-    modules = tuple(f'{tube.name}/{name}' for tube, name in pairs)
-    driven = np.flatnonzero([name != tube.passive for tube, name in pairs])
+    # Tube and joint of each module. The modules of a tube are numbered one after the other.
+    modules = [(tube, joint) for tube in tubes for joint in tube.joints]
+    sizes, count = [len(tube.joints) for tube in tubes], len(modules)
+    tube_modules = np.split(np.arange(count), np.cumsum(sizes)[:-1])
+    following = np.concatenate([np.roll(numbers, -1) for numbers in tube_modules])  # closed tubes
+    module_names = tuple(f'{tube.name}/{joint}' for tube, joint in modules)
+    driven = np.flatnonzero([joint != tube.passive for tube, joint in modules])
     b = len(joints) + 2 * np.arange(count)
-    grounded = [
-        2 * joints.index(name) + 'xy'.index(axis)
-        for name, axes in description.supports.items()
-        for axis in sorted(axes)
+    supports = [
+        (joint, axis) for joint, axes in description.supports.items() for axis in sorted(axes)
     ]
+    numbers = [2 * joints.index(joint) + 'xy'.index(axis) for joint, axis in supports]
+    grounded = np.array(numbers, dtype=np.intp)
     coordinates = np.array(list(description.joints.values())).ravel()
     return Topology(
         robot=description.name,
         joint_names=joints,
-        module_names=modules,
-        node_names=(*joints, *(f'{module}/{node}' for module in modules for node in 'BC')),
-        member_names=tuple(f'{modules[i]}-{pairs[k][1]}' for i, k in enumerate(following)),
-        roller_names=tuple(modules[i] for i in driven),
+        module_names=module_names,
+        node_names=(*joints, *(f'{module}/{node}' for module in module_names for node in 'BC')),
+        member_names=tuple(f'{module_names[i]}-{modules[j][1]}' for i, j in enumerate(following)),
+        roller_names=tuple(module_names[i] for i in driven),
         n_modules=count,
-        joint=np.array([joints.index(name) for _, name in pairs], dtype=np.intp),
+        joint=np.array([joints.index(joint) for _, joint in modules], dtype=np.intp),
         b=b,
         c=b + 1,
         end=(b + 1)[following],
         following=following,
-        previous=np.concatenate([np.roll(numbers, 1) for numbers in by_tube]),
+        previous=np.concatenate([np.roll(numbers, 1) for numbers in tube_modules]),
         tube=np.repeat(np.arange(len(tubes)), sizes),
         driven=driven,
-        grounded=np.array(grounded, dtype=np.intp),
-        ground=coordinates[np.array(grounded, dtype=np.intp)],
+        grounded=grounded,
+        ground=coordinates[grounded],
         incidence=(np.eye(count) - np.eye(count)[following])[:, driven],
     )
 
