@@ -5,6 +5,7 @@
 
 from copy import deepcopy
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 from carries import make_robot, place
@@ -42,6 +43,17 @@ def believed(**settings):
     return GripBelief(MODEL, GRIP.moved_to(MODEL.pose), EstimatorSettings(**settings))
 
 
+@cache
+def rolled(count, period, speed):
+    """Return the equilibrium after a count of periods of rolling there and back in a second."""
+    if count == 0:
+        return MODEL
+    # There and back, faster and slower.
+    way = np.sin(2.0 * np.pi * count * period) * speed * TRAVEL
+    before = rolled(count - 1, period, speed)
+    return roll_grip(before, CONFIG.moved_to(CONFIG.roller_positions + way))
+
+
 def carry(
     belief,
     duration,
@@ -54,11 +66,9 @@ def carry(
     age=0.0,
 ):
     """Roll, measure and correct; return the squared innovations."""
-    rng, found, grasp, poses = np.random.default_rng(0), [], MODEL, {}
+    rng, found, poses = np.random.default_rng(0), [], {}
     for k in range(1, round(duration / period) + 1):
-        # There and back, faster and slower.
-        way = np.sin(2.0 * np.pi * k * period) * speed * TRAVEL
-        grasp = roll_grip(grasp, CONFIG.moved_to(CONFIG.roller_positions + way))
+        grasp = rolled(k % round(1.0 / period), period, speed)
         read = grasp.config.roller_positions + encoders * rng.normal(size=6)
         assert belief.follow(CONFIG.moved_to(read), period, None) is HoldStatus.HELD
         poses[k] = np.array(grasp.pose) if away is None else np.array(grasp.pose) + away
@@ -194,7 +204,7 @@ def test_calibrations_of_the_robot_file_state_the_deviations_of_stiffness_and_of
 
 def test_the_delay_of_poses_is_estimated_where_the_speed_changes():
     belief = believed()
-    carry(belief, 6.0, 1e-4, 4.0, late=PERIOD)
+    carry(belief, 4.0, 1e-4, 4.0, late=PERIOD)
     assert belief.state.delay == pytest.approx(PERIOD, abs=0.015)
     belief = believed()
     carry(belief, 3.0, 1e-4, 4.0)

@@ -4,7 +4,9 @@
 """The state estimator against robots that are drawn from what it expects, and sensors that lie."""
 
 import cmath
+from copy import deepcopy
 from dataclasses import replace
+from functools import cache
 
 from carries import FRICTION, make_robot, place
 from isotruss_ros.core import place_between, Pose
@@ -19,6 +21,7 @@ from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.statics.section import tube_pressures
+from nightly import some_now
 import numpy as np
 import pytest
 import scipy
@@ -134,6 +137,20 @@ class DrawnRobot:
 
 
 ALL = tuple(NAMES)
+
+
+@cache
+def _estimated(names, held, speed, duration):
+    drawn = DrawnRobot(3, held=held, speed=speed, random_slip=speed > 0.0)
+    drawn.run(duration, names)
+    return drawn
+
+
+def estimated(names=THREE, held=True, speed=0.03, duration=2.0):
+    """Return a robot after estimates of some duration [s]; rollers at rest do not slip."""
+    return deepcopy(_estimated(names, held, speed, duration))
+
+
 #: Of a held object; each takes half a second.
 RUNS = 200
 
@@ -184,11 +201,21 @@ def test_offsets_of_a_robot_without_object_agree_with_least_squares(encoders):
     assert np.sqrt(np.diag(found.offset_covariance)) == pytest.approx(deviations, rel=0.01)
 
 
-def test_errors_of_a_robot_without_object_agree_with_stated_deviations():
-    runs = [DrawnRobot(seed) for seed in range(60)]
-    surprises = [drawn.surprise(drawn.run(1.0)) for drawn in runs]
-    low, high = scipy.stats.chi2.ppf([0.025, 0.975], 6 * len(runs)) / len(runs)
-    assert low < np.mean(surprises) < high
+@pytest.fixture(scope='module')
+def runs_without_object():
+    """Return of 60 runs: are offsets improbable after 0.5 s, and the surprise after 1 s."""
+    runs = []
+    for seed in range(60):
+        drawn = DrawnRobot(seed)
+        is_improbable = drawn.run(0.5).is_improbable
+        runs.append((is_improbable, drawn.surprise(drawn.run(0.5))))
+    return runs
+
+
+def test_errors_of_a_robot_without_object_agree_with_stated_deviations(runs_without_object):
+    count = len(runs_without_object)
+    low, high = scipy.stats.chi2.ppf([0.025, 0.975], 6 * count) / count
+    assert low < np.mean([surprise for _, surprise in runs_without_object]) < high
 
 
 def test_offsets_that_are_improbable_for_their_prior_are_unknown():
@@ -200,9 +227,9 @@ def test_offsets_that_are_improbable_for_their_prior_are_unknown():
     assert np.diag(found.offset_covariance).min() > MAX_OFFSET_DEVIATION**2
 
 
-def test_few_offsets_as_drawn_from_their_prior_are_improbable():
-    runs = [DrawnRobot(seed).run(0.5).is_improbable for seed in range(60)]
-    assert sum(runs) <= scipy.stats.binom.ppf(0.999, len(runs), IMPROBABLE)
+def test_few_offsets_as_drawn_from_their_prior_are_improbable(runs_without_object):
+    improbable = [is_improbable for is_improbable, _ in runs_without_object]
+    assert sum(improbable) <= scipy.stats.binom.ppf(0.999, len(improbable), IMPROBABLE)
 
 
 @pytest.mark.nightly
@@ -225,15 +252,14 @@ def test_errors_of_a_held_object_are_no_larger_than_stated():
 
 
 def test_squeeze_is_estimated_from_markers_within_five_percent():
-    drawn = DrawnRobot(3, held=True)
-    found, truth = drawn.run(2.0), drawn.grip.squeeze
+    drawn = estimated()
+    found, truth = drawn.estimator.estimate(), drawn.grip.squeeze
     assert found.squeeze == pytest.approx(truth, rel=0.05)
     assert found.squeeze_deviation < 0.08 * truth
 
 
 def test_squeeze_after_markers_is_that_of_the_next_equilibrium():
-    drawn = DrawnRobot(3, held=True)
-    drawn.run(0.2, ())
+    drawn = estimated((), duration=0.2)
     before, grasp = drawn.estimator.estimate(), drawn.estimator.belief.grasp
     drawn.estimator.take_markers(drawn.time, drawn.markers(ALL), 1e-4)
     found = drawn.estimator.estimate()
@@ -249,8 +275,7 @@ def test_squeeze_after_markers_is_that_of_the_next_equilibrium():
 
 @pytest.mark.parametrize('held', [False, True])
 def test_an_inconsistent_marker_is_rejected_and_named(held):
-    drawn = DrawnRobot(5, held=held)
-    drawn.run(1.0)
+    drawn = estimated(held=held)
     for _ in range(20):
         drawn.move()
         markers = drawn.markers()
@@ -287,11 +312,12 @@ def _turn(drawn, seconds, slips):
     return None
 
 
-@pytest.mark.parametrize('held', [False, True])
-@pytest.mark.parametrize(('share', 'limit'), [(0.02, 5.0), (1.0, 0.5)])
+@pytest.mark.parametrize(
+    ('held', 'share', 'limit'),
+    some_now([(False, 0.02, 5.0), (True, 1.0, 0.5), (True, 0.02, 5.0), (False, 1.0, 0.5)], 2),
+)
 def test_a_slipping_roller_is_detected_in_time(held, share, limit):
-    drawn = DrawnRobot(7, held=held, speed=0.0, random_slip=False)
-    drawn.run(2.0, ALL)
+    drawn = estimated(ALL, held, speed=0.0)
     assert _turn(drawn, limit, share) is not None
     assert drawn.estimator.estimate().slipping == (ROBOT.roller_names[3],)
 
@@ -347,7 +373,7 @@ def test_the_stiffness_is_that_of_the_measured_pressures():
     assert found[1] / found[0] == pytest.approx(expected[1] / expected[0], rel=0.01)
 
 
-@pytest.mark.parametrize('held', [False, True])
+@pytest.mark.parametrize('held', some_now([False, True]))
 def test_markers_that_are_all_shifted_leave_errors_within_their_deviations(held):
     settings, surprises = replace(EXACT, marker_shift=3e-3, joint_error=5e-4), []
     for seed in range(4):
@@ -358,9 +384,10 @@ def test_markers_that_are_all_shifted_leave_errors_within_their_deviations(held)
     assert np.mean(surprises) < scipy.stats.chi2.ppf(0.999, 24) / 4.0
 
 
-@pytest.mark.parametrize('names', [THREE, ALL])
-@pytest.mark.parametrize('degrees', [1.0, -1.0])
-def test_markers_in_a_turned_frame_leave_errors_within_two_deviations(names, degrees):
+@pytest.mark.parametrize(
+    ('degrees', 'names'), some_now([(1.0, THREE), (-1.0, ALL), (1.0, ALL), (-1.0, THREE)])
+)
+def test_markers_in_a_turned_frame_leave_errors_within_two_deviations(degrees, names):
     settings = replace(EstimatorSettings(), stiffness=0.0)
     drawn = DrawnRobot(1, held=True, settings=settings)
     drawn.turn = cmath.exp(1j * np.radians(degrees))
@@ -382,8 +409,7 @@ def test_deviations_of_offsets_with_wrong_markers_are_bounded():
 
 def with_pose_error(pose_error):
     """Return a robot that holds a disc, whose model of the pose is wrong by so much [m]."""
-    drawn = DrawnRobot(3, held=True)
-    drawn.run(0.2, ())
+    drawn = estimated((), duration=0.2)
     drawn.estimator.settings = replace(EXACT, pose_error=pose_error)
     return drawn
 
@@ -453,9 +479,8 @@ def test_markers_of_one_stamp_may_come_in_parts():
 
 
 def test_poses_are_used_with_a_grip_and_with_encoder_readings_of_their_time():
-    free, drawn = DrawnRobot(1), DrawnRobot(1, held=True)
+    free, drawn = DrawnRobot(1), estimated()
     free.move()
-    drawn.run(3.0)
     assert not free.estimator.take_pose(free.time, Pose(0.6, 0.3, 0.0), POSE)
     for before, counts in ((1.5, False), (0.0, True), (-0.5, False)):
         pose = Pose(*drawn.grip.pose)
@@ -475,8 +500,8 @@ def test_numbers_out_of_range_are_refused_by_name(number):
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('number', [np.inf, np.nan, 1e300])
 def test_measurements_out_of_range_are_refused_by_name_and_change_nothing(number):
-    drawn = DrawnRobot(1, held=True)
-    before, found = drawn.run(0.2), drawn.estimator
+    drawn = estimated()
+    before, found = drawn.estimator.estimate(), drawn.estimator
     with pytest.raises(GraspError, match="the object's pose"):
         found.take_pose(drawn.time, Pose(0.0, number, 0.0), POSE)
     with pytest.raises(GraspError, match=r'marker on joint Q .m.: '):
@@ -494,8 +519,7 @@ def test_measurements_out_of_range_are_refused_by_name_and_change_nothing(number
 
 
 def test_an_absent_object_is_not_held():
-    drawn = DrawnRobot(11, held=True)
-    drawn.run(0.5)
+    drawn = estimated()
     for _ in range(10):
         drawn.move()
         drawn.estimator.take_pose(drawn.time, Pose(5.0, 5.0, 0.0), POSE)
