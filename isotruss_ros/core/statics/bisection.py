@@ -53,12 +53,13 @@ class Bisections(NamedTuple):
         gaps = np.arctan2(rotations.imag, rotations.real) @ WEIGHTS
         # With z = x + iy, the second derivatives xx, yy and xy of arg z are Im(-1/z^2), Im(1/z^2)
         # and Re(-1/z^2).
-        curvature = -WEIGHTS * multipliers[chosen, None] / displaced**2
-        by_nodes = VECTORS.T @ (curvature[:, :, None] * VECTORS)
-        blocks = np.empty((len(nodes), 5, 2, 5, 2))
-        blocks[:, :, 0, :, 0], blocks[:, :, 1, :, 1] = by_nodes.imag, -by_nodes.imag
-        blocks[:, :, 0, :, 1] = blocks[:, :, 1, :, 0] = by_nodes.real
-        return _gradients(displaced), gaps, blocks.reshape(-1, 10, 10)
+        curvatures = -WEIGHTS * multipliers[chosen, None] / displaced**2
+        of_nodes = VECTORS.T @ (curvatures[:, :, None] * VECTORS)
+        # Axes: constraint, node, x or y, node, x or y.
+        stiffness = np.empty((len(nodes), 5, 2, 5, 2))
+        stiffness[:, :, 0, :, 0], stiffness[:, :, 1, :, 1] = of_nodes.imag, -of_nodes.imag
+        stiffness[:, :, 0, :, 1] = stiffness[:, :, 1, :, 0] = of_nodes.real
+        return _gradients(displaced), gaps, stiffness.reshape(-1, 10, 10)
 
 
 def _gradients(vectors: Points) -> Array:

@@ -38,7 +38,7 @@ class Group(NamedTuple):
     #: (b, q) places of the entries of members and constraints in b matrices (t + s + 1, t + s +
     #: 1), whose last rows and columns are for other unknowns
     slots: Indices
-    joints: Indices  #: (b, t) `Numbering.joint` of the unknowns of the hinges
+    hinges: Indices  #: (b, t) `Numbering.hinge_index` of the unknowns of the hinges
 
     def assemble(self, members: Array, rows: Array) -> Array:
         """Return the blocks' matrices (b, t + s, t + s) from those of members and constraints."""
@@ -56,8 +56,8 @@ class Numbering:
 
     Members `start` (k,) to `end` (k,) between nodes are `pinned` (k,) if their starts transmit no
     moment. Supports fix displacements `held` (n, 3). `names` of the nodes are for error messages.
-    `joints` are the unknowns of the hinges; `joint` are their indices among these, and their
-    number for all other unknowns.
+    `hinges` (j,) are the unknowns of the hinges; `hinge_index` (u,) is the index of each unknown
+    among these, and j for all other unknowns.
     """
 
     def __init__(
@@ -71,42 +71,42 @@ class Numbering:
     ) -> None:
         self.names, self.held, self.constraints = names, held, constraints
         self.start, self.end, self.pinned = start, end, pinned
-        # Unknowns: those that exist and are not fixed, and those of members and constraints.
         #: number of multipliers, which are the first unknowns
         self.rows = len(constraints.places)
-        # A hinge has no rotation of its own.
+        # A node with fixed members is solid; the other nodes are hinges, without a rotation.
         is_solid = np.zeros(len(held), dtype=bool)
         is_solid[start[~pinned]] = is_solid[end] = True
         exists = np.ones((len(held), 3), dtype=bool)
         exists[:, 2] = is_solid
         is_multiplier = np.ones(self.rows, dtype=bool)
+        #: (u,) whether an unknown exists and is not fixed
         self.free = np.append(is_multiplier, exists & ~held)
         #: (k, 6) and (c, 1 + w) unknowns of members and constraints
         self.places = self.rows + member_places(start, end)
         self.row_places = np.column_stack([np.arange(self.rows), self.rows + constraints.places])
-        # Blocks of the unknowns, and the hinges between them.
-        owner = _find_owners(self, is_solid)
-        if not (self.free & (owner < 0)).any():  # a frame without hinges has one matrix
-            owner[:] = -1
-        self.joints = np.flatnonzero(self.free & (owner < 0))
-        self.joint = np.full(len(owner), len(self.joints))
-        self.joint[self.joints] = np.arange(len(self.joints))
-        self.is_sparse = len(self.joints) > MAX_DENSE_COORDINATES
-        # Blocks of members and constraints; each one between hinges is a block of its own.
-        block = np.append(owner[self.places].max(axis=1), owner[self.row_places].max(axis=1))
-        between_hinges = np.flatnonzero(block < 0)
-        block[between_hinges] = owner.max() + 1 + np.arange(len(between_hinges))
+        # Block of each unknown; -1 for those of hinges between the blocks.
+        block_of = _find_blocks(self, is_solid)
+        if not (self.free & (block_of < 0)).any():  # a frame without hinges has one matrix
+            block_of[:] = -1
+        self.hinges = np.flatnonzero(self.free & (block_of < 0))
+        self.hinge_index = np.full(len(block_of), len(self.hinges))
+        self.hinge_index[self.hinges] = np.arange(len(self.hinges))
+        self.is_sparse = len(self.hinges) > MAX_DENSE_COORDINATES
+        # Members and constraints are in the block of their unknowns. Each of those between hinges
+        # is a block of its own.
+        elements = [*self.places, *self.row_places]
+        owners = np.array([block_of[unknowns].max() for unknowns in elements])
+        between_hinges = np.flatnonzero(owners < 0)
+        owners[between_hinges] = block_of.max() + 1 + np.arange(len(between_hinges))
         #: (k,) and (c,) blocks of members and constraints
-        self.owner, self.row_owner = np.split(block, [len(self.places)])
-        is_at_hinge = (owner < 0) & np.append(is_multiplier, exists)
+        self.owner, self.row_owner = np.split(owners, [len(self.places)])
+        is_at_hinge = (block_of < 0) & np.append(is_multiplier, exists)
         #: unknowns of each block, and those of its hinges, fixed ones included
         self.blocks: list[tuple[Indices, Indices]] = []
-        for i in range(int(block.max()) + 1):
-            unknowns = np.append(
-                self.places[self.owner == i], self.row_places[self.row_owner == i]
-            )
+        for i in range(int(owners.max()) + 1):
+            unknowns = np.concatenate([elements[k] for k in np.flatnonzero(owners == i)])
             outer = np.unique(unknowns[is_at_hinge[unknowns]])
-            self.blocks.append((np.flatnonzero(self.free & (owner == i)), outer))
+            self.blocks.append((np.flatnonzero(self.free & (block_of == i)), outer))
         #: blocks without unknowns of their own
         self.hinged = np.flatnonzero([not len(inner) for inner, _ in self.blocks])
 
@@ -135,18 +135,18 @@ class Layout:
         self.numbering, self.active = numbering, active
         # Members of the active blocks, and then the parts behind the cuts.
         cuts = np.arange(len(piece))
-        chosen = np.flatnonzero(np.isin(numbering.owner, active))
+        members = np.flatnonzero(np.isin(numbering.owner, active))
         self.rows = np.flatnonzero(np.isin(numbering.row_owner, active))
-        self.whole = np.append(chosen, piece)
-        self.behind = len(chosen) + cuts
+        self.whole = np.append(members, piece)
+        self.behind = len(members) + cuts
         self.nodes = (len(numbering.free) - numbering.rows) // 3 + cuts
         self.start, self.end = numbering.start[self.whole], numbering.end[self.whole]
         self.pinned = numbering.pinned[self.whole]
         self.pinned[self.behind] = False
-        # The part before a cut begins at the member's start, or at the cut before.
+        # The part before a cut begins at the member's start, or at the previous cut.
         divided, behind = piece[order], self.behind[order]
         is_first = np.diff(divided, prepend=-1) > 0
-        before = np.where(is_first, np.searchsorted(chosen, divided), np.roll(behind, 1))
+        before = np.where(is_first, np.searchsorted(members, divided), np.roll(behind, 1))
         self.before = np.zeros_like(cuts)
         self.before[order] = before
         self.start[behind] = self.end[before] = self.nodes[order]
@@ -163,17 +163,17 @@ class Layout:
         groups = numbering.whole.groups if len(active) < len(numbering.blocks) else []
         inactive = [np.flatnonzero(~np.isin(group.ids, active)) for group in groups]
         self.kept = [(number, blocks) for number, blocks in enumerate(inactive) if len(blocks)]
-        active_joints = [group.joints for group in self.groups]
-        kept_joints = [groups[number].joints[blocks] for number, blocks in self.kept]
-        size = len(numbering.joints) + 1
+        active_hinges = [group.hinges for group in self.groups]
+        kept_hinges = [groups[number].hinges[blocks] for number, blocks in self.kept]
+        size = len(numbering.hinges) + 1
         #: places of the Schur complements in the matrix of the hinges, with a last row and column
         self.entries = np.concatenate(
-            [_matrix_places(joints, size).ravel() for joints in active_joints + kept_joints]
+            [_matrix_places(hinges, size).ravel() for hinges in active_hinges + kept_hinges]
         )
         #: matrix (j, q) that sums values at the hinges of the groups' blocks
-        hinges = np.concatenate([joints.ravel() for joints in active_joints])
-        sums = np.ones(len(hinges)), (hinges, np.arange(len(hinges)))
-        self.sources = csr_matrix(sums, shape=(size, len(hinges)))[:-1]
+        columns = np.concatenate([hinges.ravel() for hinges in active_hinges])
+        sums = np.ones(len(columns)), (columns, np.arange(len(columns)))
+        self.sources = csr_matrix(sums, shape=(size, len(columns)))[:-1]
         if not numbering.is_sparse:
             self.sources = self.sources.toarray()
 
@@ -181,7 +181,8 @@ class Layout:
         """Return the active blocks in groups, with the unknowns at the cuts in each block."""
         numbering = self.numbering
         owner, row_owner = numbering.owner[self.whole], numbering.row_owner[self.rows]
-        # Index of each unknown in the matrix of its block; the last index is for other unknowns.
+        # Index of each unknown in the matrix of its block; for other unknowns -1, which modulo the
+        # width of the matrix is the last index.
         index = np.full(len(numbering.free) + 3 * len(self.nodes), -1)
         by_size = defaultdict[tuple[int, ...], list[tuple[Indices, ...]]](list)
         for block in self.active.tolist():
@@ -197,8 +198,8 @@ class Layout:
             index[unknowns] = -1
             group = by_size[len(members), len(rows), len(inner), len(outer)]
             slots = width**2 * len(group) + np.append(of_members, of_rows)
-            joints = numbering.joint[outer]
-            group.append((np.array(block), members, rows, inner, outer, slots, joints))
+            hinges = numbering.hinge_index[outer]
+            group.append((np.array(block), members, rows, inner, outer, slots, hinges))
         return [Group(*map(np.stack, zip(*blocks, strict=True))) for blocks in by_size.values()]
 
 
@@ -210,7 +211,7 @@ def lay_out(numbering: Numbering, piece: bytes, order: bytes, active: bytes) -> 
 
 
 class Condensed(NamedTuple):
-    """Matrix with eliminated blocks, scaled."""
+    """Scaled matrix of a frame, from which the blocks' own unknowns are eliminated."""
 
     inner: list[Array]  #: for each group, matrices (b, s, s) of the blocks' own unknowns
     #: for each group, displacements (b, s, t) of these unknowns by displacements of the hinges
@@ -228,34 +229,35 @@ class Condensed(NamedTuple):
 def eliminate(
     layout: Layout, matrices: list[Array], kept: list[Array], right: Array
 ) -> tuple[Condensed, Array]:
-    """Eliminate the blocks of a matrix, and solve for right-hand sides (u, p) of free unknowns."""
+    """Return the matrix without its blocks, and the solutions (u, p) for p right-hand sides."""
     inner, spread, schur, with_fixed_hinges, hinge_loads = [], [], [], [], []
     numbering, columns = layout.numbering, right.shape[1]
     for group, block in zip(layout.groups, matrices, strict=True):
+        # The first unknowns of a block's matrix are those of its hinges.
         width = group.outer.shape[1]
-        within, coupling = block[:, width:, width:], block[:, width:, :width]
+        own_block, coupling = block[:, width:, width:], block[:, width:, :width]
         # The product of an inverse and the coupling would have a larger rounding error.
-        solved = np.linalg.solve(within, np.concatenate([coupling, right[group.inner]], axis=2))
+        solved = np.linalg.solve(own_block, np.concatenate([coupling, right[group.inner]], axis=2))
         at_hinges = coupling.swapaxes(1, 2) @ solved
-        inner.append(within)
+        inner.append(own_block)
         spread.append(-solved[..., :width])
         schur.append(block[:, :width, :width] - at_hinges[..., :width])
         with_fixed_hinges.append(solved[..., width:])
         hinge_loads.append(at_hinges[..., width:].reshape(group.outer.size, columns))
-    size = len(numbering.joints) + 1
+    # The last row and column of the matrix are for fixed displacements of hinges, which are zero.
+    size = len(numbering.hinges) + 1
     entries = np.concatenate([block.ravel() for block in schur + kept])
     if numbering.is_sparse:
         matrix = csc_matrix((entries, np.divmod(layout.entries, size)), shape=(size, size))
     else:
         matrix = np.bincount(layout.entries, entries, size**2).reshape(size, size)
     matrix = matrix[:-1, :-1]
-    # The last row is for fixed displacements of hinges.
+    hinge_right = right[numbering.hinges] - layout.sources @ np.concatenate(hinge_loads)
     hinges, solution = np.zeros((size, columns)), np.zeros(right.shape)
-    load = right[numbering.joints] - layout.sources @ np.concatenate(hinge_loads)
-    hinges[:-1] = factorize(matrix.copy()).solve(load)
-    solution[numbering.joints] = hinges[:-1]
+    hinges[:-1] = factorize(matrix.copy()).solve(hinge_right)
+    solution[numbering.hinges] = hinges[:-1]
     for group, by_hinges, constant in zip(layout.groups, spread, with_fixed_hinges, strict=True):
-        solution[group.inner] = constant + by_hinges @ hinges[group.joints]
+        solution[group.inner] = constant + by_hinges @ hinges[group.hinges]
     return Condensed(inner, spread, schur, matrix), solution
 
 
@@ -265,24 +267,25 @@ def member_places(start: Indices, end: Indices) -> Indices:
 
 
 def _matrix_places(indices: Indices, width: int) -> Indices:
-    """Return the places (b, q, q) of entries in a flat matrix whose rows and columns are given."""
+    """Return the flat indices (b, q, q) in a matrix of a width, of rows and columns (b, q)."""
     return width * indices[:, :, None] + indices[:, None]
 
 
-def _find_owners(numbering: Numbering, is_solid: Flags) -> Indices:
-    """Return the block (u,) of each unknown of solid nodes (n,), -1 for unknowns of others."""
-    # Vertices of the graph are the nodes, then the constraints.
+def _find_blocks(numbering: Numbering, is_solid: Flags) -> Indices:
+    """Return the block (u,) of each unknown; -1 for unknowns of hinges and of large blocks."""
+    # Vertices of the graph are the nodes, then the constraints. Edges are the members and the
+    # nodes of the constraints; hinges have no edges.
     columns, nodes, rows = numbering.constraints.places, len(is_solid), numbering.rows
     start = np.append(numbering.start, nodes + np.arange(rows).repeat(columns.shape[1]))
     end = np.append(numbering.end, columns // 3)
-    is_inside = np.append(is_solid, np.ones(rows, dtype=bool))
-    joined = np.flatnonzero(is_inside[start] & is_inside[end])
-    edges = np.ones(len(joined)), (start[joined], end[joined])
-    count, label = connected_components(
-        coo_matrix(edges, shape=(rows + nodes,) * 2), directed=False
-    )
-    of_unknowns = np.append(label[nodes:], label[:nodes].repeat(3))
+    is_connected = np.append(is_solid, np.ones(rows, dtype=bool))
+    edges = np.flatnonzero(is_connected[start] & is_connected[end])
+    entries = np.ones(len(edges)), (start[edges], end[edges])
+    graph = coo_matrix(entries, shape=(rows + nodes,) * 2)
+    count, component = connected_components(graph, directed=False)
+    of_unknowns = np.append(component[nodes:], component[:nodes].repeat(3))
     is_block = np.zeros(count, dtype=bool)
-    is_block[label[:nodes][is_solid]] = True
+    is_block[component[:nodes][is_solid]] = True
     is_block &= np.bincount(of_unknowns, minlength=count) <= MAX_DENSE_COORDINATES
-    return np.where(is_block, np.cumsum(is_block) - 1, -1)[of_unknowns]
+    blocks = np.where(is_block, np.cumsum(is_block) - 1, -1)
+    return blocks[of_unknowns]

@@ -33,11 +33,13 @@ class UnloadedBlocks(NamedTuple):
     @classmethod
     def of(cls, frame: Frame, group: Group, schur: Array, spread: Array) -> UnloadedBlocks:
         """Return a group of blocks from its eliminated matrix, which is scaled."""
-        count, multipliers = frame.layout.numbering.rows, group.rows.shape[1]
-        outer, inner = frame.scale[group.outer], frame.scale[group.inner]
-        hinges = frame.points[(group.outer[:, ::2] - count) // 3]
-        nodes = frame.points[(group.inner[:, multipliers::3] - count) // 3]
+        # Unknowns x of the hinges, and ux of the nodes after the blocks' multipliers.
+        multipliers, hinge_x = group.rows.shape[1], group.outer[:, ::2]
+        node_x = group.inner[:, multipliers::3]
+        hinges = frame.points[(hinge_x - frame.layout.numbering.rows) // 3]
+        nodes = frame.points[(node_x - frame.layout.numbering.rows) // 3]
         middles = hinges.mean(axis=1, keepdims=True)
+        outer, inner = frame.scale[group.outer], frame.scale[group.inner]
         return cls(
             ids=group.ids,
             outer=group.outer,
@@ -49,7 +51,11 @@ class UnloadedBlocks(NamedTuple):
         )
 
     def place(self, unknowns: Array) -> tuple[Points, Array]:
-        """Return the rotations (b,) of the blocks, and the strains (b, t) of their hinges [m]."""
+        """
+        Return the rigid rotations exp(i angle) (b,) of the blocks, and the hinges' strains (b, t).
+
+        The strains are the displacements of the hinges in axes that turn with their block [m].
+        """
         displaced = self.hinges + unknowns[self.outer].view(np.complex128)
         displaced -= displaced.sum(axis=1, keepdims=True) / displaced.shape[1]
         rotation = (self.hinges.conj() * displaced).sum(axis=1)
@@ -58,24 +64,25 @@ class UnloadedBlocks(NamedTuple):
         return rotation, strain.view(np.float64)
 
     def linearize(self, unknowns: Array) -> tuple[Array, Array]:
-        """Return the forces (b, t) on the hinges, and their stiffness (b, t, t), turned."""
+        """Return the forces (b, t) on the displaced hinges, and their stiffness (b, t, t)."""
         rotation, strain = self.place(unknowns)
-        of_node = np.array([[rotation.real, -rotation.imag], [rotation.imag, rotation.real]])
-        turns = np.einsum('nm,ijb->bnimj', np.eye(self.hinges.shape[1]), of_node)
-        turns = turns.reshape(self.stiffness.shape)
-        by_strain = turns @ self.stiffness
-        return (by_strain @ strain[:, :, None])[..., 0], by_strain @ turns.swapaxes(1, 2)
+        turns = np.array([[rotation.real, -rotation.imag], [rotation.imag, rotation.real]])
+        # Axes: block b, hinge n, component i in the frame, hinge m, component j in the block.
+        of_hinges = np.einsum('nm,ijb->bnimj', np.eye(self.hinges.shape[1]), turns)
+        of_hinges = of_hinges.reshape(self.stiffness.shape)
+        by_strain = of_hinges @ self.stiffness
+        return (by_strain @ strain[:, :, None])[..., 0], by_strain @ of_hinges.swapaxes(1, 2)
 
     def complete(self, unknowns: Array) -> None:
         """Set the inner unknowns of the blocks, among all (u,), from the hinges' unknowns."""
         rotation, strain = self.place(unknowns)
-        values = (self.spread @ strain[:, :, None])[..., 0]
+        inner_unknowns = (self.spread @ strain[:, :, None])[..., 0]
         multipliers = self.inner.shape[1] - 3 * self.nodes.shape[1]
-        displacements = values[:, multipliers:].reshape(*self.nodes.shape, 3)
+        displacements = inner_unknowns[:, multipliers:].reshape(*self.nodes.shape, 3)
         # From axes that turn with the block to those of the robot.
         strained = self.nodes + displacements[..., 0] + 1j * displacements[..., 1]
         middle = unknowns[self.outer].view(np.complex128).mean(axis=1)
         moved = strained * rotation[:, None] - self.nodes + middle[:, None]
         displacements[..., 0], displacements[..., 1] = moved.real, moved.imag
         displacements[..., 2] += np.angle(rotation)[:, None]
-        unknowns[self.inner] = values
+        unknowns[self.inner] = inner_unknowns
