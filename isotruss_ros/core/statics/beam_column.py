@@ -53,17 +53,19 @@ class BeamColumns(NamedTuple):
         axial, flexural, shear = section
         shear_compliance = 1.0 / shear
         bend_compliance = 0.25 * length * length / flexural
-        share = bend_compliance / (bend_compliance + 3.0 * shear_compliance)  # 1 / (1 + phi)
-        scale = length * share * share
         values = np.zeros((11, len(length)), dtype=length.dtype)
         values[0], values[1] = length, length / axial
+        # Derivatives 2 Ks of the sum by s, of the sum by b, and 2 Ka of the difference by b: their
+        # coefficients of 1, N and N^2, see this module.
         sway, coupling, bow = values[2::3], values[3::3], values[4::3]
         bow[0] = length / bend_compliance  # 4 EI / l0
         bow[1] = length / 3.0
         bow[2] = length * (shear_compliance / -3.0 - bend_compliance / 45.0)
-        sway[0], sway[1] = 3.0 * bow[0] * share, 0.2 * scale
+        share = bend_compliance / (bend_compliance + 3.0 * shear_compliance)  # 1 / (1 + phi)
+        sway[0] = 3.0 * bow[0] * share
+        sway[1] = 0.2 * (length * share * share)
         by_bending = bend_compliance * (0.04 / 3.0 * share - 2.0 / 105.0)
-        sway[2] = scale * (by_bending - 0.2 * shear_compliance)
+        sway[2] = length * share * share * (by_bending - 0.2 * shear_compliance)
         if pinned.any():  # the rotation of a pinned start is eliminated
             one_pin = _reciprocal(_reciprocal(sway) + _reciprocal(bow))
             coupling[:] = np.where(pinned, -one_pin, 0.0)
@@ -74,25 +76,27 @@ class BeamColumns(NamedTuple):
         self, elongation: Array, rotations: Array, axial: Array | None = None
     ) -> EndForces:
         """Return the end forces of bent members, by a Newton step from `axial` forces (k,)."""
+        # Axes: power of N; sum by s, coupling, difference by b; member.
         compliance, rotary = self.values[1], self.values[2:].reshape(3, 3, -1)
         # Coefficients of the moments (M1 + M2, M1 - M2) by powers of N.
         moments = rotary[:, :2] * rotations[0] + rotary[:, 1:] * rotations[1]
         constant, linear, quadratic = moments
         _, shortening, softening = (moments * rotations).sum(axis=1)
+        # The energy is stationary in N, with the derivative `stretching` of N by l.
         stretching = 1.0 / (compliance - softening)
         stationary = (elongation + 0.5 * shortening) * stretching
         pull = stationary if axial is None else np.where(np.isnan(axial), stationary, axial)
-        bent = pull * quadratic
-        by_pull = linear + 2.0 * bent
-        by_elongation = by_pull * stretching
+        moments_by_pull = linear + 2.0 * (pull * quadratic)
+        moments_by_elongation = moments_by_pull * stretching
         stiffness = np.empty((3, 3, len(pull)), dtype=stretching.dtype)
         stiffness[0, 0] = stretching
-        stiffness[0, 1:] = stiffness[1:, 0] = by_elongation
-        at_pull = rotary[0] + pull * (rotary[1] + pull * rotary[2])
-        stiffness[1, 1:], stiffness[2, 1:] = at_pull[:2], at_pull[1:]
-        stiffness[1:, 1:] += by_pull[:, None] * by_elongation
-        stressed = np.empty((3, len(pull)), dtype=stretching.dtype)
-        stressed[0], stressed[1:] = pull, constant + pull * (linear + bent)
+        stiffness[0, 1:] = stiffness[1:, 0] = moments_by_elongation
+        # By s and b: at constant N, and due to the change of N.
+        at_constant_pull = rotary[0] + pull * (rotary[1] + pull * rotary[2])
+        stiffness[1, 1:], stiffness[2, 1:] = at_constant_pull[:2], at_constant_pull[1:]
+        stiffness[1:, 1:] += moments_by_pull[:, None] * moments_by_elongation
+        stressed_moments = constant + pull * (linear + pull * quadratic)
+        stressed = np.concatenate([pull[None], stressed_moments])
         step = 0.0 if axial is None else stiffness[:, 0] * (stationary - pull) / stretching
         return EndForces((stressed + step).T, stiffness.T, stressed.T)
 
@@ -107,14 +111,15 @@ def _reciprocal(series: Array) -> Array:
 
 def chord_motions(axis: Points, length: Array) -> Array:
     """Return changes (k, 4, 6) of length, s, b and rotation of chords by displaced ends."""
-    motions = np.zeros((len(axis), 4, 6))
-    along = axis.view(np.float64).reshape(-1, 2)
-    across = (-1j * axis / length).view(np.float64).reshape(-1, 2)
-    motions[:, 0, :2], motions[:, 0, 3:5] = -along, along
-    motions[:, 1, :2], motions[:, 1, 3:5] = -across, across
-    motions[:, 3, :2], motions[:, 3, 3:5] = across, -across
-    motions[:, 1:3, 2], motions[:, 1, 5], motions[:, 2, 5] = 0.5, 0.5, -0.5
-    return motions
+    # Axes: member, change, end (start and end), displacement of this end (ux, uy, theta).
+    motions = np.zeros((len(axis), 4, 2, 3))
+    motions[:, 0, 1, :2] = axis.view(np.float64).reshape(-1, 2)
+    motions[:, 3, 1, :2] = (1j * axis / length).view(np.float64).reshape(-1, 2)
+    motions[:, 1, 1] = -motions[:, 3, 1]  # rotations of the ends are relative to the chord
+    motions[:, :, 0] = -motions[:, :, 1]
+    motions[:, 1, :, 2] = 0.5
+    motions[:, 2, :, 2] = 0.5, -0.5
+    return motions.reshape(-1, 4, 6)
 
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
@@ -127,7 +132,7 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
 
 
 def end_forces(forces: Array, length: Array) -> Array:
-    """Return the end forces (k, 6) of members, see `FrameState.end_forces`."""
+    """Return end forces (k, 6) as in `FrameState`, from values (k, 3) as in `EndForces`."""
     pull, moment_sum, moment_difference = forces.T
     across = moment_sum / length
     start = 0.5 * (moment_sum + moment_difference)

@@ -37,17 +37,19 @@ class Frame:
     @classmethod
     def of(cls, points: Points, section: Array, numbering: Numbering) -> Frame:
         """Return a frame without cuts, with nodes (n,) and members of given sections (3, k)."""
-        span = points[numbering.end] - points[numbering.start]
+        start, end, count = numbering.start, numbering.end, len(points)
+        span = points[end] - points[start]
         length = np.abs(span)
         columns = BeamColumns.of(length, section, numbering.pinned)
-        # Displacements along both axes have one scale: across a bar the stiffness is zero.
-        turning = 0.25 * (columns.values[2] + columns.values[4])
-        along, turn = (
-            sum(np.bincount(e, stiff, len(points)) for e in (numbering.start, numbering.end))
-            for stiff in (1.0 / columns.values[1], turning)
-        )
-        stiff = np.stack([along, along, turn], axis=1).ravel()
-        scale = 1.0 / np.sqrt(np.where(stiff > 0.0, stiff, 1.0))
+        # Sums of the members' stiffnesses at each node. Displacements along both axes have one
+        # scale, because across a bar the stiffness is zero.
+        axial = 1.0 / columns.values[1]
+        rotary = 0.25 * (columns.values[2] + columns.values[4])
+        along = np.bincount(start, axial, count) + np.bincount(end, axial, count)
+        turning = np.bincount(start, rotary, count) + np.bincount(end, rotary, count)
+        stiffness = np.stack([along, along, turning], axis=1).ravel()
+        scale = 1.0 / np.sqrt(np.where(stiffness > 0.0, stiffness, 1.0))
+        # The multipliers are scaled so that the derivatives of each constraint have the norm 1.
         constraints = numbering.constraints
         slopes = constraints.slopes(points, np.arange(numbering.rows))
         norms = np.linalg.norm(slopes * scale[constraints.places], axis=1)
@@ -57,16 +59,18 @@ class Frame:
 
     def cut(self, piece: Indices, within: Array, active: Indices | None = None) -> Frame:
         """Return the parts of `active` blocks, or of all, with nodes in members `piece` (c,)."""
-        numbering, active = self.layout.numbering, self.layout.active if active is None else active
+        numbering = self.layout.numbering
+        active = self.layout.active if active is None else active
         order = np.lexsort((within, piece))
         layout = lay_out(numbering, piece.tobytes(), order.tobytes(), active.tobytes())
         start, whole = numbering.start[piece], layout.whole
         points = np.append(self.points, self.points[start] + within * self.axis[piece])
         begins = np.append(np.zeros(len(whole) - len(piece)), within)
-        # Nodes have rounding errors that would turn and lengthen short parts.
-        length = self.length[whole]
-        length[layout.before] = within
-        length -= begins
+        # From the distances in the members: the nodes have rounding errors, which would turn and
+        # lengthen short parts.
+        ends = self.length[whole]
+        ends[layout.before] = within
+        length = ends - begins
         section, divided = self.section[:, whole], layout.parts
         values = self.columns.values[:, whole].astype(complex)
         values[:, divided] = BeamColumns.of(
@@ -90,42 +94,43 @@ class Frame:
 
     def interpolate(self, displacements: Array, piece: Indices, within: Array) -> Array:
         """Return the displacements (q, 3) of points inside members, with cubic centre lines."""
-        uncut, part = self.uncut, self.locate(piece, within)
-
-        def pick(of_parts: Array, of_members: Array) -> Array:
-            """Return the values of the parts, or of the members that have no parts."""
-            return np.where(part < 0, of_members[..., piece], of_parts[..., part])
-
-        start = displacements[pick(self.layout.start, uncut.layout.start)]
-        end = displacements[pick(self.layout.end, uncut.layout.end)]
-        pinned = pick(self.layout.pinned, uncut.layout.pinned)
-        section, length = pick(self.section, uncut.section), pick(self.length, uncut.length)
-        x = (within - pick(self.begins, uncut.begins)) / length
+        layout, uncut, part = self.layout, self.uncut, self.locate(piece, within)
+        # Indices among the parts and then the members, for the members that have no parts.
+        index = np.where(part < 0, len(self.length) + piece, part)
+        start = displacements[np.append(layout.start, uncut.layout.start)[index]]
+        end = displacements[np.append(layout.end, uncut.layout.end)[index]]
+        pinned = np.append(layout.pinned, uncut.layout.pinned)[index]
+        length = np.append(self.length, uncut.length)[index]
+        _, flexural, shear = np.hstack([self.section, uncut.section])[:, index]
+        # Position in the part, from 0 to 1.
+        x = (within - np.append(self.begins, uncut.begins)[index]) / length
+        # Displacements of the ends along + i across the undeformed member, and the chord.
         axis = uncut.axis[piece]
-        # Displacements along + i across the undeformed member, and its chord.
-        shift = (start[:, 0] + 1j * start[:, 1]) * axis.conj()
-        difference = (end[:, 0] + 1j * end[:, 1]) * axis.conj() - shift
+        start_shift = (start[:, 0] + 1j * start[:, 1]) * axis.conj()
+        difference = (end[:, 0] + 1j * end[:, 1]) * axis.conj() - start_shift
         chord = length + difference
         rotation = np.angle(chord)
-        start_slope, end_slope = start[:, 2] - rotation, end[:, 2] - rotation
-        phi = 12.0 * section[1] / section[2] / length**2
-        # The moment at a pinned start is zero.
-        start_slope = np.where(pinned, (phi - 2.0) / (phi + 4.0) * end_slope, start_slope)
+        # Slopes relative to the chord. The moment at a pinned start is zero.
+        end_slope = end[:, 2] - rotation
+        phi = 12.0 * flexural / shear / length**2
+        pinned_slope = (phi - 2.0) / (phi + 4.0) * end_slope
+        start_slope = np.where(pinned, pinned_slope, start[:, 2] - rotation)
         sway, bow = start_slope + end_slope, start_slope - end_slope
         height = 0.5 * x * (1.0 - x) * (bow + (1.0 - 2.0 * x) / (1.0 + phi) * sway)
         sway_slope = 1.0 - 6.0 * x * (1.0 - x) / (1.0 + phi)
         slope = 0.5 * ((1.0 - 2.0 * x) * bow + sway_slope * sway)
-        moved = axis * (shift + x * difference + 1j * height * chord)
+        moved = axis * (start_shift + x * difference + 1j * height * chord)
         return np.stack([moved.real, moved.imag, rotation + slope], axis=1)
 
 
 def keep_apart(pieces: Indices, positions: Array, length: Array) -> Array:
     """Return positions (c,) of cuts [m], shifted so that no part of a member is too short."""
-    apart, ends, piece_of = positions.tolist(), length.tolist(), pieces.tolist()
+    shifted, lengths, piece_of = positions.tolist(), length.tolist(), pieces.tolist()
     for piece in set(piece_of):
-        cuts, nearest = [i for i, other in enumerate(piece_of) if other == piece], 0.0
-        cuts.sort(key=apart.__getitem__)
-        for behind, i in zip(range(len(cuts), 0, -1), cuts, strict=True):
-            farthest = ends[i] - behind * SHORTEST_PART
-            nearest = apart[i] = max(nearest + SHORTEST_PART, min(apart[i], farthest))
-    return np.array(apart)
+        cuts = [i for i, other in enumerate(piece_of) if other == piece]
+        previous = 0.0
+        for number, i in enumerate(sorted(cuts, key=shifted.__getitem__)):
+            farthest = lengths[i] - (len(cuts) - number) * SHORTEST_PART
+            previous = max(previous + SHORTEST_PART, min(shifted[i], farthest))
+            shifted[i] = previous
+    return np.array(shifted)

@@ -47,11 +47,12 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     m, joints = topology.n_modules, len(topology.joint_names)
     a, b = topology.joint, joints + 4 * np.arange(m)
     c, d, e = b + 1, b + 2, b + 3
-    pinch = [f'{module}/{node}' for module in topology.module_names for node in 'BCDE']
+    module_nodes = [f'{module}/{node}' for module in topology.module_names for node in 'BCDE']
     held = np.zeros((joints + 4 * m, 3), dtype=bool)
-    held[np.divmod(topology.grounded, 2)] = True
+    held[np.divmod(topology.grounded, 2)] = True  # coordinate 2 i is x of node i, 2 i + 1 is y
+    # AB, AC, BC, BD, CE and DE' of all modules.
     numbering = Numbering(
-        names=(*topology.joint_names, *pinch),
+        names=(*topology.joint_names, *module_nodes),
         start=np.concatenate([a, a, b, b, c, d]),
         end=np.concatenate([b, c, c, d, e, e[topology.following]]),
         pinned=np.repeat([True, True, False, True, True, False], m),
@@ -82,12 +83,14 @@ class Structure:
         to_ring = module.guide_ring_distance * config.member_axes
         points = np.empty(len(numbering.names), dtype=np.complex128)
         points[:joints] = config.points[:joints]
+        # The pieces BD, CE and DE' start at B, C and D.
         (b, c, d), e = numbering.start[self.pieces], numbering.end[self.pieces[1]]
         points[b], points[c] = config.points[topology.b], config.points[topology.c]
         points[d], points[e] = points[b] + to_ring, points[c] - to_ring[topology.previous]
         # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
         gauge = np.array(pressures)[topology.tube]
         of_members = np.array(self.tube.section_stiffness(config.member_lengths, gauge))
+        # Axes: EA, EI and GA; three sides of the modules, then three kinds of pieces; module.
         sections = np.empty((3, 6, topology.n_modules))
         sections[0, :3] = module.axial_rigidity
         sections[1, :3] = module.flexural_rigidity
@@ -109,7 +112,7 @@ class Structure:
 
     @functools.cached_property
     def blocks(self) -> list[UnloadedBlocks | None]:
-        """Return the groups of the unloaded frame; None for blocks without own unknowns."""
+        """Return the unloaded blocks of each group; None for blocks without own unknowns."""
         _, condensed = self._unloaded
         groups = self.frame.layout.groups, condensed.schur, condensed.spread
         return [
@@ -153,25 +156,27 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
 structure_under = functools.lru_cache(maxsize=8)(Structure)
 
 
-def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: Array) -> Array:
+def section_rates(
+    structure: Structure, frame: Frame, node_rates: Points, pressure_rates: Array
+) -> Array:
     """Return changes (4, c, p) of rest length, EA, EI, GA by nodes (N, p) and pressures (t, p)."""
     config, topology = structure.config, structure.config.robot.topology
-    spans = moved[topology.end] - moved[topology.b]
+    spans = node_rates[topology.end] - node_rates[topology.b]
     elongations = (spans * config.member_axes[:, None].conj()).real
     pressures = np.array(structure.pressures)[topology.tube]
     by_length, by_pressure = structure.tube.flexibility_rates(config.member_lengths, pressures)
-    flexibility = by_length[:, :, None] * elongations
-    flexibility += by_pressure[:, :, None] * inflated[topology.tube]
-    layout, (pieces, owner) = frame.layout, structure.tube_parts(frame)
-    rates = np.zeros((4, len(frame.length), moved.shape[1]))
-    rates[1:, pieces] = -(frame.section[:, pieces, None] ** 2) * flexibility[:, owner]
+    flexibility_rates = by_length[:, :, None] * elongations
+    flexibility_rates += by_pressure[:, :, None] * pressure_rates[topology.tube]
+    layout, (parts, owner) = frame.layout, structure.tube_parts(frame)
+    rates = np.zeros((4, len(frame.length), node_rates.shape[1]))
+    rates[1:, parts] = -(frame.section[:, parts, None] ** 2) * flexibility_rates[:, owner]
     # If a member becomes longer, both nodes of its last piece (CE, from pinch point to ring) shift
     # along it; this piece runs backward. Other nodes and cuts are fixed.
     last_pieces = structure.pieces[1]
-    shifts = np.zeros((len(frame.points), moved.shape[1]))
+    shifts = np.zeros((len(frame.points), node_rates.shape[1]))
     shifts[layout.numbering.start[last_pieces]] = elongations[topology.previous]
     shifts[layout.numbering.end[last_pieces]] = elongations[topology.previous]
-    direction = np.where(np.isin(layout.whole[pieces], last_pieces), -1.0, 1.0)
-    lengthened = shifts[layout.end[pieces]] - shifts[layout.start[pieces]]
-    rates[0, pieces] = direction[:, None] * lengthened
+    directions = np.where(np.isin(layout.whole[parts], last_pieces), -1.0, 1.0)
+    relative_shifts = shifts[layout.end[parts]] - shifts[layout.start[parts]]
+    rates[0, parts] = directions[:, None] * relative_shifts
     return rates

@@ -93,20 +93,21 @@ class Tangent:
     def force_rates(self, parts: Indices) -> Array:
         """Return the derivatives (q, 3, 4) of q parts' `EndForces` by length, EA, EI and GA."""
         frame, repeated = self.frame, parts.repeat(4)
-        # Derivatives by complex steps have no rounding error of differences.
+        # Derivatives by complex steps have no rounding error of differences. Each part occurs four
+        # times, with a step of its length, EA, EI and GA.
         steps = 1j * EPSILON * np.tile(np.eye(4), len(parts))
-        section = np.vstack([frame.length, frame.section])[:, repeated] + steps
-        columns = BeamColumns.of(section[0], section[1:], frame.layout.pinned[repeated])
+        length, *section = np.vstack([frame.length, frame.section])[:, repeated] + steps
+        columns = BeamColumns.of(length, np.array(section), frame.layout.pinned[repeated])
         elongations, rotations = self.elongations[repeated] - steps[0], self.rotations[:, repeated]
-        changed = columns.evaluate(elongations, rotations, self.forces.stressed[repeated, 0])
-        rates = changed.values.imag / EPSILON
+        varied = columns.evaluate(elongations, rotations, self.forces.stressed[repeated, 0])
+        rates = varied.values.imag / EPSILON
         return rates.reshape(len(parts), 4, 3).swapaxes(1, 2)
 
     def sum_forces(self, parts: Indices, forces: Array) -> Array:
-        """Return the sums (u, c) at the unknowns of the nodes' forces on q parts (q, 3, c)."""
-        at_ends, count = self.motions[parts, :3].swapaxes(1, 2) @ forces, forces.shape[2]
+        """Return the loads (u, c) on the nodes that balance `EndForces` (q, 3, c) of q parts."""
+        count, size = forces.shape[2], len(self.unknowns) * forces.shape[2]
+        at_ends = self.motions[parts, :3].swapaxes(1, 2) @ forces
         indices = self.frame.layout.places[parts, :, None] * count + np.arange(count)
-        size = len(self.unknowns) * count
         return np.bincount(indices.ravel(), at_ends.ravel(), size).reshape(-1, count)
 
     @cached_property
@@ -117,27 +118,28 @@ class Tangent:
         parts, signs = self.frame.layout.beside, self.frame.layout.signs
         length, (axial, moment_sum, _) = self.length[parts], self.forces.values[parts].T
         shear_compliance = 1.0 / self.frame.section[2, parts]
-        across, reduction = moment_sum / length, 1.0 / (1.0 + axial * shear_compliance)
+        transverse, reduction = moment_sum / length, 1.0 / (1.0 + axial * shear_compliance)
         sway, bow = self.rotations[:, parts]
-        inclined = (sway + signs * bow - across * shear_compliance) * reduction
-        turn = self.axis[parts] * self.frame.axis[parts].conj()
-        by_across = -shear_compliance * reduction
+        slope = (sway + signs * bow - transverse * shear_compliance) * reduction
+        chord_turn = self.axis[parts] * self.frame.axis[parts].conj()
+        by_transverse = -shear_compliance * reduction
         by_forces = np.zeros((len(parts), 3))
-        by_forces[:, 0], by_forces[:, 1] = by_across * inclined, by_across / length
+        by_forces[:, 0], by_forces[:, 1] = by_transverse * slope, by_transverse / length
+        # By length, s, b and rotation of the chord: due to the forces, and at constant forces.
         by_chord = np.ones((len(parts), 1, 4))
         by_chord[:, :, :3] = by_forces[:, None] @ self.forces.stiffness[parts]
-        by_chord[:, 0, 0] -= by_across * across / length
+        by_chord[:, 0, 0] -= by_transverse * transverse / length
         by_chord[:, 0, 1] += reduction
         by_chord[:, 0, 2] += signs * reduction
         return Slopes(
-            values=np.arctan2(turn.imag, turn.real) + inclined,
+            values=np.arctan2(chord_turn.imag, chord_turn.real) + slope,
             by_ends=by_chord @ self.motions[parts],
             by_forces=by_forces,
-            by_shear=-by_across * (across + axial * inclined),
+            by_shear=-by_transverse * (transverse + axial * slope),
         )
 
     def force_changes(self, moved: Array) -> tuple[Array, Array]:
-        """Return changes of forces (p, 3, c) and of chords (p, c) by motion (n, 3, c) of nodes."""
+        """Return changes (p, 3, c) of `EndForces`, and of chords (p, c), by nodes (n, 3, c)."""
         chords = self.motions @ moved.reshape(-1, moved.shape[2])[self.frame.layout.ends]
         return self.forces.stiffness @ chords[:, :3], chords[:, 0]
 
@@ -165,43 +167,44 @@ def linearize(
     chord = frame.length + difference
     length = np.abs(chord)
     # (l^2 - l0^2) / (l + l0), because l - l0 has large rounding errors.
-    growth = 2.0 * frame.length * difference.real + difference.real**2 + difference.imag**2
-    elongations = growth / (length + frame.length)
+    squares = 2.0 * frame.length * difference.real + difference.real**2 + difference.imag**2
+    elongations = squares / (length + frame.length)
     start_turns, end_turns = turns[layout.start], turns[layout.end]
     rotations = np.array([start_turns + end_turns, start_turns - end_turns])
     rotations *= 0.5
     rotations[0] -= np.arctan2(chord.imag, chord.real)
-    # The imaginary parts of columns are derivatives by rest lengths.
-    varied = elongations + (frame.length - frame.columns.values[0])
-    evaluated = frame.columns.evaluate(varied, rotations, axial)
+    # The imaginary parts of columns are derivatives by rest lengths, on which elongations depend.
+    complex_elongations = elongations + (frame.length - frame.columns.values[0])
+    evaluated = frame.columns.evaluate(complex_elongations, rotations, axial)
     stiffness = chord_stiffness(length, evaluated)
-    values = evaluated.values.real.copy()
+    forces = evaluated.values.real.copy()
     axis = frame.axis * chord / length
     motions = chord_motions(axis, length)
-    at_ends = (motions[:, :3].swapaxes(1, 2) @ values[:, :, None])[..., 0]
+    at_ends = (motions[:, :3].swapaxes(1, 2) @ forces[:, :, None])[..., 0]
     carried = np.bincount(layout.places.ravel(), at_ends.ravel(), len(unknowns))
-    scaled = motions * frame.scale[layout.places][:, None]
-    members = scaled.swapaxes(1, 2) @ stiffness @ scaled
+    scaled_motions = motions * frame.scale[layout.places][:, None]
+    members = scaled_motions.swapaxes(1, 2) @ stiffness @ scaled_motions
 
-    # Constraints, with multipliers as forces.
-    slopes, gaps, curved = constraints.linearize(
+    # Constraints, with multipliers as forces: symmetric matrices of the multiplier, and then the
+    # displacements, of each constraint.
+    slopes, gaps, geometric = constraints.linearize(
         frame.points, displacements, multipliers, layout.rows
     )
     rows = np.zeros((len(slopes), slopes.shape[1] + 1, slopes.shape[1] + 1))
     rows[:, 0, 1:] = rows[:, 1:, 0] = slopes
-    rows[:, 1:, 1:] = curved
+    rows[:, 1:, 1:] = geometric
     scale = frame.scale[layout.row_places]
     rows *= scale[:, :, None] * scale[:, None]
-    held = slopes * multipliers[layout.rows, None]
-    carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), len(unknowns))
+    row_forces = slopes * multipliers[layout.rows, None]
+    carried += np.bincount(layout.row_places[:, 1:].ravel(), row_forces.ravel(), len(unknowns))
     carried[layout.rows] = gaps
 
     # Blocks that are kept undeformed.
     kept_forces, kept_stiffnesses = [], []
     for blocks in kept:
-        forces, hinge_stiffness = blocks.linearize(unknowns)
-        carried += np.bincount(blocks.outer.ravel(), forces.ravel(), len(unknowns))
-        kept_forces.append(forces)
+        hinge_forces, hinge_stiffness = blocks.linearize(unknowns)
+        carried += np.bincount(blocks.outer.ravel(), hinge_forces.ravel(), len(unknowns))
+        kept_forces.append(hinge_forces)
         kept_stiffnesses.append(hinge_stiffness)
     return Tangent(
         frame=frame,
@@ -210,7 +213,7 @@ def linearize(
         length=length,
         elongations=elongations,
         rotations=rotations,
-        forces=EndForces(values, stiffness[:, :3, :3], evaluated.stressed.real),
+        forces=EndForces(forces, stiffness[:, :3, :3], evaluated.stressed.real),
         length_rates=evaluated.values.imag / EPSILON,
         motions=motions,
         carried=carried,
