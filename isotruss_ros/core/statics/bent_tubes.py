@@ -138,16 +138,17 @@ class BentTubes:
         values: Array | None = None,
     ) -> BentTubes:
         """Return the tubes linearised about the state `values`; None: without loads."""
-        layout, cuts = structure.frame.layout, Cuts.of(structure, members, positions)
-        active = layout.active
+        cuts, numbering = Cuts.of(structure, members, positions), structure.frame.layout.numbering
+        active = None  # all blocks
         if values is None:
-            active = np.union1d(layout.numbering.owner[cuts.pieces], layout.numbering.hinged)
+            active = np.union1d(numbering.owner[cuts.pieces], numbering.hinged)
         frame = structure.frame.cut(cuts.pieces, cuts.within, active)
-        ends = np.cumsum([len(frame.scale), 3 * len(members), len(frame.length)])
-        values = np.zeros(ends[-1]) if values is None else values
-        if values.shape != (ends[-1],):
-            raise StructureError(f'bent tubes with {values.size} values: must be {ends[-1]}')
-        unknowns, loads, axial = np.split(values, ends[:-1])
+        sizes = len(frame.scale), 3 * len(members), len(frame.length)
+        loads_begin, axial_begin, size = np.cumsum(sizes)
+        values = np.zeros(size) if values is None else values
+        if values.shape != (size,):
+            raise StructureError(f'bent tubes with {values.size} values: must be {size}')
+        unknowns, loads, axial = np.split(values, [loads_begin, axial_begin])
         state = BentState(unknowns, loads.reshape(-1, 3), axial)
         lines = Lines.of(structure, members)
         return cls(structure, members, positions, cuts, lines, frame, stiffness, state)
@@ -167,7 +168,7 @@ class BentTubes:
         return replace(self, frame=frame, state=state._replace(axial=tangent.forces.values[:, 0]))
 
     @cached_property
-    def _lengthened(self) -> Array:
+    def _length_by_motions(self) -> Array:
         """Return the changes (p, k) of the parts' lengths by unit motions of the load points."""
         return self.frame.layout.longer * self.cuts.directions
 
@@ -184,43 +185,43 @@ class BentTubes:
     def responses(self) -> LoadResponses:
         """Return the responses to loads and to motions of the load points."""
         tangent, layout, to_robot = self.tangent, self.frame.layout, self.lines.turns
-        count, motions = len(self.members), self._motions
-        # Right-hand sides: unit loads, the forces of lengthened parts, and the imbalance.
-        right = np.zeros((len(tangent.unknowns), 4 * count + 1))
-        at_cuts = np.arange(-3 * count, 0).reshape(-1, 3)
-        columns = np.arange(3 * count).reshape(count, 1, 3)
-        right[at_cuts[:, :, None], columns] = to_robot / self.stiffness
         slopes, by_length = tangent.slopes, tangent.length_rates
-        forces = by_length[layout.parts, :, None] * self._lengthened[layout.parts, None]
+        count, motions = len(self.members), self._motion_columns
+        # Right-hand sides: unit loads on the nodes at the load points, whose unknowns are the last
+        # ones; then the forces of lengthened parts, and the imbalance.
+        right = np.zeros((len(tangent.unknowns), 4 * count + 1))
+        node_rows = np.arange(-3 * count, 0).reshape(-1, 3)
+        load_columns = np.arange(3 * count).reshape(count, 1, 3)
+        right[node_rows[:, :, None], load_columns] = to_robot / self.stiffness
+        forces = by_length[layout.parts, :, None] * self._length_by_motions[layout.parts, None]
         right[:, motions] = -tangent.sum_forces(layout.parts, forces)
         right[:, -1] = right[:, : 3 * count] @ self.state.loads.ravel() - tangent.carried
         _, unknowns = tangent.solve(right)
-        # Displacements of the nodes, and inclinations beside them, in axes of the members.
+        # Displacements of the nodes in axes of the members, and inclinations beside the nodes.
         to_member = to_robot.swapaxes(1, 2)
-        at_points = to_member @ unknowns[at_cuts]
-        by_ends = (slopes.by_ends @ unknowns[layout.places[layout.beside]])[:, 0]
-        at_points[:, 2] = _mean(by_ends)
+        at_points = to_member @ unknowns[node_rows]
+        at_points[:, 2] = _mean((slopes.by_ends @ unknowns[layout.places[layout.beside]])[:, 0])
         # The length of a part between two load points of one member depends on both.
-        slope_rates = (slopes.by_forces * by_length[layout.beside]).sum(axis=1)
-        at_points[:, 2, motions] += _mean(slope_rates[:, None] * self._lengthened[layout.beside])
+        by_lengths = (slopes.by_forces * by_length[layout.beside]).sum(axis=1)[:, None]
+        at_points[:, 2, motions] += _mean(by_lengths * self._length_by_motions[layout.beside])
         # The displacement is relative to the place, which moves along its member.
         load_points = np.arange(count)
         at_points[load_points, 0, motions.start + load_points] -= 1.0
-        # The last column is added to the responses in the linearised state.
-        values = (to_member @ tangent.unknowns[at_cuts][:, :, None])[..., 0]
-        values[:, 2] = _mean(slopes.values)
-        at_points[..., -1] += values
+        # The last column includes the responses in the linearised state.
+        linearised = (to_member @ tangent.unknowns[node_rows][:, :, None])[..., 0]
+        linearised[:, 2] = _mean(slopes.values)
+        at_points[..., -1] += linearised
         matrix = at_points[..., : 3 * count].reshape(count, 3, count, 3)
         constant = at_points @ self._factors(np.zeros((count, 3)), np.zeros(count))
         return LoadResponses(unknowns, at_points, matrix, at_points[..., motions], constant)
 
     @property
-    def _motions(self) -> slice:
-        """Return the columns of `LoadResponses` that belong to the motions of the load points."""
+    def _motion_columns(self) -> slice:
+        """Return the columns of `LoadResponses` for unit motions of the load points."""
         return slice(3 * len(self.members), 4 * len(self.members))
 
     def respond(self, loads: Array, positions: Array) -> Array:
-        """Return the responses (k, 3), which are affine functions of loads and places."""
+        """Return the responses (k, 3) of the tubes to loads (k, 3) at positions (k,)."""
         return self.responses.at_points @ self._factors(loads, positions)
 
     def distance(self, loads: Array, positions: Array) -> float:
@@ -229,25 +230,24 @@ class BentTubes:
             # The nodes stay beside a node or another load point.
             positions = Cuts.of(self.structure, self.members, positions).places
         factors = self._factors(loads, positions)
-        moved = np.abs(self.frame.displacements(self._displace(factors)[0])[:, :2]).max()
+        relative, _ = self._displace(factors)
+        largest = np.abs(self.frame.displacements(relative)[:, :2]).max()
         shorter = self.frame.length[self.frame.layout.beside].reshape(2, -1).min(axis=0)
-        slid = np.abs(factors[self._motions]) * np.sqrt(PLACE_LENGTH / shorter)
-        return float(max(moved, slid.max()))
+        weighted = np.abs(factors[self._motion_columns]) * np.sqrt(PLACE_LENGTH / shorter)
+        return float(max(largest, weighted.max()))
 
     def _displace(self, factors: Array) -> tuple[Array, Array]:
         """Return the unknowns' changes (u,) relative to the moving load points, and absolute."""
         absolute = self.responses.unknowns @ factors
         relative = absolute.copy()
         # The displacement is relative to the place, which moves along its member.
-        slid = self.lines.axis * factors[self._motions]
-        begin = -3 * len(slid)
-        at_cuts = relative[begin:].reshape(-1, 3)
-        at_cuts[:, 0] -= slid.real
-        at_cuts[:, 1] -= slid.imag
+        motions = self.lines.axis * factors[self._motion_columns]
+        at_points = relative[-3 * len(motions) :].reshape(-1, 3)
+        at_points[:, :2] -= motions.view(np.float64).reshape(-1, 2)
         return relative, absolute
 
     def _factors(self, loads: Array, positions: Array) -> Array:
-        """Return the changes of loads and places, and 1: factors of `LoadResponses`' columns."""
+        """Return the factors (4k + 1,) of `LoadResponses`' columns for loads at positions (k,)."""
         added_loads = (loads - self.state.loads).ravel()
         return np.concatenate([added_loads, positions - self.cuts.places, [1.0]])
 
@@ -261,43 +261,43 @@ class BentTubes:
         frame = structure.frame.cut(cuts.pieces, cuts.within, active)
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
-        half = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
-        is_near = bool((np.abs(cuts.places - self.cuts.places) <= half).all())
+        half_lengths = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
+        is_near = bool((np.abs(cuts.places - self.cuts.places) <= half_lengths).all())
         factors = self._factors(loads, cuts.places if is_near else self.cuts.places)
         relative, absolute = self._displace(factors)
-        axial = tangent.forces.values[:, 0] + self._force_changes(factors, absolute)[0][:, 0]
+        force_changes, _ = self._force_changes(factors, absolute)
+        axial = tangent.forces.values[:, 0] + force_changes[:, 0]
         state = BentState(tangent.unknowns + relative, loads, axial)
         if not is_near or frame.layout is not self.frame.layout:
             state = self._convert(state, frame, is_near)
-        lines = self.lines
-        if structure is not self.structure:
-            lines = Lines.of(structure, self.members)
+        lines = self.lines if structure is self.structure else Lines.of(structure, self.members)
         return BentTubes(
             structure, self.members, positions, cuts, lines, frame, self.stiffness, state
         )
 
     def _find_active(self, loads: Array, positions: Array, structure: Structure) -> Indices:
         """Return the blocks that given loads deform, see `UnloadedBlocks`."""
-        layout, tangent = self.frame.layout, self.tangent
-        if structure is not self.structure:  # its blocks are linearised once only
+        layout = self.frame.layout
+        if structure is not self.structure:  # finding its unloaded blocks would take longer
             return structure.frame.layout.active
         if not layout.kept:
             return layout.active
         changes = self.responses.unknowns @ self._factors(loads, positions)
         motion = np.abs(self.frame.displacements(changes)[:, :2]).max()
         active = [layout.active]
-        for blocks, force, stiff in zip(*tangent.kept, strict=True):
-            predicted = force + (stiff @ changes[blocks.outer][:, :, None])[..., 0]
-            is_loaded = np.abs(predicted).max(axis=1) > KEPT_FORCE * (1.0 + 1e13 * motion**2)
+        for blocks, forces, stiffness in zip(*self.tangent.kept, strict=True):
+            hinge_forces = forces + (stiffness @ changes[blocks.outer][:, :, None])[..., 0]
+            is_loaded = np.abs(hinge_forces).max(axis=1) > KEPT_FORCE * (1.0 + 1e13 * motion**2)
             active.append(blocks.ids[is_loaded])
         return np.sort(np.concatenate(active))
 
     def _convert(self, state: BentState, frame: Frame, is_near: bool) -> BentState:
         """Convert a state to one of a similar frame; `is_near`: its cuts are displaced alike."""
         unknowns, layout = self._complete(state.unknowns), frame.layout
-        growth = (self.structure.frame.length / frame.uncut.length)[layout.whole]
-        begins = growth * frame.begins
-        middles = growth * (frame.begins + 0.5 * frame.length)
+        # Points of the similar frame as positions in this one, whose members have other lengths.
+        length_ratios = (self.structure.frame.length / frame.uncut.length)[layout.whole]
+        begins = length_ratios * frame.begins
+        middles = length_ratios * (frame.begins + 0.5 * frame.length)
         if not is_near:
             nodes, behind = self.frame.displacements(unknowns), layout.behind
             at_cuts = self.frame.interpolate(nodes, layout.whole[behind], begins[behind])
@@ -307,7 +307,7 @@ class BentTubes:
         return BentState(unknowns, state.loads, axial)
 
     def _complete(self, unknowns: Array) -> Array:
-        """Add the unknowns of undeformed tubes, which turn with their hinges, to unknowns (u,)."""
+        """Return unknowns (u,) with those of undeformed tubes, which turn with their hinges."""
         completed = unknowns.copy()
         for blocks in self.tangent.kept[0]:
             blocks.complete(completed)
@@ -315,11 +315,11 @@ class BentTubes:
 
     def load_changes(self, loads: Array, motions: Array) -> TubeRates:
         """Return the tubes' changes by p changes of loads (k, 3, p) and of positions (k, p)."""
-        unknowns, at_points = self.responses.unknowns[:, :-1], self.responses.at_points[..., :-1]
         factors = np.concatenate([loads.reshape(-1, loads.shape[2]), motions])
-        forces = self.tangent.length_rates[:, :, None] * (self._lengthened @ motions)[:, None]
-        nodes = self.frame.displacements(unknowns @ factors)
-        return TubeRates(nodes, at_points[:, 2] @ factors, forces)
+        nodes = self.frame.displacements(self.responses.unknowns[:, :-1] @ factors)
+        inclinations = self.responses.at_points[:, 2, :-1] @ factors
+        lengths = (self._length_by_motions @ motions)[:, None]
+        return TubeRates(nodes, inclinations, self.tangent.length_rates[..., None] * lengths)
 
     def displacements(self, loads: Array, positions: Array) -> Array:
         """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
@@ -329,29 +329,32 @@ class BentTubes:
     def end_forces(self, loads: Array, positions: Array) -> tuple[Array, Array]:
         """Return linear predictions of end forces (p, 6), and of unscaled axial forces (p,)."""
         tangent, factors = self.tangent, self._factors(loads, positions)
-        changes, longer = self._force_changes(factors, self._displace(factors)[1])
-        forces = tangent.forces.values + changes
-        ends = end_forces(forces, tangent.length + longer)
+        _, absolute = self._displace(factors)
+        force_changes, chord_changes = self._force_changes(factors, absolute)
+        forces = tangent.forces.values + force_changes
+        ends = end_forces(forces, tangent.length + chord_changes)
         return self.stiffness * ends, forces[:, 0]
 
     def _force_changes(self, factors: Array, unknowns: Array) -> tuple[Array, Array]:
-        """Return the changes of `EndForces.values` (p, 3) and chord lengths (p,) by `factors`."""
+        """Return the changes of `EndForces.values` (p, 3), and of the chords' lengths (p,)."""
         moved = self.frame.displacements(unknowns)[..., None]
-        forces, longer = self.tangent.force_changes(moved)
-        lengthened = (self._lengthened @ factors[self._motions])[:, None]
-        return forces[..., 0] + self.tangent.length_rates * lengthened, longer[:, 0]
+        by_nodes, chords = self.tangent.force_changes(moved)
+        lengths = (self._length_by_motions @ factors[self._motion_columns])[:, None]
+        return by_nodes[..., 0] + self.tangent.length_rates * lengths, chords[:, 0]
 
     def section_changes(self, changes: Array) -> TubeRates:
         """Return the derivatives by p changes of sections (4, c, p); no tubes must be kept."""
         frame, tangent, beside = self.frame, self.tangent, self.frame.layout.beside
-        changed = np.flatnonzero(changes.any(axis=(0, 2)))
+        # Forces of the changed parts between fixed nodes, then the unknowns in equilibrium.
+        parts = np.flatnonzero(changes.any(axis=(0, 2)))
         forces = np.zeros((len(frame.length), 3, changes.shape[2]))
-        forces[changed] = tangent.force_rates(changed) @ changes[:, changed].swapaxes(0, 1)
-        _, moved = tangent.solve(-tangent.sum_forces(changed, forces[changed]))
-        slopes, at_ends = tangent.slopes, moved[frame.layout.places[beside]]
-        inclined = slopes.by_forces[:, None] @ forces[beside] + slopes.by_ends @ at_ends
-        shear = (slopes.by_shear / frame.section[2, beside])[:, None] * changes[3, beside]
-        return TubeRates(frame.displacements(moved), _mean(inclined[:, 0] + shear), forces)
+        forces[parts] = tangent.force_rates(parts) @ changes[:, parts].swapaxes(0, 1)
+        _, unknowns = tangent.solve(-tangent.sum_forces(parts, forces[parts]))
+        slopes, at_ends = tangent.slopes, unknowns[frame.layout.places[beside]]
+        by_bending = slopes.by_forces[:, None] @ forces[beside] + slopes.by_ends @ at_ends
+        by_shear = (slopes.by_shear / frame.section[2, beside])[:, None] * changes[3, beside]
+        inclinations = _mean(by_bending[:, 0] + by_shear)
+        return TubeRates(frame.displacements(unknowns), inclinations, forces)
 
 
 def _mean(sides: Array) -> Array:
