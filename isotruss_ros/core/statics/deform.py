@@ -136,8 +136,7 @@ def deform(
     structure = structure_of(config, pressure)
     robot = config.robot
     frame, loads = _load_tubes(structure, tube_loads or {})
-    joints = robot.topology.joint_names
-    check_names('joint', joint_loads, joints, robot.name, StructureError)
+    check_names('joint', joint_loads, robot.topology.joint_names, robot.name, StructureError)
     for joint, force in joint_loads.items():
         what = f'the load (fx, fy) [N] on joint {joint}'
         loads[structure.node(joint), :2] += finite_array(force, 2, what, StructureError, MAX_LOAD)
@@ -192,9 +191,9 @@ def _bend(straight: Tangent, loads: Array) -> FrameState:
     bent = bend(straight, loads)
     if bent is not None:
         by_loads = bent.frame.displacements(bent.respond(loads.reshape(-1, 1)))[..., 0]
-        without_loads = np.abs((bent.displacements - by_loads)[:, :2]).max()
+        largest_unloaded = np.abs((bent.displacements - by_loads)[:, :2]).max()
         largest = np.abs(bent.displacements[:, :2]).max()
-        if without_loads <= MAX_UNLOADED_SHARE * largest and bent.is_stable:
+        if largest_unloaded <= MAX_UNLOADED_SHARE * largest and bent.is_stable:
             return state_under(bent, loads)
     path = follow_loads(straight, loads, 1.0)
     if path.factors[-1] < 1.0:
@@ -238,12 +237,11 @@ def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -
     names = config.robot.topology.joint_names
     home = config.nodes[[names.index(name) for name in joints]]
     displacements = (np.array(list(joints.values())) - home).ravel()
-    columns = []
-    for direction in np.eye(2):
-        loads = dict.fromkeys(config.robot.module_names, (*direction, 0.0))
+    by_weight = np.empty((len(displacements), 2))
+    for column, unit_weight in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))):
+        loads = dict.fromkeys(config.robot.module_names, unit_weight)
         sagged = deform(config, {}, module_loads=loads, paper_model=True)
-        columns.append(np.concatenate([sagged.displacement(name)[:2] for name in joints]))
-    by_weight = np.column_stack(columns)
+        by_weight[:, column] = np.concatenate([sagged.displacement(j)[:2] for j in joints])
     weight, *_ = np.linalg.lstsq(by_weight, displacements, rcond=None)
     error = displacements - by_weight @ weight
     largest = float(np.hypot(*displacements.reshape(-1, 2).T).max())

@@ -89,13 +89,13 @@ def _find_loose_nodes(tangent: Tangent) -> list[str]:
     for group, blocks in zip(frame.layout.groups, tangent.matrices, strict=True):
         for indices, block in zip(np.hstack([group.outer, group.inner]), blocks, strict=True):
             matrix[np.ix_(indices, indices)] += block
-    values, vectors = np.linalg.eigh(matrix[np.ix_(free, free)])
-    is_loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
-    is_loose[np.abs(values).argmin()] = True
-    motion = np.zeros(len(free))
-    motion[free] = np.abs(frame.scale[free, None] * vectors[:, is_loose]).max(axis=1)
-    by_node = frame.displacements(motion).max(axis=1)
-    return [numbering.names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
+    eigenvalues, modes = np.linalg.eigh(matrix[np.ix_(free, free)])
+    is_loose = np.abs(eigenvalues) < np.abs(eigenvalues).max() / MAX_CONDITION**0.5
+    is_loose[np.abs(eigenvalues).argmin()] = True
+    motions = np.zeros(len(free))
+    motions[free] = np.abs(frame.scale[free, None] * modes[:, is_loose]).max(axis=1)
+    of_nodes = frame.displacements(motions).max(axis=1)
+    return [numbering.names[i] for i in np.flatnonzero(of_nodes > 1e-3 * of_nodes.max())]
 
 
 def solve(tangent: Tangent, loads: Array) -> FrameState:
@@ -107,8 +107,8 @@ def solve(tangent: Tangent, loads: Array) -> FrameState:
     carried = tangent.sum_forces(np.arange(len(frame.length)), forces)[:, 0]
     multipliers = changes[: layout.numbering.rows, 0]
     slopes = layout.numbering.constraints.slopes(frame.points, layout.rows)
-    held = slopes * multipliers[layout.rows, None]
-    carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), len(carried))
+    row_forces = slopes * multipliers[layout.rows, None]
+    carried += np.bincount(layout.row_places[:, 1:].ravel(), row_forces.ravel(), len(carried))
     return FrameState(
         displacements[..., 0],
         _reactions(frame, frame.displacements(carried) - loads),
@@ -124,18 +124,18 @@ def bend(start: Tangent, loads: Array) -> Tangent | None:
     for count in range(MAX_NEWTON_ITERATIONS):
         _, step = tangent.solve((applied - tangent.carried)[:, None])
         moved = frame.displacements(step)
-        size = float(np.abs(moved[:, :2]).max())
-        displacements = tangent.displacements + moved[..., 0] - start.displacements
+        largest = float(np.abs(moved[:, :2]).max())
+        from_start = tangent.displacements + moved[..., 0] - start.displacements
         if count == 0:
-            predicted = size
+            predicted = largest
         # An equilibrium far beyond the linear prediction is on another branch.
-        elif not np.abs(displacements[:, :2]).max() <= MAX_GROWTH * predicted:
+        elif not np.abs(from_start[:, :2]).max() <= MAX_GROWTH * predicted:
             return None
-        changes, _ = tangent.force_changes(moved)
-        axial = tangent.forces.values[:, 0] + changes[:, 0, 0]
+        force_changes, _ = tangent.force_changes(moved)
+        axial = tangent.forces.values[:, 0] + force_changes[:, 0, 0]
         with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
             tangent = linearize(frame, tangent.unknowns + step[:, 0], axial)
-        if TUBE_CURVATURE * size**2 <= COINCIDENCE:
+        if TUBE_CURVATURE * largest**2 <= COINCIDENCE:
             return tangent
     return None
 
@@ -180,10 +180,9 @@ def follow_loads(
         motion = np.abs(moved[:, :2]).max()
         bounded_step = MAX_DISPLACEMENT_STEP / motion if motion > 0.0 else np.inf
         step = min(2.0 * step, bounded_step, last_factor - factor)
-        bent = _step(tangent, (factor + step) * loads)
-        while bent is None and step > LIMIT_TOLERANCE * factor:
+        smallest = LIMIT_TOLERANCE * factor
+        while (bent := _step(tangent, (factor + step) * loads)) is None and step > smallest:
             step *= 0.5
-            bent = _step(tangent, (factor + step) * loads)
         if bent is None:
             return path._replace(limit=factor + step)
         path.factors.append(factor + step)

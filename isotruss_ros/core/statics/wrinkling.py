@@ -25,7 +25,7 @@ MAX_UTILISATION = 0.8
 
 
 class Utilisation(NamedTuple):
-    """Utilisation of the m members of a robot under loads; zero for those without moments."""
+    """Utilisation of the m members of a robot under loads; zero for members out of the frame."""
 
     used: Array  #: (m,) largest |M| / M_w on each member; infinite if the wall has no tension
     place: Array  #: (m,) distance of this maximum from the member's start [m]
@@ -40,32 +40,33 @@ def find_utilisation(
 ) -> Utilisation:
     """Return the utilisation of members; for `end_forces` and `pulls` see `FrameState`."""
     config, topology = structure.config, structure.config.robot.topology
-    pieces, member = structure.tube_parts(frame)
+    parts, member = structure.tube_parts(frame)
     radius = 0.5 * config.robot.description.tube_diameter
-    wall = np.pi * radius**2 * np.array(structure.pressures)[topology.tube[member]]
-    ends = end_forces[pieces]
-    loads = np.stack([-ends[:, 2], ends[:, 5], wall + ends[:, 3], pulls[pieces]])
-    sections = np.vstack([frame.length[pieces], frame.section[1:, pieces]])
-    used, inside = evaluate_utilisation(loads, sections, radius)
-    start, along = config.points[topology.b[member]], config.member_axes[member].conj()
-    origin = ((frame.points[frame.layout.start[pieces]] - start) * along).real
-    direction = (frame.axis[pieces] * along).real
-    within = np.stack([np.zeros(len(pieces)), sections[0], inside])
-    positions = (origin + direction * within).ravel()
+    by_pressure = np.pi * radius**2 * np.array(structure.pressures)[topology.tube[member]]
+    ends = end_forces[parts]
+    loads = np.stack([-ends[:, 2], ends[:, 5], by_pressure + ends[:, 3], pulls[parts]])
+    sections = np.vstack([frame.length[parts], frame.section[1:, parts]])
+    used, inner_positions = evaluate_utilisation(loads, sections, radius)
+    # Positions (3, p) of the points along their members: at start, end and inner maximum.
+    start, to_member = config.points[topology.b[member]], config.member_axes[member].conj()
+    part_starts = ((frame.points[frame.layout.start[parts]] - start) * to_member).real
+    directions = (frame.axis[parts] * to_member).real
+    within = np.stack([np.zeros(len(parts)), sections[0], inner_positions])
+    positions = part_starts + directions * within
     # The last point of each member in this order is the most used one.
     owner = np.tile(member, 3)
     order = np.lexsort((used.ravel(), owner))
     most_used = order[np.flatnonzero(np.diff(owner[order], append=-1))]
-    kind, part = np.divmod(most_used, len(pieces))
+    kind, number = np.divmod(most_used, len(parts))
 
     def of_members(values: Array) -> Array:
         """Return values of the members in the frame for all members; zero for the others."""
         filled = np.zeros((*values.shape[:-1], structure.owners.shape[1]), dtype=values.dtype)
-        filled[..., member[part]] = values
+        filled[..., member[number]] = values
         return filled
 
-    at_most_used = used.ravel()[most_used], positions[most_used], pieces[part], kind
-    return Utilisation(*map(of_members, (*at_most_used, loads[:, part], sections[:, part])))
+    at_most_used = used[kind, number], positions[kind, number], parts[number], kind
+    return Utilisation(*map(of_members, (*at_most_used, loads[:, number], sections[:, number])))
 
 
 def evaluate_utilisation(loads: Array, sections: Array, radius: float) -> tuple[Array, Array]:
@@ -78,16 +79,16 @@ def evaluate_utilisation(loads: Array, sections: Array, radius: float) -> tuple[
     """
     begin, end, wall, pull = loads
     length, flexural, shear = sections
-    # M = begin cos(k x) + sine sin(k x), whose maximum may be inside a piece; without compression
-    # the largest moment is at an end.
-    wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
-    phase = np.maximum(wave * length, ROUNDING)
-    sine = (end - begin * np.cos(phase)) / np.sin(phase)
-    crest = np.arctan2(sine.real, begin.real) % np.pi
-    is_inside = (wave.real > 0.0) & (crest < phase.real)
-    peak = np.where(is_inside, np.sqrt(begin * begin + sine * sine), 0.0)
-    moments = np.stack([begin, end, peak])
-    moments = np.where(moments.real < 0.0, -moments, moments)
+    # M = begin cos(k x) + amplitude sin(k x), whose maximum may be inside a piece; without
+    # compression the largest moment is at an end.
+    wave_number = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
+    end_phase = np.maximum(wave_number * length, ROUNDING)
+    amplitude = (end - begin * np.cos(end_phase)) / np.sin(end_phase)
+    crest_phase = np.arctan2(amplitude.real, begin.real) % np.pi
+    is_inside = (wave_number.real > 0.0) & (crest_phase < end_phase.real)
+    crest = np.where(is_inside, np.sqrt(begin * begin + amplitude * amplitude), 0.0)
+    moments = np.stack([begin, end, crest])
+    magnitudes = np.where(moments.real < 0.0, -moments, moments)
     used = np.full(moments.shape, np.inf, dtype=moments.dtype)
-    np.divide(2.0 * moments, radius * wall, out=used, where=wall.real > 0.0)
-    return used, np.where(is_inside, crest / phase * length, 0.0)
+    np.divide(2.0 * magnitudes, radius * wall, out=used, where=wall.real > 0.0)
+    return used, np.where(is_inside, crest_phase / end_phase * length, 0.0)
