@@ -69,6 +69,7 @@ def attach_grip(
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
     if members is None:
+        # The deepest members, which are those that overlap, or the two nearest.
         count = max(int(np.count_nonzero(depths > 0.0)), 2)
         if count > GRIP_SIZES[-1]:
             raise NotHeldError(HoldStatus.OTHER_CONTACT)
@@ -78,8 +79,8 @@ def attach_grip(
         raise NotHeldError(HoldStatus.NO_CONTACT)
     wrench = scaled_wrench(external_wrench, body.arm)
     max_sets = QUICK_SETS if quick else MAX_SEARCH_STEPS
-    steps = MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS
-    solve = _contact_solver(config, body, pressure, stiffness, wrench, steps, starts)
+    newton_steps = MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS
+    solve = _contact_solver(config, body, pressure, stiffness, wrench, newton_steps, starts)
     attached = search_contacts(solve, find_pressed(config, body, members), limit=max_sets)
     if attached is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
@@ -99,11 +100,11 @@ def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
     solve = _contact_solver(
         grip.config, body, grip.pressures, stiffness, grip.wrench, MAX_SEARCH_STEPS
     )
-    for corner in sorted(find_free_corners(grip, gap), reverse=True):
-        whole_face = add_corner(grip, corner, rolls=False)[-1].contacts
-        laid = search_contacts(solve, whole_face, limit=QUICK_SETS)
-        if laid is not None and laid.required_friction <= friction:
-            return laid
+    for corner in sorted(find_free_corners(grip, gap), reverse=True):  # deepest first
+        *_, whole_face = add_corner(grip, corner, rolls=False)
+        on_face = search_contacts(solve, whole_face.contacts, limit=QUICK_SETS)
+        if on_face is not None and on_face.required_friction <= friction:
+            return on_face
     return grip
 
 
@@ -124,14 +125,11 @@ def _contact_solver(
         solution = None
         for grip, unknowns in starts:
             if np.array_equal(grip.contacts.corners, chosen.contacts.corners):
-                loads, feet = grip.statics.pushes(unknowns).loads, unknowns[statics.places.feet]
-                bent = grip.statics.bent.update(loads, feet, statics.bent.structure)
-                bent = replace(bent, stiffness=stiffness)
-                solution = replace(statics, bent=bent).settle(
-                    unknowns, wrench, conditions, steps, FOLLOWED_MOTION
-                )
+                bent = grip.statics.bent_under(unknowns, statics.bent.structure)
+                initial = replace(statics, bent=replace(bent, stiffness=stiffness))
+                solution = initial.settle(unknowns, wrench, conditions, steps, FOLLOWED_MOTION)
                 break
-        if solution is None:
+        if solution is None:  # from straight tubes at the measured pose
             solution = statics.settle(statics.start(), wrench, conditions, steps)
         return None if solution is None else HeldGrip.of(*solution, wrench)
 
@@ -155,62 +153,65 @@ def least_friction_conditions(
     - If an end of a face grazes (its index is `grazing`), its N is zero. This takes the place of
       the measured angle; apart from that, the conditions are those without a face contact.
     """
-    indices, body, owners = statics.places, statics.body, statics.contacts.owners
-    ends = statics.contacts.ends
+    indices, body = statics.places, statics.body
+    by_member, owners = statics.contacts.by_member, statics.contacts.owners
     count = len(owners)
-    faces = [pair for pair in ends if len(pair) == 2]
+    faces = [contacts for contacts in by_member if len(contacts) == 2]
     is_face_pressed = bool(faces) and grazing is None
-    has_two_members = len(ends) == 2
+    has_two_members = len(by_member) == 2
     # Two groups of contacts with equal |T| / N, and -1 if T / N has the same sign in both, else 1.
-    pairs = [(pair[:1], pair[1:], -1.0) for pair in faces]
+    pairs = [(ends[:1], ends[1:], -1.0) for ends in faces]
     if is_face_pressed and has_two_members:
-        pairs.append((ends[0], ends[1], 1.0))
-    # Quadratic forms T_one N_other + sign T_other N_one, which are zero if |T| / N is equal.
+        pairs.append((by_member[0], by_member[1], 1.0))
+    # Quadratic forms f Q f / 2 = T_one N_other + sign T_other N_one in the forces f = (N, T),
+    # which are zero if |T| / N is equal.
     ratio_forms = np.zeros((len(pairs), 2 * count, 2 * count))
     for form, (one, other, sign) in zip(ratio_forms, pairs, strict=True):
         form[np.ix_(count + one, other)] = 1.0
         form[np.ix_(count + other, one)] = sign
     ratio_forms += ratio_forms.transpose(0, 2, 1)
-    # The rows are the ratios, the position between two members, and linear conditions.
+    # Rows: equal ratios, then the position between two members, then linear conditions.
     position_row = len(pairs)
     linear_row = position_row + has_two_members
     # The chord is the mean of the first member's normals minus that of the second member's.
     chord_shares = np.where(owners == 0, 1.0, -1.0) / np.bincount(owners)[owners]
-    linear, constant = np.zeros((count, indices.size)), np.zeros(count)
+    coefficients, constants = np.zeros((count, indices.size)), np.zeros(count)
     if grazing is not None:
-        linear[linear_row, indices.normal.start + grazing] = 1.0
+        coefficients[linear_row, indices.normal.start + grazing] = 1.0
     elif not faces:
-        linear[linear_row, ANGLE] = body.arm
-        constant[linear_row] = body.arm * body.pose.angle
+        coefficients[linear_row, ANGLE] = body.arm
+        constants[linear_row] = body.arm * body.pose.angle
     if not has_two_members:
-        # Friction forces of the members, or differences of them, that are zero.
-        members = np.eye(len(ends))
-        signs = members if is_face_pressed else (members - np.roll(members, 1, axis=1))[:-1]
-        zero_friction = slice(-len(signs), None)
-        linear[zero_friction, indices.friction] = FRICTION_COMPLIANCE * signs[:, owners]
+        # The friction of each member is zero, or else the differences between the members.
+        friction_sums = np.eye(len(by_member))
+        if not is_face_pressed:
+            friction_sums = (friction_sums - np.roll(friction_sums, 1, axis=1))[:-1]
+        by_friction = FRICTION_COMPLIANCE * friction_sums[:, owners]
+        coefficients[-len(friction_sums) :, indices.friction] = by_friction
 
     def conditions(unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        residual = linear @ unknowns - constant
-        derivative = linear.copy()
+        residual = coefficients @ unknowns - constants
+        derivative = coefficients.copy()
         if faces:
             forces = unknowns[indices.forces]
             squeeze = max(float(np.abs(forces[:count]).sum()), 1e-3)
-            slopes = ratio_forms @ forces * FRICTION_COMPLIANCE / squeeze
-            residual[:position_row] = 0.5 * slopes @ forces
-            derivative[:position_row, indices.forces] = slopes
+            ratio_slopes = ratio_forms @ forces * FRICTION_COMPLIANCE / squeeze
+            residual[:position_row] = 0.5 * ratio_slopes @ forces
+            derivative[:position_row, indices.forces] = ratio_slopes
         if has_two_members:
             # Displacement of the object's centroid across the chord, which turns with the tubes.
             chord = complex(chord_shares @ normals)
-            size = max(abs(chord), 1e-9)
-            across = 1j * chord / size
-            arm = cmath.rect(1.0, unknowns[ANGLE]) * body.shape.centroid
-            displacement = complex(unknowns[0], unknowns[1]) + arm - body.middle
+            length = max(abs(chord), 1e-9)
+            across = 1j * chord / length
+            centroid = cmath.rect(1.0, unknowns[ANGLE]) * body.shape.centroid
+            displacement = complex(unknowns[0], unknowns[1]) + centroid - body.middle
             residual[position_row] = (across.conjugate() * displacement).real
-            row = derivative[position_row]
-            row[:POSE] = across.real, across.imag, (across.conjugate() * 1j * arm).real
-            by_chord_angle = (across.conjugate() * -1j * displacement).real / size**2
-            chord_turns = (chord.conjugate() * 1j * normals).imag * chord_shares
-            row[indices.inclinations] = chord_turns * by_chord_angle
+            position_slope = derivative[position_row]
+            by_object_angle = (across.conjugate() * 1j * centroid).real
+            position_slope[:POSE] = across.real, across.imag, by_object_angle
+            by_chord_angle = (across.conjugate() * -1j * displacement).real
+            chord_turns = (chord.conjugate() * 1j * normals).imag * chord_shares / length**2
+            position_slope[indices.inclinations] = by_chord_angle * chord_turns
         return residual, derivative
 
     return conditions

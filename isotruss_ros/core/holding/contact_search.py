@@ -43,12 +43,12 @@ class ContactSet(NamedTuple):
 
     @classmethod
     def of(cls, contacts: PressedContacts) -> ContactSet:
-        """Return the set of the contacts of the previous equilibrium, or of the first one."""
+        """Return the set of given contacts, each of which is its own origin."""
         return cls(contacts, np.arange(len(contacts.members)))
 
     @property
     def key(self) -> tuple[object, ...]:
-        """Return a value that is equal for equal sets."""
+        """Return a hashable value that is equal for sets with the same equilibrium."""
         contacts, is_new = self.contacts, self.origins < 0
         arrays = contacts.members, contacts.corners, is_new
         return *(array.tobytes() for array in arrays), self.grazing
@@ -106,23 +106,27 @@ def search_contacts(
             face_ends = np.flatnonzero(chosen.contacts.at_faces)
             proposed = [chosen.without(k) for k in face_ends.tolist()]
         else:
-            proposed = _mend(grip, rolls)
+            proposed = _propose_sets(grip, rolls)
         if grip is not None and not proposed:
+            if rolls:
+                return grip
             pressing.append(grip)
             # Without a history, the other sets that followed from the same equilibrium compete.
-            siblings = [item for item in waiting if item[1] is previous and not rolls]
-            waiting = [item for item in siblings if item[0].grazing is None]
+            siblings = [item for item, origin in waiting if origin is previous]
+            waiting = [(item, previous) for item in siblings if item.grazing is None]
         elif not pressing:
             origin = grip or previous
             waiting += [(item, origin) for item in proposed if item.grazing is None]
+            # Sets with a grazing end are solved last.
             waiting[:0] = [(item, origin) for item in proposed if item.grazing is not None]
-    # The nearest to the measured or previous place.
+    # The nearest to the measured place.
     return min(pressing, key=lambda g: abs(g.body.middle - g.statics.body.middle), default=None)
 
 
-def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
-    """Return sets that mend the largest violation, most likely last; empty without violation."""
+def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
+    """Return sets without the largest violation, most likely last; empty without violation."""
     contacts, forces = grip.contacts, grip.state.normal_forces
+    # Each of two members keeps a contact; one of three members may lose it.
     may_open = contacts.at_faces | (rolls and contacts.owners[-1] > 1)
     weakest = int(np.where(may_open, forces, np.inf).argmin())
     if may_open[weakest] and forces[weakest] < -ROUNDING * np.abs(forces).sum():
@@ -143,42 +147,46 @@ def find_free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[Free
     penetrates the tube if it is higher than the corner in contact.
     """
     statics, body, radius = grip.statics, grip.body, grip.statics.tube_radius
-    penetrating: list[FreeCorner] = []
-    outline = _corner_distances(body.shape)
-    for of_member in grip.contacts.ends if len(outline) else ():
-        touching, member = grip.contacts.corners[of_member], grip.contacts.members[of_member[0]]
-        normal = complex(statics.straight_normals[of_member[0]])
-        start = complex(statics.bent.lines.start[of_member[0]])
+    free_corners: list[FreeCorner] = []
+    *positions, circumference = _corner_positions(body.shape)
+    along_outline = np.array(positions)
+    for contacts in grip.contacts.by_member if positions else ():
+        # Corners without contact that the tube can reach when it bends.
+        touching = grip.contacts.corners[contacts]
+        normal = complex(statics.straight_normals[contacts[0]])
+        start = complex(statics.bent.lines.start[contacts[0]])
         line_height = ((start - body.center) / normal).real
         least_height = line_height - (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
-        is_high = _heights(body, np.arange(len(outline) - 1), normal) > least_height
+        is_high = _heights(body, np.arange(len(positions)), normal) > least_height
         corners = np.setdiff1d(np.flatnonzero(is_high), touching)
-        # From each contact to each corner by the shorter way around the outline.
-        distances = outline[corners, None] - outline[touching]
-        distances -= outline[-1] * np.round(distances / outline[-1])
+        # From each contact (column) to each corner (row) by the shorter way around the outline.
+        distances = along_outline[corners, None] - along_outline[touching]
+        distances -= circumference * np.round(distances / circumference)
         nearest = np.abs(distances).argmin(axis=1)
-        distance = distances[np.arange(len(corners)), nearest]
-        contacts, in_dent = of_member[nearest], np.abs(distance) < radius
-        normals = grip.state.normals[contacts]
+        face_distances = distances[np.arange(len(corners)), nearest]
+        is_in_dent = np.abs(face_distances) < radius
+        # In a dent: heights above the corner in contact. Elsewhere: depths in the skin.
+        normals = grip.state.normals[contacts[nearest]]
         depths = _heights(body, corners, normals) - _heights(body, touching[nearest], normals)
-        if not in_dent.all():
-            skin = skin_depths(grip, np.full(len(corners), member), corners)
-            depths = np.where(in_dent, depths, skin)
-        is_chosen = depths > np.where(in_dent, SKIN_TOLERANCE, -gap)
-        columns = depths, contacts, corners, distance
-        penetrating += map(FreeCorner, *(values[is_chosen].tolist() for values in columns))
-    return penetrating
+        if not is_in_dent.all():
+            members = np.full(len(corners), grip.contacts.members[contacts[0]])
+            depths = np.where(is_in_dent, depths, skin_depths(grip, members, corners))
+        is_deep = depths > np.where(is_in_dent, SKIN_TOLERANCE, -gap)
+        columns = depths, contacts[nearest], corners, face_distances
+        free_corners += map(FreeCorner, *(values[is_deep].tolist() for values in columns))
+    return free_corners
 
 
-def _corner_distances(shape: Shape) -> Array:
-    """Return the distances (c + 1,) of the corners along the faces, and the sum; else empty."""
-    distances, corner = [0.0], 0
+def _corner_positions(shape: Shape) -> list[float]:
+    """Return the corners' positions along the outline and its circumference [m]; 0 if smooth."""
+    positions, corner = [0.0], 0
     while faces := shape.faces_at(corner):
-        distances.append(distances[-1] + faces[1].length)
-        corner = faces[1].corner
+        _, next_face = faces
+        positions.append(positions[-1] + next_face.length)
+        corner = next_face.corner
         if corner == 0:
-            return np.array(distances)
-    return np.zeros(0)
+            break
+    return positions
 
 
 def _heights(body: ConvexObject, corners: Indices, normals: Points | complex) -> Array:
@@ -191,6 +199,7 @@ def _corner_points(shape: Shape, corners: Indices, normals: Points) -> Points:
     """Return the points (c,) of corners' arcs that are farthest along normals, x + iy [m]."""
     sides = [face.normal for corner in corners.tolist() for face in shape.faces_at(corner)]
     before, behind = np.array(sides, dtype=np.complex128).reshape(-1, 2).T
+    # A normal beyond the arc is replaced by that of the face at this end of the arc.
     on_arc = np.where((normals / behind).imag > 0.0, behind, normals)
     on_arc = np.where((before / normals).imag > 0.0, before, on_arc)
     return shape.surface_at(corners, on_arc)[0]
@@ -198,59 +207,65 @@ def _corner_points(shape: Shape, corners: Indices, normals: Points) -> Points:
 
 def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
     """Return the depths (c,) of corners in bent members [m]; -inf beyond the straight members."""
-    body, radius = grip.body, grip.statics.tube_radius
+    body = grip.body
     starts, normals = facing_lines(grip.config, body, members)
     length, axis = grip.config.member_lengths[members], grip.config.member_axes[members]
 
-    def offsets(lines: Points, normals: Points) -> Points:
-        """Return the corners relative to points of the members, along + i across."""
+    def offsets(origins: Points, normals: Points) -> Points:
+        """Return vectors from given origins to the corners, along + i across the members."""
         points = _corner_points(body.shape, corners, normals / body.turn)
-        return (body.center + body.turn * points - lines) / axis
+        return (body.center + body.turn * points - origins) / axis
 
-    straight = offsets(starts, normals).real
-    positions = straight
+    straight_positions = offsets(starts, normals).real
+    positions = straight_positions
     for _ in range(2):  # the second position is at the foot on the bent line, to second order
-        lines, rotations = grip.bent_lines(members, positions)
-        from_line = offsets(lines, normals * rotations) / rotations
-        positions = positions + from_line.real
-    depths = radius + (from_line * axis / normals).real
-    return np.where((straight >= 0.0) & (straight <= length), depths, -np.inf)
+        feet, rotations = grip.bent_lines(members, positions)
+        from_feet = offsets(feet, normals * rotations) / rotations
+        positions = positions + from_feet.real
+    # The normals point away from the object, so heights are negative on the object's side.
+    heights = (from_feet * axis / normals).real
+    is_beside = (straight_positions >= 0.0) & (straight_positions <= length)
+    return np.where(is_beside, grip.statics.tube_radius + heights, -np.inf)
 
 
 def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
     """Return the other members near the object, and its depths in these bent members [m]."""
     starts, ends = member_lines(grip.config).T
-    straight, radius = segment_gaps(grip.body, starts, ends), grip.statics.tube_radius
-    is_near = straight.gaps < (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
+    gaps, normals, shares = segment_gaps(grip.body, starts, ends)
+    radius = grip.statics.tube_radius
+    is_near = gaps < (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
     is_near[grip.members] = False
     members = np.flatnonzero(is_near)
     if not len(members):
         return members, np.zeros(0)
-    spans = (ends - starts)[members]
-    nearest = straight.shares[members] * spans
-    lines, _ = grip.bent_lines(members, np.abs(nearest))
-    moved = (lines - starts[members] - nearest) / straight.normals[members]
-    return members, radius - straight.gaps[members] - moved.real
+    # Displacements of the points of the centre lines that are nearest to the object.
+    to_nearest = shares[members] * (ends - starts)[members]
+    bent_points, _ = grip.bent_lines(members, np.abs(to_nearest))
+    displacements = bent_points - starts[members] - to_nearest
+    return members, radius - gaps[members] - (displacements / normals[members]).real
 
 
 def add_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSet]:
     """Return the sets with a corner in contact, the most likely set last."""
     contacts, shape, radius = grip.contacts, grip.body.shape, grip.statics.tube_radius
     member = contacts.members[free.contact]
-    on_member = contacts.members == member
-    is_nearest = np.arange(len(on_member)) == free.contact
-    others = np.flatnonzero(on_member & ~is_nearest)
+    is_on_member = contacts.members == member
+    is_nearest = np.arange(len(contacts.members)) == free.contact
+    other_end = np.flatnonzero(is_on_member & ~is_nearest)
+    # The corner replaces the nearest contact, with the other end of the face or alone.
     corners = np.where(is_nearest, free.corner, contacts.corners)
-    moved = ContactSet.of(PressedContacts(contacts.members, corners))
-    rolled = moved.without(others)
+    replaced = ContactSet.of(PressedContacts(contacts.members, corners))
+    alone = replaced.without(other_end)
     if abs(free.face_distance) < radius:
         normal = complex(grip.state.normals[free.contact]) / grip.body.turn
-        points = [shape.point_at(corner, normal) for corner in corners[on_member].tolist()]
-        return [rolled] if abs(points[0] - points[-1]) < radius else [rolled, moved]
-    alone = ContactSet.of(contacts).without(others)
-    index = int(np.searchsorted(alone.origins, free.contact)) + (free.face_distance > 0.0)
-    pair = alone.with_contact(index, member, free.corner, -1 if rolls else free.contact)
-    return [rolled, pair] if rolls else [pair._replace(grazing=index), rolled, pair]
+        points = [shape.point_at(corner, normal) for corner in corners[is_on_member].tolist()]
+        is_one_dent = abs(points[0] - points[-1]) < radius
+        return [alone] if is_one_dent else [alone, replaced]
+    # Or the corner and the nearest contact are the ends of a face.
+    nearest_alone = ContactSet.of(contacts).without(other_end)
+    index = int(np.searchsorted(nearest_alone.origins, free.contact)) + (free.face_distance > 0.0)
+    face = nearest_alone.with_contact(index, member, free.corner, -1 if rolls else free.contact)
+    return [alone, face] if rolls else [face._replace(grazing=index), alone, face]
 
 
 def _add_third_member(grip: HeldGrip) -> list[ContactSet]:
@@ -260,8 +275,9 @@ def _add_third_member(grip: HeldGrip) -> list[ContactSet]:
     members, depths = depths_in_others(grip)
     if depths.max(initial=0.0) <= SKIN_TOLERANCE:
         return []
-    member = int(members[depths.argmax()])
-    (normal,) = facing_lines(grip.config, grip.body, np.array([member]))[1] / grip.body.turn
+    deepest = int(depths.argmax())
+    member = int(members[deepest])
+    _, normals = facing_lines(grip.config, grip.body, members)
+    corner = grip.body.shape.corner_at(complex(normals[deepest]) / grip.body.turn)
     index = int(np.searchsorted(grip.contacts.members, member))
-    corner = grip.body.shape.corner_at(complex(normal))
     return [ContactSet.of(grip.contacts).with_contact(index, member, corner)]

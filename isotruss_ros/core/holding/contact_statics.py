@@ -66,11 +66,11 @@ ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
 class Pushes(NamedTuple):
     """Loads of k contacts on the tubes."""
 
-    local: Points  #: (k,) normals in member axes, along + i across
+    member_normals: Points  #: (k,) normals in member axes, along + i across
     skin: Array  #: (k,) distance of the dented skin from the centre line [m]
-    softs: Array  #: (k,) derivatives of the dents' depths with respect to the normal forces [m/N]
-    tilts: Array  #: (k,) derivatives of the dents' depths by the normals' angles [m/rad]
-    force: Points  #: (k,) forces on the tubes, along + i across [N]
+    depth_by_force: Array  #: (k,) derivatives of the dents' depths by the normal forces [m/N]
+    depth_by_angle: Array  #: (k,) derivatives of the dents' depths by the normals' angles [m/rad]
+    member_forces: Points  #: (k,) forces on the tubes in member axes, along + i across [N]
     loads: Array  #: (k, 3) forces along and across [N] and moments [N m]
     #: (4, 3, k) derivatives of the loads with respect to inclination, normal and friction force,
     #: and angle of the object
@@ -78,9 +78,10 @@ class Pushes(NamedTuple):
 
     def load_rates(self, change: Array) -> Array:
         """Return the changes (k, 3, c) of the loads for c changes of the unknowns."""
-        count, begin = len(self.local), POSE + len(self.local)
-        by_angle = np.repeat(change[None, None, ANGLE], count, axis=1)
-        causes = np.concatenate([change[begin:].reshape(3, count, -1), by_angle])
+        count = len(self.skin)
+        angle = np.repeat(change[None, None, ANGLE], count, axis=1)
+        causes = np.concatenate([change[POSE + count :].reshape(3, count, -1), angle])
+        # Axes: cause l as in `rates`, component n of the load, contact k, change c.
         return np.einsum('lnk,lkc->knc', self.rates, causes)
 
 
@@ -116,21 +117,26 @@ class ContactStatics:
         """Return whether all contacts are between the ends of their members."""
         return bool(((feet >= 0.0) & (feet <= self.bent.lines.length)).all())
 
+    def bent_under(self, unknowns: Array, structure: Structure | None = None) -> BentTubes:
+        """Return the tubes linearised about their bent state at given unknowns."""
+        return self.bent.update(self.pushes(unknowns).loads, unknowns[self.places.feet], structure)
+
     def pushes(self, unknowns: Array) -> Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
-        begin = self.places.inclinations.start
-        inclination, normal, friction = unknowns[begin:].reshape(3, -1)
-        local = 1j * self.sides * np.exp(1j * inclination)
-        angles = object_angles(unknowns, self.bent.lines.axis * local)
-        depths, softs, tilts = self.dents(normal, angles)
+        inclination, normal, friction = unknowns[self.places.inclinations.start :].reshape(3, -1)
+        # Vectors in member axes are complex numbers, along + i across.
+        normals = 1j * self.sides * np.exp(1j * inclination)
+        angles = object_angles(unknowns, self.bent.lines.axis * normals)
+        depths, by_force, by_turn = self.dents(normal, angles)
         # Friction acts at the skin of a tube, so it exerts a moment about the centre line.
         skin = self.tube_radius - depths
-        force = (normal + 1j * friction) * local
-        changes = np.array([1j * force, local, 1j * local, np.zeros_like(local)])
-        moments = np.array([tilts * friction, softs * friction, -skin, -tilts * friction])
-        loads = np.array([force.real, force.imag, -skin * friction]).T
-        rates = np.array([changes.real, changes.imag, moments]).swapaxes(0, 1)
-        return Pushes(local, skin, softs, tilts, force, loads, rates)
+        forces = (normal + 1j * friction) * normals
+        loads = np.array([forces.real, forces.imag, -skin * friction]).T
+        # Derivatives by the causes in `Pushes.rates`. If the object turns, only the dents change.
+        force_rates = np.array([1j * forces, normals, 1j * normals, np.zeros_like(normals)])
+        moment_rates = [by_turn * friction, by_force * friction, -skin, -by_turn * friction]
+        rates = np.array([force_rates.real, force_rates.imag, moment_rates]).swapaxes(0, 1)
+        return Pushes(normals, skin, by_force, by_turn, forces, loads, rates)
 
     def equations(
         self,
@@ -140,71 +146,77 @@ class ContactStatics:
         pushes: Pushes | None = None,
     ) -> tuple[Array, ContactForces]:
         """Return the residual (3 + 4k,) of the equations, see `Places`, and the state."""
-        indices, count, arm = self.places, len(self.sides), self.body.arm
-        moment, lines = indices.balance.start + 2, self.bent.lines
-        center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
+        indices, lines = self.places, self.bent.lines
+        count, arm = len(self.sides), self.body.arm
+        center = complex(unknowns[0], unknowns[1])
+        turn = cmath.rect(1.0, unknowns[ANGLE])
         feet = unknowns[indices.feet]
         pushes = pushes or self.pushes(unknowns)
-        local, skin = pushes.local, pushes.skin
-        normals = lines.axis * local
+        member_normals = pushes.member_normals
+        normals = lines.axis * member_normals
         in_object = normals * turn.conjugate()
         points, radii = self.body.shape.surface_at(self.contacts.corners, in_object)
         to_member = lines.axis.conj()
-        # In member axes. If the object turns while the tube does not, the contact point moves back
-        # on the object's surface.
+        # From the object's origin to the contacts, in member axes. If the object turns while the
+        # tube does not, the contact point moves back on the object's surface.
         arms = to_member * turn * points
-        arm_rates = 1j * (arms - radii * local)
+        arms_by_angle = 1j * (arms - radii * member_normals)
 
-        # Touch and balance are affine functions of the loads.
+        # Touch and balance are affine functions of the loads (k, 3). Here they are evaluated
+        # without their constants, which follow below.
+        affine, moment_row = slice(indices.balance.stop), indices.balance.stop - 1
         residual = np.empty(indices.size)
         jacobian = np.zeros((indices.size, indices.size))
-        bent, forces = self.bent.responses, -lines.axis[:, None] * [1.0, 1j]
-        by_loads = np.zeros((moment + 1, count, 3))
-        by_loads[: 3 * count] = bent.matrix.reshape(3 * count, count, 3)
-        by_loads[-3:-1, :, :2] = forces.real, forces.imag
-        by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
-        residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ pushes.loads.ravel()
-        by_contact = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
-        begin = indices.inclinations.start
-        jacobian[: moment + 1, begin:] = by_contact[:, :3].reshape(moment + 1, -1)
-        jacobian[: moment + 1, ANGLE] = by_contact[:, 3].sum(axis=1)
+        compliance = self.bent.responses
+        # Forces on the object, x + iy, by unit loads along and across the members.
+        reactions = -lines.axis[:, None] * [1.0, 1j]
+        by_loads = np.zeros((affine.stop, count, 3))
+        by_loads[: 3 * count] = compliance.matrix.reshape(3 * count, count, 3)
+        by_loads[-3:-1, :, :2] = reactions.real, reactions.imag
+        by_loads[-1, :, 0], by_loads[-1, :, 1] = arms.imag / arm, -arms.real / arm
+        residual[affine] = by_loads.reshape(affine.stop, -1) @ pushes.loads.ravel()
+        # Axes: equation r, cause n as in `Pushes.rates`, contact k, component c of its load.
+        by_cause = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
+        jacobian[affine, indices.inclinations.start :] = by_cause[:, :3].reshape(affine.stop, -1)
+        jacobian[affine, ANGLE] = by_cause[:, 3].sum(axis=1)
 
-        # Gaps at fixed tubes, and displacements by the positions of the contacts.
-        gaps = to_member * (lines.start - center) - arms + feet - skin * local
+        # Gaps (along + i across) at straight tubes, and displacements by the contacts' positions.
+        gaps = to_member * (lines.start - center) - arms + feet - pushes.skin * member_normals
         touch = residual[: 3 * count].reshape(count, 3)
-        touch += bent.constant + bent.rates @ feet
-        touch[:, 0] += gaps.real
-        touch[:, 1] += gaps.imag
+        touch += compliance.constant + compliance.rates @ feet
+        touch[:, :2] += gaps.view(np.float64).reshape(count, 2)
         touch[:, 2] -= unknowns[indices.inclinations]
         touch_rows = jacobian[: 3 * count].reshape(count, 3, -1)
-        touch_rows[:, :2, :2] = forces.view(np.float64).reshape(count, 2, 2)
+        # The object's displacement changes the gaps as unit loads change the forces on it.
+        touch_rows[:, :2, :2] = reactions.view(np.float64).reshape(count, 2, 2)
         touch_rows[:, 0, indices.feet] = np.eye(count)
-        touch_rows[:, :, indices.feet] += bent.rates
-        dented = pushes.tilts * local
-        by_angle = arm_rates + dented
-        touch_rows[:, 0, ANGLE] -= by_angle.real
-        touch_rows[:, 1, ANGLE] -= by_angle.imag
-        # Derivatives of each contact's gaps by its own inclination and normal force.
+        touch_rows[:, :, indices.feet] += compliance.rates
+        dents_by_angle = pushes.depth_by_angle * member_normals
+        gaps_by_angle = arms_by_angle + dents_by_angle
+        touch_rows[:, :2, ANGLE] -= gaps_by_angle.view(np.float64).reshape(count, 2)
+        # Derivatives of each contact's gaps by its own inclination and normal force. Axes: contact
+        # k, equation a of touch, and kind n of unknown: position, inclination, normal, friction.
         by_kind = touch_rows[:, :, POSE:].reshape(count, 3, 4, count)
         at_same_contact = np.einsum('kank->kan', by_kind)
-        by_inclination = dented - 1j * (radii + skin) * local
-        gap_rates = np.array([by_inclination, pushes.softs * local]).T
+        by_inclination = dents_by_angle - 1j * (radii + pushes.skin) * member_normals
+        gap_rates = np.array([by_inclination, pushes.depth_by_force * member_normals]).T
         at_same_contact[:, 0, 1:3] += gap_rates.real
         at_same_contact[:, 1, 1:3] += gap_rates.imag
         at_same_contact[:, 2, 1] -= 1.0
 
         # The arms of the forces turn with the normals and with the object.
         residual[indices.balance] += wrench
-        jacobian[moment, indices.inclinations] += radii * unknowns[indices.normal] / arm
-        jacobian[moment, ANGLE] = -complex(np.vdot(arm_rates, pushes.force)).imag / arm
+        jacobian[moment_row, indices.inclinations] += radii * unknowns[indices.normal] / arm
+        moment_by_angle = -complex(np.vdot(arms_by_angle, pushes.member_forces)).imag
+        jacobian[moment_row, ANGLE] = moment_by_angle / arm
         residual[indices.conditions], jacobian[indices.conditions] = conditions(unknowns, normals)
         return residual, ContactForces(unknowns, normals, pushes.loads, jacobian)
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns."""
         indices, contacts = self.places, np.arange(len(normals))
-        facing = normals * np.exp(-1j * unknowns[ANGLE])
-        radii = self.body.shape.surface_at(self.contacts.corners, facing)[1]
+        in_object = normals * np.exp(-1j * unknowns[ANGLE])
+        _, radii = self.body.shape.surface_at(self.contacts.corners, in_object)
         derivative = np.zeros((len(contacts), indices.size))
         derivative[:, ANGLE] = radii
         derivative[contacts, indices.feet.start + contacts] = -self.sides
@@ -212,25 +224,26 @@ class ContactStatics:
         return derivative
 
     def sticking(self, unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        """Return residuals (k,) of zero, and the derivatives (k, 3 + 4k) of rolling."""
+        """Return conditions of contacts that stick: zero residuals and `rolling_rows`."""
         return np.zeros(len(normals)), self.rolling_rows(unknowns, normals)
 
     def start(self) -> Array:
         """Return an initial guess of the unknowns (3 + 4k,) at the object's measured pose."""
         indices, bent, body = self.places, self.bent, self.body
-        start = np.zeros(indices.size)
-        start[:POSE] = body.center.real, body.center.imag, body.pose.angle
-        local = self.straight_normals * body.turn.conjugate()
-        points, _ = body.shape.surface_at(self.contacts.corners, local)
-        start[indices.feet] = bent.places
+        unknowns = np.zeros(indices.size)
+        unknowns[:POSE] = body.center.real, body.center.imag, body.pose.angle
+        unknowns[indices.feet] = bent.places
+        in_object = self.straight_normals * body.turn.conjugate()
+        points, _ = body.shape.surface_at(self.contacts.corners, in_object)
         from_start = body.center + body.turn * points - bent.lines.start
-        height = (bent.lines.axis.conj() * from_start).imag
-        depths = self.tube_radius + self.sides * height
-        depths = np.maximum(depths, PLANNED_DEPTH * self.tube_radius)
-        bending = np.einsum('iaia->ia', bent.responses.matrix)[:, 1]
-        _, denting, _ = self.dents(depths / bending, np.angle(local))
-        start[indices.normal] = depths / (bending + denting)
-        return start
+        heights = self.sides * (bent.lines.axis.conj() * from_start).imag
+        depths = np.maximum(self.tube_radius + heights, PLANNED_DEPTH * self.tube_radius)
+        # The depth is that of the tube's displacement across the member and of the dent. The
+        # diagonal of the compliance (k, 3, k, 3) is each contact's response to its own load.
+        tube_compliance = np.einsum('kaka->ka', bent.responses.matrix)[:, 1]
+        _, dent_compliance, _ = self.dents(depths / tube_compliance, np.angle(in_object))
+        unknowns[indices.normal] = depths / (tube_compliance + dent_compliance)
+        return unknowns
 
     def anchors(self, unknowns: Array, normals: Points, previous: Array) -> Array:
         """
@@ -282,8 +295,8 @@ class ContactStatics:
             is_linearised = motion <= reach or moves_by_rounding
             # Tubes are not modelled beyond the ends of their members, so these contacts converge
             # slowly.
-            is_off = motion <= FOLLOWED_MOTION and not statics.are_on_members(feet)
-            if is_off or (is_solved and is_linearised):
+            is_beyond_end = motion <= FOLLOWED_MOTION and not statics.are_on_members(feet)
+            if is_beyond_end or (is_solved and is_linearised):
                 inclination = np.abs(unknowns[indices.inclinations]).max()
                 return (statics, state) if inclination <= MAX_INCLINATION else None
             if not is_linearised and (is_solved or error < least_error):
@@ -294,17 +307,17 @@ class ContactStatics:
 
     def _advance(self, state: ContactForces, residual: Array) -> Array | None:
         """Return the unknowns after a bounded step of Newton's method; None if singular."""
-        indices, unknowns = state.places, state.unknowns
         _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
-        size, limit = np.abs(step), np.full(indices.size, MAX_TURN * self.body.arm)
-        limit[ANGLE] = limit[indices.inclinations] = MAX_TURN
-        limit[indices.forces] = np.inf
+        limits = np.full(step.size, MAX_TURN * self.body.arm)
+        limits[ANGLE] = limits[state.places.inclinations] = MAX_TURN
+        limits[state.places.forces] = np.inf
+        sizes = np.abs(step)
         # The motion of the centroid does not depend on the frame of the object.
-        centroid = cmath.rect(1.0, unknowns[ANGLE]) * self.body.shape.centroid
-        size[CENTER] = abs(complex(step[0], step[1]) + 1j * centroid * step[ANGLE])
-        if singular or not size.max() < np.inf:
+        centroid = cmath.rect(1.0, state.unknowns[ANGLE]) * self.body.shape.centroid
+        sizes[CENTER] = abs(complex(step[0], step[1]) + 1j * centroid * step[ANGLE])
+        if singular or not sizes.max() < np.inf:
             return None
-        return unknowns + step / max(1.0, float((size / limit).max()))
+        return state.unknowns + step / max(1.0, float((sizes / limits).max()))
 
 
 def object_angles(unknowns: Array, normals: Points, previous: Array | float = 0.0) -> Array:
@@ -339,7 +352,7 @@ def build_statics(
 def find_dents(
     structure: Structure, shape: Shape, contacts: PressedContacts, stiffness: float
 ) -> Dents:
-    """Return the depths of the dents at all contacts."""
+    """Return the dents at all contacts, as functions of normal forces and angles."""
     robot = structure.config.robot
     tubes = robot.topology.tube[contacts.members].tolist()
     tables = [

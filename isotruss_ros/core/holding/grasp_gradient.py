@@ -67,7 +67,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
     # For second derivatives: tubes with the changes of parameters, and derivatives (3 + 4k, p) of
     # the unknowns.
     _tubes: LoadedTubes | None = None
-    _unknowns: Array | None = None
+    _unknown_rates: Array | None = None
 
     @property
     def squeeze(self) -> Array:
@@ -82,6 +82,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         grip = self.settled.equilibrium
         inverse = np.linalg.inv(grip.response.pose)
         by_wrench = grip.respond(self._response_rates(grip.response.change))
+        # (C^-1)' = -C^-1 C' C^-1 for the compliance C; p are the parameters.
         rates = -np.einsum('ia,apb,bj->ijp', inverse, by_wrench[:POSE], inverse)
         rates[2] *= grip.arm
         return rates
@@ -99,25 +100,28 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
             rates = np.zeros(columns.size)
             rates[columns.rollers], rates[columns.place] = self.settled.lost.slip_margin_rates()
             return rates
+        # The margin is reserve / size of the nearest plane, see `SlipPlanes`.
         grip, response = self.settled.equilibrium, self.settled.equilibrium.response
         planes = slip_planes(response, self.settled.friction)
         nearest = int((planes.reserve / planes.size).argmin())
         row, by_friction = planes.rows[nearest], planes.friction_rates[nearest]
         slope, size = planes.slope[nearest], planes.size[nearest]
         about_middle, forces = planes.about_middle, grip.state.places.forces
-        normal = slope @ about_middle / size
-        wrench = about_middle @ normal
-        reserve_rates = row @ self._unknowns[forces]
+        # Unit wrench normal to the plane, about the centroid and then about the origin.
+        central_wrench = slope @ about_middle / size
+        wrench = about_middle @ central_wrench
+        reserve_rates = row @ self._unknown_rates[forces]
         response_rates = self._response_rates(response.change @ wrench[:, None])
         size_rates = row @ grip.respond(response_rates)[forces, :, 0]
-        # The wrench about the object's centroid, which moves around its origin as it turns.
-        swing = about_middle[2, 1] * normal[0] - about_middle[2, 0] * normal[1]
-        size_rates -= slope[2] * swing * self._unknowns[ANGLE]
-        # First the 2 m planes of slip of the members, then as many for each end that has opened.
-        opened, plane = divmod(nearest, 2 * len(grip.members))
-        if opened and np.count_nonzero(row) > 1:  # slip after an end has opened
-            end = int(response.ends[opened - 1])
-            by_release = planes.rows[plane] @ self._release_rates(opened - 1)
+        # The moment about the origin changes, because the centroid moves around it.
+        swing = about_middle[2, 1] * central_wrench[0] - about_middle[2, 0] * central_wrench[1]
+        size_rates -= slope[2] * swing * self._unknown_rates[ANGLE]
+        # The first 2 m planes are slip of the members; then follow as many for each end of a face.
+        # Of these, the planes of opening depend on one force.
+        end_number, plane = divmod(nearest - 2 * len(grip.members), 2 * len(grip.members))
+        if end_number >= 0 and np.count_nonzero(row) > 1:  # slip after an end has opened
+            end = int(response.ends[end_number])
+            by_release = planes.rows[plane] @ self._release_rates(end_number)
             reserve_rates += by_release * grip.state.forces[end]
             size_rates += by_release * (response.forces[end] @ wrench)
         reserve_rates[columns.friction] += by_friction @ grip.state.forces
@@ -129,42 +133,44 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         return uncertainty.chance_gradient(self)
 
     def _release_rates(self, number: int) -> Array:
-        """Return the derivatives (2k, p) of one row of `GripResponse.by_release`."""
+        """Return the derivatives (2k, p) of row `number` of `GripResponse.by_release`."""
         grip, response = self.settled.equilibrium, self.settled.equilibrium.response
         indices, end = grip.state.places, int(response.ends[number])
         by_gap = response.by_gap[:, number]
-        right = self._response_rates(by_gap[:, None])[..., 0]
+        residual_rates = self._response_rates(by_gap[:, None])[..., 0]
         # The unit gap is normal to the tube, and turns with the tube relative to the member.
         gap = grip.statics.bent.lines.axis[end].conj() * grip.state.normals[end]
-        gap_rates = 1j * gap * self._unknowns[indices.inclinations][end]
-        right[3 * end] -= gap_rates.real
-        right[3 * end + 1] -= gap_rates.imag
-        rates = grip.respond(right)[indices.forces]
-        tension = by_gap[indices.forces][end]
-        return -(rates + np.outer(response.by_release[number], rates[end])) / tension
+        gap_rates = 1j * gap * self._unknown_rates[indices.inclinations][end]
+        residual_rates[3 * end : 3 * end + 2] -= gap_rates.real, gap_rates.imag
+        force_rates = grip.respond(residual_rates)[indices.forces]
+        # A row is the quotient -(all forces) / (force of the end).
+        quotient_rates = force_rates + np.outer(response.by_release[number], force_rates[end])
+        return -quotient_rates / by_gap[indices.forces][end]
 
     @single_threaded
-    def _response_rates(self, response: Array) -> Array:
+    def _response_rates(self, responses: Array) -> Array:
         """
-        Return the products J' y (3 + 4k, p, n) of n responses y by p parameters (see this module).
+        Return the derivatives (3 + 4k, p, n) of J y by p parameters, for n constant responses y.
 
-        They are central differences of fourth order of `_displaced_rates` along the responses.
+        The Jacobian J is that of sticking contacts, see this module. The derivatives are central
+        differences of fourth order of `_displaced_rates` along the responses.
         """
         grip = self._tubes.grip
         state, structure = grip.state, grip.statics.bent.structure
+        # Kinks of the stiffness: a contact is at a guide ring or pinch point, or has no force.
         pieces, within, _ = structure.locate(grip.contacts.members, state.feet)
-        room = np.minimum(within, structure.frame.length[pieces] - within)
-        kinks = np.concatenate([room, state.normal_forces])
-        changes = np.concatenate([response[state.places.feet], response[state.places.normal]])
+        to_piece_ends = np.minimum(within, structure.frame.length[pieces] - within)
+        to_kinks = np.concatenate([to_piece_ends, state.normal_forces])
+        rows = np.r_[state.places.feet, state.places.normal]
         # In the kink itself no step is short enough.
-        is_beside = kinks > 0.0
-        approach = np.abs(changes[is_beside] / (KINK_SHARE * kinks[is_beside, None])).max(axis=0)
-        moved = np.abs(response[:POSE]) * [[1.0], [1.0], [grip.arm]]
-        sizes = 1.0 / np.maximum(moved.max(axis=0) / STEP, approach)
-        rates = np.empty((*self._unknowns.shape, len(sizes)))
+        is_beside = to_kinks > 0.0
+        kink_shares = np.abs(responses[rows[is_beside]] / to_kinks[is_beside, None]).max(axis=0)
+        motions = np.abs(responses[:POSE]) * [[1.0], [1.0], [grip.arm]]
+        sizes = 1.0 / np.maximum(motions.max(axis=0) / STEP, kink_shares / KINK_SHARE)
+        rates = np.empty((*self._unknown_rates.shape, len(sizes)))
         for i, size in enumerate(sizes.tolist()):
             forward, backward, two_forward, two_backward = (
-                _displaced_rates(self._tubes, self._unknowns, step * size * response[:, i])
+                _displaced_rates(self._tubes, self._unknown_rates, step * size * responses[:, i])
                 for step in (1.0, -1.0, 2.0, -2.0)
             )
             difference = 8.0 * (forward - backward) - (two_forward - two_backward)
@@ -188,39 +194,37 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     if grip is None:  # only pose and slip margin change
         parameters = GraspParameters.of(settled.lost.config)
         pose = np.eye(3, parameters.size, parameters.place.start)
-        none, zero = np.zeros((0, parameters.size)), np.zeros(parameters.size)
-        unused = np.zeros((len(settled.utilisation), parameters.size))
-        return GraspGradient(parameters, settled, pose, none, none, zero, unused)
+        forces, friction = np.zeros((0, parameters.size)), np.zeros(parameters.size)
+        usage = np.zeros((len(settled.utilisation), parameters.size))
+        return GraspGradient(parameters, settled, pose, forces, forces, friction, usage)
     parameters, indices = GraspParameters.of(grip.config), grip.state.places
     tubes = LoadedTubes.of(grip, np.eye(parameters.size), parameters)
-    unknowns = -np.linalg.solve(grip.state.jacobian, tubes.equation_rates())
-    _, utilisation = tubes.utilisation(tubes.respond(unknowns))
-    normal_forces = grip.contacts.sum_by_member(unknowns[indices.normal])
-    friction_forces = grip.contacts.sum_by_member(unknowns[indices.friction])
+    unknown_rates = -np.linalg.solve(grip.state.jacobian, tubes.equation_rates())
+    _, utilisation_rates = tubes.utilisation(tubes.respond(unknown_rates))
+    normal_rates = grip.contacts.sum_by_member(unknown_rates[indices.normal])
+    friction_rates = grip.contacts.sum_by_member(unknown_rates[indices.friction])
     ratios = grip.friction_forces / grip.normal_forces
-    slipping = int(np.abs(ratios).argmax())
-    ratio_rates = friction_forces[slipping] - ratios[slipping] * normal_forces[slipping]
-    ratio_rates /= grip.normal_forces[slipping]
+    slipping = int(np.abs(ratios).argmax())  # member
+    ratio_rates = friction_rates[slipping] - ratios[slipping] * normal_rates[slipping]
     return GraspGradient(
         parameters=parameters,
         settled=settled,
-        pose=unknowns[:POSE],
-        normal_forces=normal_forces,
-        friction_forces=-friction_forces,
-        required_friction=np.sign(ratios[slipping]) * ratio_rates,
-        utilisation=utilisation,
+        pose=unknown_rates[:POSE],
+        normal_forces=normal_rates,
+        friction_forces=-friction_rates,  # on the object
+        required_friction=np.sign(ratios[slipping]) * ratio_rates / grip.normal_forces[slipping],
+        utilisation=utilisation_rates,
         _tubes=tubes,
-        _unknowns=unknowns,
+        _unknown_rates=unknown_rates,
     )
 
 
-def _displaced_rates(tubes: LoadedTubes, changes: Array, shift: Array) -> Array:
-    """Return the changes of the equations by parameters, with unknowns displaced by `shift`."""
+def _displaced_rates(tubes: LoadedTubes, unknown_rates: Array, shift: Array) -> Array:
+    """Return the derivatives (3 + 4k, p) of F along the grasp's change, at displaced unknowns."""
     grip, unknowns = tubes.grip, tubes.grip.state.unknowns + shift
     dents = grip.statics.dents.smooth_near(grip.state.normal_forces, grip.angles)
-    statics = replace(grip.statics, dents=dents)
-    feet = unknowns[grip.state.places.feet]
-    statics = replace(statics, bent=statics.bent.update(statics.pushes(unknowns).loads, feet))
+    smooth_statics = replace(grip.statics, dents=dents)
+    statics = replace(smooth_statics, bent=smooth_statics.bent_under(unknowns))
     _, state = statics.equations(unknowns, grip.wrench, statics.sticking)
     displaced = LoadedTubes.at(replace(grip, statics=statics, state=state), tubes.changes)
-    return state.jacobian @ changes + displaced.equation_rates(sticks=True)
+    return state.jacobian @ unknown_rates + displaced.equation_rates(sticks=True)

@@ -22,7 +22,7 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION, TubeRates
 from isotruss_ros.core.statics.structure import section_rates
-from isotruss_ros.core.statics.wrinkling import evaluate_utilisation, find_utilisation
+from isotruss_ros.core.statics.wrinkling import evaluate_utilisation
 import numpy as np
 
 
@@ -54,7 +54,7 @@ class GraspParameters(NamedTuple):
 
 
 class ParameterChanges(NamedTuple):
-    """Changes of a robot and of the loads on an object in p directions of change."""
+    """Derivatives of robot, wrench and given pose along p directions of parameter changes."""
 
     spins: Array  #: (k, p) rotations of the contacts' members [rad]
     sections: Array  #: (4, c, p) rest length, EA, EI and GA of the frame's parts
@@ -70,15 +70,15 @@ class LoadedTubes(NamedTuple):
     grip: HeldGrip  #: the held object, with tubes that are all deformable
     changes: ParameterChanges  #: the parameter changes
     pushes: Pushes  #: loads of the contacts on the tubes
-    dents: Array  #: (k, p) derivatives of the dents' depths at constant unknowns [m]
+    depth_rates: Array  #: (k, p) derivatives of the dents' depths at constant unknowns [m]
     by_sections: TubeRates  #: derivatives at constant loads
 
     @classmethod
     def of(
-        cls, grip: HeldGrip, chosen: Array, parameters: GraspParameters, reach: float = ROUNDING
+        cls, grip: HeldGrip, directions: Array, columns: GraspParameters, reach: float = ROUNDING
     ) -> LoadedTubes:
         """
-        Return the tubes with derivatives along columns of `chosen` (n, p), for n parameters.
+        Return the tubes with derivatives along p `directions` (n, p) of the n parameters.
 
         The tubes are linearised again if a node has moved by more than `reach` [m].
         """
@@ -92,17 +92,18 @@ class LoadedTubes(NamedTuple):
         bent = bent.activated()
         grip = replace(grip, statics=replace(grip.statics, bent=bent))
         topology, members = grip.config.robot.topology, grip.contacts.members
+        # Motions of the nodes, x + iy, by the rollers (r columns) and along the directions.
         by_rollers = grip.config.node_jacobian.T.copy().view(np.complex128).T
-        nodes = by_rollers @ chosen[parameters.rollers]
+        nodes = by_rollers @ directions[columns.rollers]
         spans = nodes[topology.end[members]] - nodes[topology.b[members]]
-        pressures = chosen[parameters.pressures]
+        pressures = directions[columns.pressures]
         changes = ParameterChanges(
             spins=(spans / (bent.lines.length * bent.lines.axis)[:, None]).imag,
             sections=section_rates(bent.structure, bent.frame, nodes, pressures),
             pressures=pressures,
-            stiffness=chosen[parameters.stiffness] / bent.stiffness,
-            place=chosen[parameters.place],
-            wrench=chosen[parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]]),
+            stiffness=directions[columns.stiffness] / bent.stiffness,
+            place=directions[columns.place],
+            wrench=directions[columns.wrench] / np.array([[1.0], [1.0], [grip.arm]]),
         )
         return cls.at(grip, changes)
 
@@ -114,56 +115,60 @@ class LoadedTubes(NamedTuple):
         angles = object_angles(state.unknowns, state.normals)
         tube = grip.config.robot.topology.tube[grip.contacts.members]
         by_pressure = dents.pressure_rates(state.normal_forces, angles)
-        dented = by_pressure[:, None] * changes.pressures[tube]
-        dented -= np.outer(pushes.softs * state.normal_forces, changes.stiffness)
-        dented += pushes.tilts[:, None] * changes.spins
+        depth_rates = by_pressure[:, None] * changes.pressures[tube]
+        # A dent that is stiffer by a fraction is as deep as under a force smaller by it.
+        depth_rates -= np.outer(pushes.depth_by_force * state.normal_forces, changes.stiffness)
+        depth_rates += pushes.depth_by_angle[:, None] * changes.spins
         by_sections = grip.statics.bent.section_changes(changes.sections)
-        return cls(grip, changes, pushes, dented, by_sections)
+        return cls(grip, changes, pushes, depth_rates, by_sections)
 
     def equation_rates(self, sticks: bool = False) -> Array:
-        """Return the equations' derivatives (3 + 4k, p), also with sticking contacts."""
+        """Return the derivatives (3 + 4k, p) of the equations, for `sticks` of rolling ones."""
         grip, statics, state, body = self.grip, self.grip.statics, self.grip.state, self.grip.body
         indices, bent, normals = state.places, statics.bent, state.normals[:, None]
         lines, layout = bent.lines, bent.frame.layout
         spins, axis = self.changes.spins, lines.axis[:, None]
         at_constant_unknowns = self.respond(np.zeros((indices.size, spins.shape[1])))
-        moved = at_constant_unknowns.nodes[layout.nodes]
+        # Touch: gaps from the object's surface to the tubes, in axes that turn with the members.
+        node_rates = at_constant_unknowns.nodes[layout.nodes]
         displaced = bent.tangent.displacements[layout.nodes]
         points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
         arms = (body.turn * points)[:, None]
         # The contact points move on the surface, because the normals turn with the members.
-        swept = 1j * radii[:, None] * spins * normals
+        arm_rates = 1j * radii[:, None] * spins * normals
         feet = lines.start + lines.axis * state.feet + displaced[:, 0] + 1j * displaced[:, 1]
-        levers = feet[:, None] - body.center - arms
-        gaps = moved[:, 0] + 1j * moved[:, 1] - 1j * spins * levers - swept + self.dents * normals
-        gaps /= axis
-        slopes = at_constant_unknowns.inclinations - spins
-        touch = np.stack([gaps.real, gaps.imag, slopes], axis=1).reshape(3 * len(gaps), -1)
-        forces = self.pushes.force[:, None] * axis
+        gaps = feet[:, None] - body.center - arms
+        gap_rates = node_rates[:, 0] + 1j * node_rates[:, 1] - 1j * spins * gaps - arm_rates
+        gap_rates = (gap_rates + self.depth_rates * normals) / axis
+        slope_rates = at_constant_unknowns.inclinations - spins
+        touch = np.stack([gap_rates.real, gap_rates.imag, slope_rates], axis=1)
+        # Balance: the forces on the tubes, x + iy, turn with the members.
+        forces = self.pushes.member_forces[:, None] * axis
         force_rates = 1j * spins * forces
-        torque = (swept.conj() * forces + arms.conj() * force_rates).imag.sum(axis=0)
+        torque = (arm_rates.conj() * forces + arms.conj() * force_rates).imag.sum(axis=0)
         total = force_rates.sum(axis=0)
         balance = self.changes.wrench - np.stack([total.real, total.imag, torque / grip.arm])
         # The conditions depend on the normals, which turn with the members.
-        conditions = state.jacobian[indices.conditions]
+        rows = state.jacobian[indices.conditions]
         if sticks:
-            conditions = statics.rolling_rows(state.unknowns, state.normals)
-        closure = conditions[:, indices.inclinations] @ spins
+            rows = statics.rolling_rows(state.unknowns, state.normals)
+        conditions = rows[:, indices.inclinations] @ spins
         if not sticks:
             # Other conditions depend on the pose relative to the measured pose. They use the
             # centroid, which has turned about the origin since the measurement.
             measured = statics.body
             arm = measured.middle - measured.center - (body.middle - body.center)
             turning = np.outer([-arm.imag, arm.real, 0.0], self.changes.place[ANGLE])
-            closure -= conditions[:, :POSE] @ (self.changes.place + turning)
-        return np.concatenate([touch, balance, closure])
+            conditions -= rows[:, :POSE] @ (self.changes.place + turning)
+        return np.concatenate([touch.reshape(3 * len(gaps), -1), balance, conditions])
 
     def respond(self, change: Array) -> TubeRates:
         """Return the tubes' derivatives, given those (3 + 4k, p) of the equilibrium's unknowns."""
         state, changes = self.grip.state, self.changes
-        force_rates = 1j * changes.spins * self.pushes.force[:, None]
-        couples = self.dents * state.friction_forces[:, None]
-        loads = np.stack([force_rates.real, force_rates.imag, couples], axis=1)
+        force_rates = 1j * changes.spins * self.pushes.member_forces[:, None]
+        # Friction acts at the skin, so its moment depends on the depths of the dents.
+        moment_rates = self.depth_rates * state.friction_forces[:, None]
+        loads = np.stack([force_rates.real, force_rates.imag, moment_rates], axis=1)
         # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.
         loads -= state.loads[..., None] * changes.stiffness
         loads += self.pushes.load_rates(change)
@@ -173,23 +178,24 @@ class LoadedTubes(NamedTuple):
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """Return the members' utilisations (m,), and their derivatives (m, p)."""
         bent, robot, changes = self.grip.statics.bent, self.grip.config.robot, self.changes
-        forces, bowing = bent.end_forces(self.grip.state.loads, self.grip.state.feet)
-        usage = find_utilisation(bent.structure, bent.frame, forces, bowing)
+        usage, tube = self.grip.sections, robot.topology.tube
         radius = 0.5 * robot.description.tube_diameter
+        # Loads of `evaluate_utilisation`: moments at both ends, wall tension, and axial force. The
+        # moments are +-(M1 + M2) / 2 - (M1 - M2) / 2, see `EndForces`.
         force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[usage.piece]
-        # Rows: moments at both ends, and axial force.
-        to_loads = np.array([[0.0, -0.5, -0.5], [0.0, 0.5, -0.5], [1.0, 0.0, 0.0]])
-        scaled = np.tensordot(to_loads, bent.stiffness * force_rates, (1, 1))
-        begin, end, axial = forces[usage.piece][:, [2, 5, 3]].T
-        scaled += np.stack([-begin, end, axial])[..., None] * changes.stiffness
-        scaled[2] += np.pi * radius**2 * changes.pressures[robot.topology.tube]
-        load_rates = np.concatenate([scaled, force_rates[None, :, 0]])
+        by_end_forces = np.array([[0.0, -0.5, -0.5], [0.0, 0.5, -0.5], [1.0, 0.0, 0.0]])
+        load_rates = np.tensordot(by_end_forces, bent.stiffness * force_rates, (1, 1))
+        load_rates += usage.loads[:3, :, None] * changes.stiffness
+        # The part of the wall's tension that pressure exerts does not depend on the stiffness.
+        pressure_rates = changes.pressures - np.outer(self.grip.pressures, changes.stiffness)
+        load_rates[2] += np.pi * radius**2 * pressure_rates[tube]
+        load_rates = np.concatenate([load_rates, force_rates[None, :, 0]])
         length_and_section_rates = changes.sections[[0, 2, 3]][:, usage.piece]
         # Complex step at the same kind of place. The utilisation of a tube without wall tension is
         # infinite and has no derivative.
-        loads = usage.loads[..., None] + 1j * EPSILON * load_rates
-        sections = usage.sections[..., None] + 1j * EPSILON * length_and_section_rates
-        used, _ = evaluate_utilisation(loads, sections, radius)
+        varied_loads = usage.loads[..., None] + 1j * EPSILON * load_rates
+        varied_sections = usage.sections[..., None] + 1j * EPSILON * length_and_section_rates
+        used, _ = evaluate_utilisation(varied_loads, varied_sections, radius)
         at_maximum = np.take_along_axis(used, usage.kind[None, :, None], 0)[0]
         return usage.used, at_maximum.imag / EPSILON
 
@@ -215,9 +221,10 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     config, statics = grip.config, grip.statics
     indices, parameters = grip.state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)
-    chosen = np.zeros((parameters.size, rollers + count))
-    chosen[parameters.rollers, :rollers] = np.eye(rollers)
-    tubes = LoadedTubes.of(grip, chosen, parameters, reach=FOLLOWED_MOTION)
+    # Columns: roller travel, then rolling invariants, which change no parameter of a grasp.
+    directions = np.zeros((parameters.size, rollers + count))
+    directions[parameters.rollers, :rollers] = np.eye(rollers)
+    tubes = LoadedTubes.of(grip, directions, parameters, reach=FOLLOWED_MOTION)
     residuals = tubes.equation_rates(sticks=True)
     residuals[indices.conditions, :rollers] += statics.anchor_rates
     residuals[indices.conditions, rollers:] -= np.eye(count)

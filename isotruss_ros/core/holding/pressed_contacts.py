@@ -35,7 +35,7 @@ class PressedContacts:
         return np.cumsum(np.diff(self.members, prepend=self.members[0]) > 0)
 
     @functools.cached_property
-    def ends(self) -> list[Indices]:
+    def by_member(self) -> list[Indices]:
         """Return the contacts of each grasping member: one, or two at the ends of a face."""
         return np.split(np.arange(len(self.members)), self.member_starts[1:])
 
@@ -126,15 +126,15 @@ class ContactForces:
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
     """Return the contacts of given members with an object, see `Shape.contact_patch`."""
     starts, normals = facing_lines(config, body, members)
-    in_object = normals * body.turn.conjugate()
     radius = 0.5 * config.robot.description.tube_diameter
-    heights = ((starts - body.center) * normals.conj()).real - radius
-    pairs: list[tuple[int, int]] = []
-    lines = members.tolist(), in_object.tolist(), heights.tolist()
-    for member, normal, height in zip(*lines, strict=True):
-        patch = body.shape.contact_patch(normal, radius, height)
-        pairs += [(member, end.corner) for end in patch]
-    return PressedContacts(*np.array(pairs).T)
+    in_object = (normals * body.turn.conjugate()).tolist()
+    skin_heights = ((starts - body.center) * normals.conj()).real - radius
+    contacts: list[tuple[int, int]] = []  # member and corner of each
+    lines = zip(members.tolist(), in_object, skin_heights.tolist(), strict=True)
+    for member, normal, skin_height in lines:
+        patch = body.shape.contact_patch(normal, radius, skin_height)
+        contacts += [(member, end.corner) for end in patch]
+    return PressedContacts(*np.array(contacts).T)
 
 
 def facing_lines(

@@ -54,42 +54,42 @@ def roll_contacts(
 ) -> HeldGrip | None:
     """Return the equilibrium with given rolling contacts, or None; new ones have no friction."""
     travel = config.roller_positions - grip.config.roller_positions
-    unknowns, bent = grip.state.unknowns, grip.statics.bent
-    are_same = chosen.contacts is grip.contacts
-    new = np.flatnonzero(chosen.origins < 0)
-    anchors, angles = grip.anchors[chosen.origins], grip.angles[chosen.origins]
-    if are_same:
-        extrapolated = grip.extrapolate(travel)
-        starts = [extrapolated, unknowns]
-        loads, feet = grip.statics.pushes(extrapolated).loads, extrapolated[grip.state.places.feet]
-        bent = bent.update(loads, feet, structure_under(config, grip.pressures))
-        statics = replace(grip.statics, bent=bent)
+    are_same_contacts = chosen.contacts is grip.contacts
+    new_contacts = np.flatnonzero(chosen.origins < 0)
+    anchors = grip.anchors[chosen.origins]
+    previous_angles = grip.angles[chosen.origins]
+    if are_same_contacts:
+        starts = [grip.extrapolate(travel), grip.state.unknowns]
+        structure = structure_under(config, grip.pressures)
+        initial = replace(grip.statics, bent=grip.statics.bent_under(starts[0], structure))
     else:
-        statics = build_statics(config, grip.body, chosen.contacts, grip.pressures, bent.stiffness)
-        starts = [_start_from(grip, statics, chosen.origins)]
-        angles[new] = np.angle(statics.straight_normals / grip.body.turn)[new]
-    conditions = rolling_conditions(statics, anchors, angles, new)
-    tries = (
-        statics.settle(start, wrench, conditions, MAX_SEARCH_STEPS, FOLLOWED_MOTION)
-        for start in starts
-    )
-    solution = next((settled for settled in tries if settled is not None), None)
-    if solution is None:
-        return None
-    statics, state = solution
-    if len(new):
-        anchors[new] = statics.anchors(state.unknowns, state.normals, angles)[new]
-    angles = object_angles(state.unknowns, state.normals, angles)
-    motion = (travel, state.unknowns - unknowns) if are_same else None
-    return HeldGrip(anchors, angles, statics, state, wrench, motion)
+        stiffness = grip.statics.bent.stiffness
+        initial = build_statics(config, grip.body, chosen.contacts, grip.pressures, stiffness)
+        starts = [_start_from(grip, initial, chosen.origins)]
+        angles = np.angle(initial.straight_normals / grip.body.turn)
+        previous_angles[new_contacts] = angles[new_contacts]
+    conditions = rolling_conditions(initial, anchors, previous_angles, new_contacts)
+    for start in starts:
+        solution = initial.settle(start, wrench, conditions, MAX_SEARCH_STEPS, FOLLOWED_MOTION)
+        if solution is None:
+            continue
+        statics, state = solution
+        if len(new_contacts):
+            rolled = statics.anchors(state.unknowns, state.normals, previous_angles)
+            anchors[new_contacts] = rolled[new_contacts]
+        angles = object_angles(state.unknowns, state.normals, previous_angles)
+        motion = (travel, state.unknowns - grip.state.unknowns) if are_same_contacts else None
+        return HeldGrip(anchors, angles, statics, state, wrench, motion)
+    return None
 
 
 def _start_from(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Array:
-    """Return initial unknowns with other contacts; those that continue have their old values."""
+    """Return an initial guess of the unknowns (3 + 4k,) that follows from another equilibrium."""
     start, is_continued = statics.start(), origins >= 0
+    # Rows: positions, inclinations, normal forces, friction forces.
     by_contact = start[POSE:].reshape(4, -1)
-    by_old_contact = grip.state.unknowns[POSE:].reshape(4, -1)
-    by_contact[:, is_continued] = by_old_contact[:, origins[is_continued]]
+    previous = grip.state.unknowns[POSE:].reshape(4, -1)
+    by_contact[:, is_continued] = previous[:, origins[is_continued]]
     # A new contact has almost no force: the iteration must not cross zero.
     start[statics.places.normal][~is_continued] = NEGLIGIBLE_SHARE * grip.squeeze
     return start

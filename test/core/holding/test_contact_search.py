@@ -88,7 +88,7 @@ def test_a_search_without_end_solves_a_bounded_number_of_sets(monkeypatch):
         origins[0] = -1 - len(solved)
         return [more._replace(origins=origins), more._replace(grazing=len(solved))]
 
-    monkeypatch.setattr(contact_search, '_mend', others)
+    monkeypatch.setattr(contact_search, '_propose_sets', others)
     assert search_contacts(solve, contacts, limit=5) is None
     assert len(solved) == 5
     solved.clear()
@@ -132,7 +132,7 @@ def test_the_equilibrium_nearest_to_the_measured_pose_is_chosen(monkeypatch, ord
             for number in moved
         ]
 
-    monkeypatch.setattr(contact_search, '_mend', others)
+    monkeypatch.setattr(contact_search, '_propose_sets', others)
     chosen = search_contacts(solve, contacts)
     assert chosen.body.middle == pytest.approx(0.4 + 0.1)
 

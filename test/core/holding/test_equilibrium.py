@@ -41,8 +41,8 @@ def test_box_with_one_face_in_contact_is_at_its_given_position_across_the_chord(
     members = 'north/P-Z', 'north/Z-R'
     body = place_between(NINE.home, members, box, np.radians(15.0 * steps), 0.012).body
     grip = attach_grip(NINE.home, body)
-    assert {len(ends) for ends in grip.contacts.ends} == {1, 2}
-    one, other = (grip.state.normals[ends].mean() for ends in grip.contacts.ends)
+    assert {len(contacts) for contacts in grip.contacts.by_member} == {1, 2}
+    one, other = (grip.state.normals[contacts].mean() for contacts in grip.contacts.by_member)
     moved = grip.body.middle - body.middle
     assert abs(moved) > 1e-3
     assert (moved * (1j * (one - other)).conjugate()).real == pytest.approx(0.0, abs=1e-9)
