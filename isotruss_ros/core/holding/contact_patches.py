@@ -41,28 +41,28 @@ def find_patches(
     radius = 0.5 * structure.config.robot.description.tube_diameter
     gauge = np.array(structure.pressures)[structure.config.robot.topology.tube[contacts.members]]
     tension, sides = _wall_tension(state, bent, gauge, radius), np.sign(state.loads[:, 1])
-    # Values of each contact, which are added or compared for each member.
     begins, ends = np.full(len(skins), np.inf), np.full(len(skins), -np.inf)
+    # Columns: length, area and force of each contact; its largest width and pressure, flatness.
     sums, maxima = np.zeros((2, len(skins), 3))
     for k, skin in enumerate(skins):
         is_pressed = skin.forces > 0.0
         if not is_pressed.any():
             continue
         slopes = np.diff(skin.heights) / skin.spacing
-        bends = np.append(slopes, slopes[-1]) - np.append(slopes[0], slopes)
-        curvature = np.maximum(bends / skin.spacing, 0.0)  # of the object's surface
-        pressure = gauge[k] + tension[k] * curvature[is_pressed]
-        load = skin.forces[is_pressed] / skin.spacing
-        # The pressure at which a contact over half of the circumference carries the load.
-        flat_pressure = load / (np.pi * radius)
-        is_flat = (flat_pressure >= pressure).any()
-        pressure = np.maximum(pressure, flat_pressure)
-        around = load / pressure
-        along = state.feet[k] - sides[k] * skin.positions[is_pressed]
-        begins[k] = along.min() - 0.5 * skin.spacing
-        ends[k] = along.max() + 0.5 * skin.spacing
-        sums[k] = skin.spacing * len(along), skin.spacing * around.sum(), skin.forces.sum()
-        maxima[k] = around.max(), pressure.max(), is_flat
+        slope_changes = np.append(slopes, slopes[-1]) - np.append(slopes[0], slopes)
+        curvature = np.maximum(slope_changes / skin.spacing, 0.0)  # of the object's surface
+        round_pressures = gauge[k] + tension[k] * curvature[is_pressed]
+        loads = skin.forces[is_pressed] / skin.spacing
+        # The pressures at which a contact over half of the circumference carries the loads.
+        flat_pressures = loads / (np.pi * radius)
+        is_flat = (flat_pressures >= round_pressures).any()
+        pressures = np.maximum(round_pressures, flat_pressures)
+        widths = loads / pressures
+        positions = state.feet[k] - sides[k] * skin.positions[is_pressed]
+        begins[k] = positions.min() - 0.5 * skin.spacing
+        ends[k] = positions.max() + 0.5 * skin.spacing
+        sums[k] = skin.spacing * len(widths), skin.spacing * widths.sum(), skin.forces.sum()
+        maxima[k] = widths.max(), pressures.max(), is_flat
     starts = contacts.member_starts
     spans = [np.minimum.reduceat(begins, starts), np.maximum.reduceat(ends, starts)]
     lengths, areas, forces = contacts.sum_by_member(sums).T
@@ -74,6 +74,7 @@ def find_patches(
 
 def _wall_tension(state: ContactForces, bent: BentTubes, gauge: Array, radius: float) -> Array:
     """Return the tension (k,) along the tube in its wall on the object's side [N/m]."""
+    # Columns of `FrameState.end_forces`: along, across and moment at the start and at the end.
     end_forces, _ = bent.end_forces(state.loads, state.feet)
     before = end_forces[bent.frame.layout.before]
     behind = end_forces[bent.frame.layout.behind]
@@ -81,6 +82,6 @@ def _wall_tension(state: ContactForces, bent: BentTubes, gauge: Array, radius: f
     # at the skin, so the moment differs before and behind the contact.
     moment = 0.5 * bent.cuts.directions * (before[:, 5] - behind[:, 2])
     compression = np.maximum(-before[:, 3], behind[:, 0])
-    bending = 2.0 / radius * moment * np.sign(state.loads[:, 1])
-    pull = gauge * np.pi * radius**2 + bending - compression
-    return np.maximum(pull / (2.0 * np.pi * radius), 0.0)
+    bending_pull = 2.0 / radius * moment * np.sign(state.loads[:, 1])
+    wall_pull = gauge * np.pi * radius**2 + bending_pull - compression
+    return np.maximum(wall_pull / (2.0 * np.pi * radius), 0.0)

@@ -51,8 +51,9 @@ class GripResponse:
 
     @functools.cached_property
     def by_release(self) -> Array:
-        """Return the changes (e, 2k) of the forces if an end is released, by its tension [-]."""
+        """Return the changes (e, 2k) of the forces by the released tension of each end [-]."""
         forces = self.by_gap[self.state.places.forces].T
+        # The tension of an end is the negative of its normal force.
         return -forces / forces[np.arange(len(self.ends)), self.ends, None]
 
     @property
@@ -95,6 +96,7 @@ class SlipPlanes(NamedTuple):
     @property
     def direction(self) -> Array:
         """Return the wrench of `margin` divided by its norm about the centroid, (3,)."""
+        # The shortest wrench to a plane is opposite to its slope, with moments about the centroid.
         nearest, about_middle = int((self.reserve / self.size).argmin()), self.about_middle
         return -about_middle @ about_middle.T @ self.slope[nearest] / self.size[nearest]
 
@@ -105,25 +107,26 @@ def slip_planes(response: GripResponse, friction: float) -> SlipPlanes:
     about_middle, forces = response.about_middle, response.state.forces
 
     def planes(rows: Array) -> tuple[Array, Array, Array]:
-        """Return reserve, slope and size of conditions with factors `rows` on the forces."""
+        """Return reserve, slope and size of `SlipPlanes` for given rows."""
         slope = rows @ response.forces
         # np.hypot, because for very large friction the squares may overflow.
         return rows @ forces, slope, np.hypot.reduce(slope @ about_middle, axis=1)
 
+    # Rows are factors of the normal forces, then of the friction forces, of all contacts.
     on_member = np.eye(response.owners[-1] + 1)[response.owners].T
-    other_kind = np.zeros_like(on_member)
-    presses = np.tile(np.hstack([on_member, other_kind]), (2, 1))
-    rubs = np.hstack([other_kind, on_member])
-    slip = friction * presses - np.vstack([rubs, -rubs])
-    rows, friction_rates = [slip], [presses]
+    zeros = np.zeros_like(on_member)
+    normal_sums = np.tile(np.hstack([on_member, zeros]), (2, 1))
+    friction_sums = np.hstack([zeros, on_member])
+    slip_rows = friction * normal_sums - np.vstack([friction_sums, -friction_sums])
+    rows, friction_rates = [slip_rows], [normal_sums]
     for by_release, end in zip(response.by_release, response.ends.tolist(), strict=True):
-        opens = np.eye(1, len(forces), end)
-        slip_after = slip + np.outer(slip @ by_release, opens)
+        end_row = np.eye(1, len(forces), end)  # normal force of the end, zero when it opens
+        slip_after = slip_rows + np.outer(slip_rows @ by_release, end_row)
         slip_reserve, _, slip_size = planes(slip_after)
-        end_force, _, opening_size = planes(opens)
+        end_force, _, opening_size = planes(end_row)
         is_slip_farther = (slip_reserve / slip_size > end_force / opening_size)[:, None]
-        presses_after = presses + np.outer(presses @ by_release, opens)
-        rows.append(np.where(is_slip_farther, slip_after, opens))
-        friction_rates.append(np.where(is_slip_farther, presses_after, 0.0))
+        sums_after = normal_sums + np.outer(normal_sums @ by_release, end_row)
+        rows.append(np.where(is_slip_farther, slip_after, end_row))
+        friction_rates.append(np.where(is_slip_farther, sums_after, 0.0))
     joined = np.concatenate(rows)
     return SlipPlanes(joined, np.concatenate(friction_rates), *planes(joined), about_middle)

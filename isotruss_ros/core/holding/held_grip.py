@@ -169,14 +169,13 @@ class HeldGrip:
 
     def bent_lines(self, members: Indices, positions: Array) -> tuple[Points, Points]:
         """Return points (c,) of bent centre lines [m], and their rotations exp(i theta)."""
-        bent, state = self.statics.bent, self.state
-        config = self.config
-        of_nodes = bent.displacements(state.loads, state.feet)
-        piece, within, _ = bent.structure.locate(members, positions)
-        displaced = bent.frame.interpolate(of_nodes, piece, within)
+        bent, config = self.statics.bent, self.config
+        of_nodes = bent.displacements(self.state.loads, self.state.feet)
+        pieces, within, _ = bent.structure.locate(members, positions)
+        ux, uy, angles = bent.frame.interpolate(of_nodes, pieces, within).T
         starts = config.points[config.robot.topology.b[members]]
         straight = starts + positions * config.member_axes[members]
-        return straight + displaced @ (1.0, 1.0j, 0.0), np.exp(1j * displaced[:, 2])
+        return straight + (ux + 1j * uy), np.exp(1j * angles)
 
     @functools.cached_property
     def sections(self) -> Utilisation:
@@ -196,13 +195,13 @@ class HeldGrip:
         """Return the relative increase of the contact forces by the bending of the tubes [-]."""
         bent, loads, feet = self.statics.bent, self.state.loads, self.state.feet
         straight = BentTubes.of(bent.structure, bent.members, feet, bent.stiffness)
-        # Gaps that linear tubes would leave, closed by changes of forces and pose.
+        # Linear tubes would leave gaps, which changes of forces and pose close.
         gaps = bent.respond(loads, feet) - straight.respond(loads, feet)
-        right = np.zeros(self.state.places.size)
-        right[: gaps.size] = gaps.ravel()
-        _, _, change, singular = lapack.dgesv(self.state.jacobian, right)
-        added_force = float(change[self.state.places.normal].sum())
-        return 0.0 if singular else -added_force / float(self.state.normal_forces.sum())
+        residual = np.zeros(self.state.places.size)
+        residual[: gaps.size] = gaps.ravel()
+        _, _, change, singular = lapack.dgesv(self.state.jacobian, residual)
+        linear_surplus = float(change[self.state.places.normal].sum())
+        return 0.0 if singular else -linear_surplus / float(self.state.normal_forces.sum())
 
     @functools.cached_property
     def _idle(self) -> Indices:
@@ -210,10 +209,10 @@ class HeldGrip:
         normal = np.abs(self.state.normal_forces)
         return np.flatnonzero(normal <= ROUNDING * normal.sum())
 
-    def respond(self, changes: Array) -> Array | None:
-        """Return unknowns' changes due to residuals' changes (3 + 4k, ...); None if neutral."""
+    def respond(self, residuals: Array) -> Array | None:
+        """Return the unknowns' changes that cancel residuals (3 + 4k, ...); None if neutral."""
         state, indices, idle = self.state, self.state.places, self._idle
-        jacobian, right = state.jacobian.copy(), -changes.reshape(len(changes), -1)
+        jacobian, right = state.jacobian.copy(), -residuals.reshape(len(residuals), -1)
         jacobian[indices.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
         # A dent is infinitely soft at zero force. So to first order, the force of such a contact
         # stays zero: this takes the place of touching across the member, and of sticking.
@@ -222,8 +221,8 @@ class HeldGrip:
         jacobian[rows] = 0.0
         jacobian[rows, columns] = 1.0
         right[rows] = 0.0
-        _, _, solution, singular = lapack.dgesv(jacobian, right)
-        return None if singular else solution.reshape(changes.shape)
+        _, _, changes, singular = lapack.dgesv(jacobian, right)
+        return None if singular else changes.reshape(residuals.shape)
 
     @functools.cached_property
     def response(self) -> GripResponse | None:
@@ -233,22 +232,22 @@ class HeldGrip:
         is_pressed = np.ones(len(owners), dtype=bool)
         is_pressed[self._idle] = False
         ends = np.flatnonzero(is_pressed & (np.bincount(owners, is_pressed)[owners] > 1))
-        # Columns: the wrench, the opening of the grip, and a gap at each end of a face.
-        right = np.zeros((indices.size, 4 + len(ends)))
-        right[indices.balance, :3] = np.eye(3)
-        touch = right[: 3 * len(owners)].reshape(len(owners), 3, -1)
+        # Columns: 0 to 2 the wrench, 3 the opening of the grip, then a gap at each end of a face.
+        residuals = np.zeros((indices.size, 4 + len(ends)))
+        residuals[indices.balance, :3] = np.eye(3)
+        # Axes: contact; touch along the member, across it and in inclination; column.
+        touch = residuals[: 3 * len(owners)].reshape(len(owners), 3, -1)
         opening = axes.conj() * _opening(self.statics, self.state)
         touch[:, 0, 3], touch[:, 1, 3] = opening.real, opening.imag
         gaps = -axes[ends].conj() * self.state.normals[ends]
         gap_columns = np.arange(4, 4 + len(ends))
         touch[ends, 0, gap_columns], touch[ends, 1, gap_columns] = gaps.real, gaps.imag
-        change = self.respond(right)
-        if change is None or lapack.dgetrf(change[:3, :3])[2]:
+        change = self.respond(residuals)
+        if change is None or lapack.dgetrf(change[:3, :3])[2]:  # the compliance is singular
             return None
         middle = (self.body.middle - self.body.center) / self.arm
-        about_middle = np.array(
-            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-middle.imag, middle.real, 1.0]]
-        )
+        about_middle = np.eye(3)
+        about_middle[2, :2] = -middle.imag, middle.real
         return GripResponse(
             state=self.state,
             owners=owners,
@@ -276,12 +275,12 @@ class HeldGrip:
         """Return the unknowns (3 + 4k,), extrapolated to additional roller travel (r,) [m]."""
         if self.motion is None:
             return self.state.unknowns
-        previous, change = self.motion
-        square = float(previous @ previous)
+        previous_travel, change = self.motion
+        square = float(previous_travel @ previous_travel)
         # Component along the previous motion, bounded: a much shorter one predicts nothing.
-        share = float(travel @ previous) / square if square > 0.0 else 0.0
-        share = max(-MAX_EXTRAPOLATION, min(share, MAX_EXTRAPOLATION))
-        return self.state.unknowns + share * change
+        multiple = float(travel @ previous_travel) / square if square > 0.0 else 0.0
+        multiple = max(-MAX_EXTRAPOLATION, min(multiple, MAX_EXTRAPOLATION))
+        return self.state.unknowns + multiple * change
 
 
 def _opening(statics: ContactStatics, state: ContactForces) -> Points:

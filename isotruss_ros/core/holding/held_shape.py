@@ -44,10 +44,11 @@ def region_lines(grip: HeldGrip) -> Points:
     positions = start + (end - start) * np.linspace(0.0, 1.0, POINTS_PER_REGION)
     members = np.repeat(grip.members, POINTS_PER_REGION)
     centers = grip.bent_lines(members, positions.ravel())[0].reshape(positions.shape)
-    outward = grip.contacts.sum_by_member(grip.state.normals)[:, None]
-    skins = centers - grip.statics.tube_radius * outward / np.abs(outward)
-    nearest = grip.body.nearest(skins.ravel())
-    return skins - (nearest.gaps * nearest.normals).reshape(positions.shape)
+    normals = grip.contacts.sum_by_member(grip.state.normals)[:, None]
+    # Points of the undented skin, then the points of the object's surface nearest to them.
+    skin = centers - grip.statics.tube_radius * normals / np.abs(normals)
+    nearest = grip.body.nearest(skin.ravel())
+    return skin - (nearest.gaps * nearest.normals).reshape(positions.shape)
 
 
 def force_lines(grip: HeldGrip, scale: float) -> Points:
@@ -90,15 +91,16 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
     body, response = grip.body, grip.response
     if grip.config.robot.description.module.mass is None or body.mass is None or response is None:
         return None
-    pose = response.pose
+    # Motions (3,) of the object under unit wrenches: of its frame, and of its centre of mass.
+    x, y, angle = response.pose
     center = body.shape.centroid if body.center_of_mass is None else complex(*body.center_of_mass)
-    of_center = pose[0] + 1j * (pose[1] + body.turn * center * pose[2])
-    inertia = body.mass * np.outer(of_center.conj(), of_center).real
-    inertia += body.mass * body.shape.gyration**2 * np.outer(pose[2], pose[2])
+    center_motions = x + 1j * (y + body.turn * center * angle)
+    inertia = body.mass * np.outer(center_motions.conj(), center_motions).real
+    inertia += body.mass * body.shape.gyration**2 * np.outer(angle, angle)
     inertia += _inertia_of_robot(grip)
-    compliance = pose * np.array([[1.0], [1.0], [grip.arm]])
-    compliance = 0.5 * (compliance + compliance.T)
-    squares = scipy.linalg.eigvalsh(compliance, inertia, check_finite=False)
+    compliance = response.pose * np.array([[1.0], [1.0], [grip.arm]])
+    symmetric = 0.5 * (compliance + compliance.T)
+    squares = scipy.linalg.eigvalsh(symmetric, inertia, check_finite=False)
     return math.sqrt(squares[0]) if squares[0] > 0.0 else None
 
 
@@ -108,11 +110,12 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     loads = grip.statics.pushes(grip.state.unknowns).load_rates(grip.response.change)
     bent = grip.statics.bent.activated()
     nodes = bent.load_changes(loads, np.zeros((len(loads), 3))).nodes
-    pinches = bent.structure.frame.layout.start[bent.structure.pieces]
-    b, c, _ = (nodes[:, 0] + 1j * nodes[:, 1])[pinches]
-    half = 0.5 * description.mass_per_length * grip.config.member_lengths
-    masses = np.concatenate(
-        [np.full(len(b), description.module.mass), half, half[topology.previous]]
-    )
+    # Motions of pinch points B and C, where the tube pieces BD and CE of the modules start.
+    piece_starts = bent.structure.frame.layout.start[bent.structure.pieces]
+    b, c, _ = (nodes[:, 0] + 1j * nodes[:, 1])[piece_starts]
+    # A member runs from B of its module to C of the following module.
+    half_masses = 0.5 * description.mass_per_length * grip.config.member_lengths
+    module_masses = np.full(len(b), description.module.mass)
+    masses = np.concatenate([module_masses, half_masses, half_masses[topology.previous]])
     motions = np.concatenate([0.5 * (b + c), b, c])
     return ((motions.conj().T * masses) @ motions).real

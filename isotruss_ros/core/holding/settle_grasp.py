@@ -60,13 +60,13 @@ def settle_grasp(
     require_configuration(config)
     mu, wrench = check_load(body, friction, external_wrench)
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
-    numbers = None
+    indices = None
     if members is not None:
-        numbers = find_members(config.robot.topology, Grip(tuple(members), body).members).members
+        indices = find_members(config.robot.topology, Grip(tuple(members), body).members).members
     try:
-        grip = attach_grip(config, body, numbers, wrench, pressure)
+        grip = attach_grip(config, body, indices, wrench, pressure)
     except NotHeldError as error:
-        lost = LostContact.of(config, body, numbers, scaled_wrench(wrench, body.arm), pressure)
+        lost = LostContact.of(config, body, indices, scaled_wrench(wrench, body.arm), pressure)
         reason, depths = str(error), member_depths(config, body)
         deepest = int(depths.argmax())
         if depths[deepest] > 0.0:

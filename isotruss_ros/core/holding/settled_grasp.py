@@ -66,14 +66,14 @@ class LostContact:
 
     @property
     def slip_margin(self) -> float:
-        """Return the slip margin without equilibrium: -(wrench norm) - p R (gap), negative [N]."""
+        """Return the negative slip margin of lost contact, see this module [N]."""
         return -self.wrench - self.stiffness * self.gap
 
     def slip_margin_rates(self) -> tuple[Array, Array]:
         """Return the derivatives of `slip_margin` by roller travel (r,) and object pose (3,)."""
-        shares = -self.stiffness * self.distances
-        shares /= max(self.gap * len(self.distances), np.finfo(float).tiny)
-        return shares @ self.by_nodes @ self.config.node_jacobian, shares @ self.by_pose
+        by_gaps = -self.stiffness * self.distances
+        by_gaps /= max(self.gap * len(self.distances), np.finfo(float).tiny)
+        return by_gaps @ self.by_nodes @ self.config.node_jacobian, by_gaps @ self.by_pose
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -250,7 +250,7 @@ class SettledGrasp(
         return np.zeros((3, 3)) if response is None else response.stiffness
 
     def _named(self, find: Callable[[HeldGrip], Array], every: bool = False) -> dict[str, Any]:
-        """Return a mapping from names of grasping members, or of all members, to values."""
+        """Return values by the names of the grasping members, or of all members."""
         if self.lost is not None and every:
             return dict.fromkeys(self.lost.config.robot.member_names, 0.0)
         grip = self.equilibrium
