@@ -117,17 +117,17 @@ def _read_poses(poses: ArrayLike, first: int) -> Array:
             raise PathError(f'pose {number} of the path: ({x:g}, {y:g}): {fault}')
     array[:, 2] = np.unwrap(array[:, 2])
     # A half turn has no shorter direction.
-    far = np.flatnonzero(np.abs(np.diff(array[:, 2])) > math.pi - 1e-6)
-    if len(far):
+    half_turns = np.flatnonzero(np.abs(np.diff(array[:, 2])) > math.pi - 1e-6)
+    if len(half_turns):
         raise PathError(
-            f'pose {far[0] + 1 + first} of the path is half a turn from the previous pose, '
+            f'pose {half_turns[0] + 1 + first} of the path is half a turn from the previous pose, '
             'so the direction of rotation is ambiguous; add a pose in between'
         )
     return array
 
 
 def _drop_repeated(poses: Array) -> Array:
-    """Return the poses without the poses that equal their predecessors."""
+    """Return the poses without those that equal the previous pose."""
     cells = np.round(poses / ROUNDING)
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
     if not differs.any():
@@ -146,6 +146,7 @@ def _sample_spline(poses: Array, durations: Array) -> Array:
     pieces = np.maximum(np.hypot(steps[:, 0], steps[:, 1]) / PIECE, steps[:, 2] / PIECE_TURN)
     pieces *= min(1.0, MAX_POSES / pieces.sum())
     counts = np.ceil(pieces).clip(1).astype(int)
-    ends = np.concatenate([[0], np.cumsum(counts)])
-    samples = np.interp(np.arange(ends[-1] + 1), ends, knots)
-    return scipy.interpolate.CubicHermiteSpline(knots, poses, tangents)(samples)
+    # Numbers of the samples at the knots; those between are even in the parameter.
+    numbers = np.concatenate([[0], np.cumsum(counts)])
+    parameters = np.interp(np.arange(numbers[-1] + 1), numbers, knots)
+    return scipy.interpolate.CubicHermiteSpline(knots, poses, tangents)(parameters)

@@ -65,14 +65,14 @@ OUTCOMES = {
 
 
 class PathServo:
-    """Path following: the latest inputs, and the tracker of the last path; None before a path."""
+    """Servo that follows one path of the object after another, with its inputs and state."""
 
     def __init__(self, period: float, timeout: float, inputs: LatestInputs) -> None:
         self.period, self.timeout, self.inputs = period, timeout, inputs
         self.tracker: PathTracker | None = None
-        self._before = 0.0
+        self._last_cycle = 0.0
         #: Stamp of the last valid feedback, at least the start of the path [s].
-        self._answered = 0.0
+        self._feedback_time = 0.0
 
     def measured(self, now: float) -> Pose:
         """Return the measured pose of the object."""
@@ -83,32 +83,32 @@ class PathServo:
         self.tracker = None
         measured = self.measured(now)
         error = pose_difference(path.poses[0], measured)
-        away, turned = math.hypot(error[0], error[1]), abs(float(error[2]))
-        if away > settings.position_tolerance or turned > settings.angle_tolerance:
+        distance, angle = math.hypot(error[0], error[1]), abs(float(error[2]))
+        if distance > settings.position_tolerance or angle > settings.angle_tolerance:
             raise PathError(
-                f'the path begins {away:.4g} m and {turned:.4g} rad from the object, which is at '
-                f'({measured.x:.4g}, {measured.y:.4g}) m, {measured.angle:.4g} rad; must begin '
+                f'the path begins {distance:.4g} m and {angle:.4g} rad from the object, which is '
+                f'at ({measured.x:.4g}, {measured.y:.4g}) m, {measured.angle:.4g} rad; must begin '
                 f'within {settings.position_tolerance:g} m and {settings.angle_tolerance:g} rad'
             )
         self.tracker = PathTracker(path, settings, self.period)
-        self._before = self._answered = now
+        self._last_cycle = self._feedback_time = now
 
     def decide(self, now: float) -> Step:
         """Return the twist of the current cycle, or the result; an invalid input ends the path."""
-        elapsed, self._before = now - self._before, now
+        elapsed, self._last_cycle = now - self._last_cycle, now
         self.tracker.clock.period = self.period
         try:
-            (given,) = require_fresh(now, self.timeout, status=self.inputs.servo_feedback)
-            feedback: ServoFeedback = given.value
+            (status,) = require_fresh(now, self.timeout, status=self.inputs.servo_feedback)
+            feedback: ServoFeedback = status.value
             if not 0.0 <= feedback.scale <= 1.0:
                 words = f'status: scale {feedback.scale}: must be from 0 to 1'
                 raise InputError(InputFault.INVALID, 'status', words)
-            self._answered = max(self._answered, given.time)
+            self._feedback_time = max(self._feedback_time, status.time)
         except InputError as error:
-            if now - self._answered > self.timeout:
+            if now - self._feedback_time > self.timeout:
                 return Step(None, PathOutcome.STOPPED, str(error))
             feedback = ServoFeedback(Status.HALT_NO_TWIST, 0.0, str(error))
-        held = feedback.code >= Status.HALT_NO_TWIST
+        held = feedback.code >= Status.HALT_NO_TWIST  # the robot is stopped
         self.tracker.allow_for_inertia(feedback.frequency)
         try:
             (pose,) = require_fresh(now, self.timeout, object_pose=self.inputs.pose)

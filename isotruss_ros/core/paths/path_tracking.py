@@ -112,10 +112,10 @@ class PathClock:
         self._duration, self.ramp_time = duration, ramp_time
         # Progress at half of the smallest rate under limits counts as none.
         self._least_progress = 0.5 * MIN_LIMITED_RATE * timeout
-        self._mark = self._now = 0.0
+        self._progress_time = self._now = 0.0  # path time at the last progress; time of the loop
         self.period = period
-        self._known = Timeline()
-        self._known.add(0.0, 0.0)
+        self._path_times = Timeline()  # path time by time of the loop
+        self._path_times.add(0.0, 0.0)
 
     @property
     def at_end(self) -> bool:
@@ -126,38 +126,40 @@ class PathClock:
     def time_left(self) -> float:
         """Return the time to the end of the path at full rate of path time [s]."""
         remaining = self._duration - self.time
+        # The rate rises to its peak, is constant during the cruise, and falls to zero.
         peak = min(1.0, math.sqrt(remaining / self.ramp_time + 0.5 * self.rate**2))
         cruise = remaining - (peak**2 - 0.5 * self.rate**2) * self.ramp_time
         return (2.0 * peak - self.rate) * self.ramp_time + max(cruise, 0.0)
 
     def time_then(self, elapsed: float, age: float) -> float:
-        """Return the path time `elapsed` - `age` after the last call of `advance` [s]."""
-        return self._known.at(self._now + elapsed - age)
+        """Return the path time at the measurement, `elapsed` - `age` after the last cycle [s]."""
+        return self._path_times.at(self._now + elapsed - age)
 
-    def advance(self, elapsed: float, room: float, scale: float, held: bool) -> float:
+    def advance(self, elapsed: float, max_rate: float, scale: float, held: bool) -> float:
         """
-        Advance path time by one cycle of the control loop; return the counted time of the cycle.
+        Advance path time by one cycle of the control loop; return the time step of the cycle [s].
 
-        At most two periods are counted, so that a late cycle causes no jump. A rate above `room`,
-        the largest that the robot's lag admits, is reduced at once. The rate approaches `scale`
+        The step has at most two periods, so that a late cycle causes no jump. A rate above
+        `max_rate`, which the robot's lag admits, is reduced at once. The rate approaches `scale`
         along a ramp, because this feedback on limits is some cycles late.
         """
         self._now += elapsed
         self.waited += elapsed
-        if self._now > self._known.last[0]:
-            self._known.add(self._now, self.time)
-        self._known.discard_before(self._now - MAX_TIMEOUT)
-        counted = min(elapsed, 2.0 * self.period)
-        wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_LIMITED_RATE)
-        most = counted / self.ramp_time
-        rate = min(max(wanted, self.rate - most), self.rate + most)
-        remaining = self._duration - self.time
-        self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * remaining / self.ramp_time))
-        self.time = min(self.time + self.rate * counted, self._duration)
-        self._known.add(self._now + self.period, self.time)
-        if self.time - self._mark > self._least_progress:
-            self.waited, self._mark = 0.0, self.time
-        return counted
+        if self._now > self._path_times.last[0]:
+            self._path_times.add(self._now, self.time)
+        self._path_times.discard_before(self._now - MAX_TIMEOUT)
+        time_step = min(elapsed, 2.0 * self.period)
+        desired = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_LIMITED_RATE)
+        change = time_step / self.ramp_time
+        ramped = min(max(desired, self.rate - change), self.rate + change)
+        # A ramp from this rate ends at the end of the path.
+        end_ramp = math.sqrt(2.0 * (self._duration - self.time) / self.ramp_time)
+        self.rate = 0.0 if held else min(ramped, max_rate, end_ramp)
+        self.time = min(self.time + self.rate * time_step, self._duration)
+        self._path_times.add(self._now + self.period, self.time)
+        if self.time - self._progress_time > self._least_progress:
+            self.waited, self._progress_time = 0.0, self.time
+        return time_step
 
 
 class PathTracker:
@@ -178,7 +180,7 @@ class PathTracker:
         ramp_time, timeout = settings.ramp_time, settings.progress_timeout
         self.clock = PathClock(path.duration, ramp_time, timeout, period)
         self.max_position_error = self.max_angle_error = 0.0
-        self._watched, self._squares = 0.0, 0.0
+        self._elapsed = self._squared_errors = 0.0  # integral of 1 and of squared errors
 
     def allow_for_inertia(self, frequency: float) -> None:
         """
@@ -190,16 +192,17 @@ class PathTracker:
         """
         if frequency > 0.0:
             settings, path = self.settings, self.path
+            # The acceleration speed / ramp_time may deviate by a share of the tolerance.
             translation = path.speed / settings.position_tolerance
             rotation = path.turn_rate / settings.angle_tolerance
             factor = PEAK_DEVIATION_FACTOR / (SLOWING_SHARE * frequency**2)
-            needed = factor * max(translation, rotation)
-            self.clock.ramp_time = max(settings.ramp_time, needed)
+            shortest_ramp = factor * max(translation, rotation)
+            self.clock.ramp_time = max(settings.ramp_time, shortest_ramp)
 
     @property
     def rms_position_error(self) -> float:
         """Return the root mean square of the position error so far [m]."""
-        return math.sqrt(self._squares / self._watched) if self._watched > 0.0 else 0.0
+        return math.sqrt(self._squared_errors / self._elapsed) if self._elapsed > 0.0 else 0.0
 
     def update(
         self, measured: Pose, age: float, elapsed: float, scale: float = 1.0, held: bool = False
@@ -223,14 +226,16 @@ class PathTracker:
         share = max(
             position_error / settings.position_tolerance, angle_error / settings.angle_tolerance
         )
-        room = min(max((STOPPING_SHARE - share) / (STOPPING_SHARE - SLOWING_SHARE), 0.0), 1.0)
-        here, was_at_end = self.path.pose(clock.time), clock.at_end
-        counted = clock.advance(elapsed, room, scale, held)
+        max_rate = (STOPPING_SHARE - share) / (STOPPING_SHARE - SLOWING_SHARE)
+        max_rate = min(max(max_rate, 0.0), 1.0)
+        previous, was_at_end = self.path.pose(clock.time), clock.at_end
+        time_step = clock.advance(elapsed, max_rate, scale, held)
         self.max_position_error = max(self.max_position_error, position_error)
         self.max_angle_error = max(self.max_angle_error, angle_error)
-        self._watched += counted
-        self._squares += counted * position_error * position_error  # ** would raise if large
-        phase = self._phase(share, was_at_end, min(room, scale), held)
+        self._elapsed += time_step
+        # The operator ** would raise an error for large numbers.
+        self._squared_errors += time_step * position_error * position_error
+        phase = self._phase(share, was_at_end, min(max_rate, scale), held)
         twist, message = np.zeros(3), ''
         if phase in FINISHED:
             where = 'the end of the path' if clock.at_end else 'the path'
@@ -239,7 +244,7 @@ class PathTracker:
                 message = f'no progress for {clock.waited:.3g} s, {message}'
         elif phase is not PathPhase.HELD:
             # The mean velocity over the cycle is exact also at corners and at the end.
-            velocity = (self.path.pose(clock.time) - here) / max(counted, COINCIDENCE)
+            velocity = (self.path.pose(clock.time) - previous) / max(time_step, COINCIDENCE)
             twist = velocity + self._feedback(error, age)
         progress = clock.time / self.path.duration
         return Tracking(
@@ -249,12 +254,12 @@ class PathTracker:
     def _feedback(self, error: Array, age: float) -> Array:
         """Return the feedback twist (3,) of the pose error, with bounded magnitude."""
         settings, path = self.settings, self.path
-        most = MAX_GAIN_DELAY_PRODUCT / (age + self.clock.period)
-        twist = error * min(settings.position_gain, most)
-        twist[2] = error[2] * min(settings.angle_gain, most)
-        speed, turn = math.hypot(twist[0], twist[1]), abs(float(twist[2]))
+        max_gain = MAX_GAIN_DELAY_PRODUCT / (age + self.clock.period)
+        twist = error * min(settings.position_gain, max_gain)
+        twist[2] = error[2] * min(settings.angle_gain, max_gain)
+        speed, turn_rate = math.hypot(twist[0], twist[1]), abs(float(twist[2]))
         twist[:2] *= min(1.0, MAX_FEEDBACK_SHARE * path.speed / max(speed, COINCIDENCE))
-        twist[2] *= min(1.0, MAX_FEEDBACK_SHARE * path.turn_rate / max(turn, COINCIDENCE))
+        twist[2] *= min(1.0, MAX_FEEDBACK_SHARE * path.turn_rate / max(turn_rate, COINCIDENCE))
         return twist
 
     def _phase(self, share: float, was_at_end: bool, pace: float, held: bool) -> PathPhase:

@@ -57,50 +57,52 @@ class RollerTrajectory:
         rows = [robot.check_rollers(row, 'roller positions [m]') for row in points]
         if not rows:
             raise ConfigurationError('the trajectory has no points: must have one or more')
-        given = finite_array(times, len(rows), 'times of the trajectory [s]', ConfigurationError)
-        steps = np.diff(given)
-        good = np.append(given[0] >= 0.0, steps > 0.0) & (given <= MAX_DURATION)
-        if not good.all():
-            place = int(good.argmin())
+        stamps = finite_array(times, len(rows), 'times of the trajectory [s]', ConfigurationError)
+        durations = np.diff(stamps)
+        is_valid = np.append(stamps[0] >= 0.0, durations > 0.0) & (stamps <= MAX_DURATION)
+        if not is_valid.all():
+            point = int(is_valid.argmin())
             raise ConfigurationError(
-                f'time {given[place]:.9g} s of point {place} of the trajectory: must be '
+                f'time {stamps[point]:.9g} s of point {point} of the trajectory: must be '
                 f'later than that of the point before, from 0 to {MAX_DURATION:g} s'
             )
-        fastest, most = robot.description.max_speed, robot.description.max_acceleration
+        max_speed = robot.description.max_speed
+        max_acceleration = robot.description.max_acceleration
         with np.errstate(over='ignore', invalid='ignore'):  # infinite values are refused
-            slopes = np.diff(rows, axis=0) / steps[:, None]
-            slopes = np.pad(slopes, ((1, 1), (0, 0)))  # at rest before and after
-            changes = np.abs(np.diff(slopes, axis=0)).max(axis=1)
-            asked = 0.5 * (changes[1:] + changes[:-1]) / steps
-        quickest = float(np.abs(slopes).max())
-        if quickest > fastest * (1.0 + 1e-6):
+            velocities = np.diff(rows, axis=0) / durations[:, None]
+            velocities = np.pad(velocities, ((1, 1), (0, 0)))  # at rest before and after
+            jumps = np.abs(np.diff(velocities, axis=0)).max(axis=1)
+            # A segment contains half of the blends at both of its ends.
+            accelerations = 0.5 * (jumps[1:] + jumps[:-1]) / durations
+        top_speed = float(np.abs(velocities).max())
+        if top_speed > max_speed * (1.0 + 1e-6):
             raise ConfigurationError(
-                f'the trajectory has a roller speed of {quickest:.9g} m/s; '
-                f'must be at most {fastest:g} m/s'
+                f'the trajectory has a roller speed of {top_speed:.9g} m/s; '
+                f'must be at most {max_speed:g} m/s'
             )
-        if asked.max(initial=0.0) > most * (1.0 + 1e-6):
-            place = int(asked.argmax())
+        if accelerations.max(initial=0.0) > max_acceleration * (1.0 + 1e-6):
+            point = int(accelerations.argmax())
             raise ConfigurationError(
-                f'the trajectory has a roller acceleration of {asked[place]:.4g} m/s^2 from '
-                f'point {place} to {place + 1}; must be at most {most:g} m/s^2'
+                f'the trajectory has a roller acceleration of {accelerations[point]:.4g} m/s^2 '
+                f'from point {point} to {point + 1}; must be at most {max_acceleration:g} m/s^2'
             )
-        halves = 0.5 * changes / most  # half of each blend's duration [s]
-        given = given + max(halves[0] - given[0], 0.0)
+        half_blends = 0.5 * jumps / max_acceleration  # half of each blend's duration [s]
+        centres = stamps + max(half_blends[0] - stamps[0], 0.0)
         # Velocities are linear between the times at which blends begin and end. Blends may overlap
         # by the tolerance of the acceleration.
-        ends = np.stack([given - halves, given + halves], axis=1).ravel()
-        ends = np.maximum.accumulate(ends)
-        velocities = np.repeat(slopes, 2, axis=0)[1:-1]
-        lasting = np.maximum(np.diff(ends), SMALLEST_NORMAL)[:, None]
-        accelerations = np.diff(velocities, axis=0) / lasting
-        self._velocity = scipy.interpolate.PPoly([accelerations, velocities[:-1]], ends)
+        knots = np.stack([centres - half_blends, centres + half_blends], axis=1).ravel()
+        knots = np.maximum.accumulate(knots)
+        knot_velocities = np.repeat(velocities, 2, axis=0)[1:-1]
+        intervals = np.maximum(np.diff(knots), SMALLEST_NORMAL)[:, None]
+        slopes = np.diff(knot_velocities, axis=0) / intervals
+        self._velocity = scipy.interpolate.PPoly([slopes, knot_velocities[:-1]], knots)
         self._start, self._travel = rows[0], self._velocity.antiderivative()
-        self.duration = float(ends[-1])
+        self.duration = float(knots[-1])
 
     def at(self, time: float) -> RollerState:
         """Return the desired roller state; rollers rest before the start and after the end."""
-        within = min(max(time, self._velocity.x[0]), self.duration)
-        return RollerState(self._start + self._travel(within), self._velocity(within))
+        clipped = min(max(time, self._velocity.x[0]), self.duration)
+        return RollerState(self._start + self._travel(clipped), self._velocity(clipped))
 
 
 class Tolerance(NamedTuple):
@@ -113,16 +115,16 @@ class Tolerance(NamedTuple):
         self, names: Sequence[str], wanted: RollerState, measured: RollerState
     ) -> str:
         """Return a sentence about the roller farthest beyond its tolerance; empty if none."""
-        for what, unit, bounds, off in (
+        for quantity, unit, bounds, errors in (
             ('', 'm', self.positions, wanted.positions - measured.positions),
             (' in speed', 'm/s', self.velocities, wanted.velocities - measured.velocities),
         ):
-            beyond = np.abs(off) - bounds
-            worst = int(beyond.argmax())
-            if beyond[worst] > 0.0:
+            excess = np.abs(errors) - bounds
+            worst = int(excess.argmax())
+            if excess[worst] > 0.0:
                 return (
-                    f'roller {names[worst]} is {abs(off[worst]):.4g} {unit} off{what}; the goal '
-                    f'allows {bounds[worst]:g} {unit}'
+                    f'roller {names[worst]} is {abs(errors[worst]):.4g} {unit} off{quantity}; the '
+                    f'goal allows {bounds[worst]:g} {unit}'
                 )
         return ''
 
@@ -152,16 +154,16 @@ class RollerTrajectoryServo:
 
     def __init__(self, robot: Robot, timeout: float, inputs: LatestInputs) -> None:
         self._robot, self.timeout, self.inputs = robot, timeout, inputs
-        self._rest = RollerStep(np.zeros(len(robot.roller_names)))
+        self._stop_step = RollerStep(np.zeros(len(robot.roller_names)))
         self.time = 0.0  #: trajectory time [s]
         self.trajectory: RollerTrajectory | None = None  #: trajectory that is tracked, if any
         self._tolerances = TrajectoryTolerances()
         unbounded = np.full(len(robot.roller_names), np.inf)
         self._default_goal = Tolerance(np.full_like(unbounded, TOLERANCE), unbounded)
-        self._start = self._before = self._waited = 0.0
+        self._start = self._last_cycle = self._waited = 0.0
         self._measured = 0.0  # time of the last valid measurement [s]
         self._arrived = math.inf  # since when all rollers are within the end tolerance [s]
-        self._offsets: Array | float = 0.0
+        self._offsets: Array | float = 0.0  # of the rollers, before the end of the trajectory [m]
 
     def begin(
         self,
@@ -174,19 +176,18 @@ class RollerTrajectoryServo:
         state = self.check_start(trajectory, now)
         self.trajectory, self._offsets = trajectory, state.offsets
         self._tolerances = tolerances or TrajectoryTolerances()
-        self._start = self._before = now if start is None else max(start, now)
+        self._start = self._last_cycle = now if start is None else max(start, now)
         self.time, self._waited, self._arrived, self._measured = 0.0, 0.0, math.inf, now
 
     def check_start(self, trajectory: RollerTrajectory, now: float) -> RollerState:
         """Return the measured roller state; raise an error if the trajectory begins elsewhere."""
         state = require_fresh(now, self.timeout, joint_states=self.inputs.rollers)[0].value
-        away = np.abs(trajectory.at(0.0).positions - state.positions)
-        worst = int(away.argmax())
-        if away[worst] > START_TOLERANCE:
+        distances = np.abs(trajectory.at(0.0).positions - state.positions)
+        worst = int(distances.argmax())
+        if distances[worst] > START_TOLERANCE:
             raise ConfigurationError(
-                f'the trajectory begins {away[worst]:.4g} m from the measured position of roller '
-                f'{self._robot.roller_names[worst]}; must begin within '
-                f'{START_TOLERANCE} m'
+                f'the trajectory begins {distances[worst]:.4g} m from the measured position of '
+                f'roller {self._robot.roller_names[worst]}; must begin within {START_TOLERANCE} m'
             )
         return state
 
@@ -200,14 +201,14 @@ class RollerTrajectoryServo:
         except IsotrussError as error:
             if not 0.0 <= now - self._measured <= self.timeout:
                 return self._finish(str(error))
-            self._before = max(self._before, now)  # trajectory time stops
-            return self._rest
+            self._last_cycle = max(self._last_cycle, now)  # trajectory time stops
+            return self._stop_step
         self._measured = measured.time
         if now < self._start:
-            return self._rest
+            return self._stop_step
         # Cycles may be late on a busy machine, or rare on a coarse clock.
         longest = min(MAX_TIME_STEP, self.timeout)
-        elapsed, self._before = min(max(0.0, now - self._before), longest), now
+        elapsed, self._last_cycle = min(max(0.0, now - self._last_cycle), longest), now
         state = measured.value
         if self.time < trajectory.duration:
             self._offsets = state.offsets
@@ -215,29 +216,28 @@ class RollerTrajectoryServo:
         # before the end of the trajectory are kept.
         state = state._replace(positions=state.positions - state.offsets + self._offsets)
         if self._tolerances.path is not None:
-            then = trajectory.at(self.time - max(0.0, now - measured.time))
-            violation = self._tolerances.path.find_violation(self._robot.roller_names, then, state)
+            desired = trajectory.at(self.time - max(0.0, now - measured.time))
+            names = self._robot.roller_names
+            violation = self._tolerances.path.find_violation(names, desired, state)
             if violation:
                 return self._finish(violation)
         return self._advance(measured._replace(value=state), now, elapsed)
 
     def _advance(self, measured: StampedInput, now: float, elapsed: float) -> RollerStep:
         """Advance trajectory time unless a roller lags; end on arrival or after a timeout."""
-        trajectory, state = self.trajectory, measured.value
+        trajectory, state, names = self.trajectory, measured.value, self._robot.roller_names
         next_time = min(self.time + elapsed, trajectory.duration)
-        is_last = next_time >= trajectory.duration
+        is_at_end = next_time >= trajectory.duration
         error_now = trajectory.at(self.time).positions - state.positions
-        error = trajectory.at(next_time).positions - state.positions
+        error_next = trajectory.at(next_time).positions - state.positions
         # The smaller error counts: by the travel of one cycle, rollers at rest seem to lag, and
         # moving rollers seem to lead.
-        has_lag = min(float(np.abs(error).max()), float(np.abs(error_now).max())) > MAX_LAG
-        if has_lag:
-            error = error_now
-        lag, names = float(np.abs(error).max()), self._robot.roller_names
-        is_default = self._tolerances.goal is None
+        has_lag = min(float(np.abs(error_next).max()), float(np.abs(error_now).max())) > MAX_LAG
+        error = error_now if has_lag else error_next
+        lag, is_default = float(np.abs(error).max()), self._tolerances.goal is None
         goal = self._default_goal if is_default else self._tolerances.goal
         violation = goal.find_violation(names, trajectory.at(trajectory.duration), state)
-        has_arrived = is_last and not violation
+        has_arrived = is_at_end and not violation
         self._arrived = min(self._arrived, now) if has_arrived else math.inf
         if min(measured.time, now) - self._arrived > REST_TIME:
             return self._finish()
@@ -245,19 +245,20 @@ class RollerTrajectoryServo:
             self.time, self._waited = next_time, 0.0
         elif not has_arrived:
             self._waited += elapsed
-        is_stuck, goal_time = self._waited > PROGRESS_TIMEOUT, self._tolerances.goal_time
-        if goal_time is not None:
-            is_overdue = now > self._start + trajectory.duration + goal_time
-            is_stuck = is_overdue or (is_stuck and not is_last)
-        if is_stuck and not has_arrived:
-            if is_default and is_last and lag <= NEAR_TOLERANCE:
+        is_stuck = is_overdue = self._waited > PROGRESS_TIMEOUT
+        if self._tolerances.goal_time is not None:
+            # At the end of the trajectory, the goal's own timeout replaces the default.
+            latest_arrival = self._start + trajectory.duration + self._tolerances.goal_time
+            is_overdue = now > latest_arrival or (is_stuck and not is_at_end)
+        if is_overdue and not has_arrived:
+            if is_default and is_at_end and lag <= NEAR_TOLERANCE:
                 return self._finish()
             worst = names[int(np.abs(error).argmax())]
-            words = f'roller {worst} stays {lag:.4g} m behind the trajectory'
-            at_goal = is_last or self._waited <= PROGRESS_TIMEOUT
-            return self._finish(words if is_default else violation or words, at_goal)
+            failure = f'roller {worst} stays {lag:.4g} m behind the trajectory'
+            at_goal = is_at_end or not is_stuck
+            return self._finish(failure if is_default else violation or failure, at_goal)
         speeds = (error - error_now) / (elapsed or self.timeout) + POSITION_GAIN * error_now
-        if is_last:
+        if is_at_end:
             # Rollers that have arrived stay at rest; they need no further feedback.
             tolerances = np.minimum(TOLERANCE, goal.positions)
             speeds = np.where(np.abs(error) <= tolerances, 0.0, speeds)
@@ -267,4 +268,4 @@ class RollerTrajectoryServo:
     def _finish(self, failure: str = '', at_goal: bool = False) -> RollerStep:
         """End the trajectory, and return a step that stops the rollers."""
         self.trajectory = None
-        return self._rest._replace(ended=True, failure=failure, at_goal=at_goal)
+        return self._stop_step._replace(ended=True, failure=failure, at_goal=at_goal)
