@@ -40,16 +40,17 @@ REVERSAL_SHARE = 0.1
 def limit_acceleration(
     command: RollerCommand,
     previous: Array,
-    step: Array,
-    change: float,
+    previous_change: Array,
+    max_change: float,
     find_rows: Callable[[], Rows],
     arm: float | None = None,
 ) -> RollerCommand:
     """
     Return the command closest to a desired command within a largest change of roller speeds.
 
-    If limits of the configuration require a faster stop than `change` [m/s] admits, each roller
-    decelerates by at most `change`. The last `step` is the previous change of the speeds (r,).
+    If limits of the configuration require a faster stop than `max_change` [m/s] admits, each
+    roller decelerates by at most `max_change`. `previous` has the roller speeds (r,) of the
+    previous cycle, and `previous_change` their change in that cycle.
 
     :param find_rows: function that returns the rows of the limits, see `stack_rows`.
     :param arm: factor from angular velocity to the speed of the object's surface [m]; None if no
@@ -58,48 +59,51 @@ def limit_acceleration(
     motion, contacts = command.motion, command.contact_rows
     velocities = desired = command.roller_velocities
     surface_rows = motion * (0.0 if arm is None else np.array([[1.0], [1.0], [arm]]))
-    top_speed = float(np.linalg.norm(surface_rows.dot(previous))) + SURFACE_ACCELERATION * change
-    surface_limited = bool(np.linalg.norm(surface_rows.dot(desired)) > top_speed)
-    limited = surface_limited or bool(np.abs(desired - previous).max() > change)
-    if not limited and not _reverses(step, desired - previous, change):
+    surface_speed = float(np.linalg.norm(surface_rows.dot(previous)))
+    max_surface_speed = surface_speed + SURFACE_ACCELERATION * max_change
+    surface_limited = bool(np.linalg.norm(surface_rows.dot(desired)) > max_surface_speed)
+    limited = surface_limited or bool(np.abs(desired - previous).max() > max_change)
+    if not limited and not _reverses(previous_change, desired - previous, max_change):
         return command
     rows = find_rows()
     moving = (desired != 0.0) | (previous != 0.0)  # failed rollers stand still
     if limited:
+        # The line from the start to the desired speeds, and its largest admissible share.
         projected = previous - np.linalg.pinv(contacts).dot(contacts.dot(previous))
         start = _nearest(projected, contacts, moving, rows, 0.0 * projected)
-        to_start, to_desired = start - previous, desired - start
-        changed = to_desired != 0.0
-        shares = (np.copysign(change, to_desired) - to_start)[changed] / to_desired[changed]
-        share = float(max(min(shares.min(initial=1.0), 1.0), 0.0))
+        line, differs = desired - start, desired != start
+        room = np.copysign(max_change, line) - (start - previous)
+        share = max(float((room[differs] / line[differs]).min(initial=1.0)), 0.0)
         if surface_limited:
             surface_start, surface_desired = surface_rows.dot(start), surface_rows.dot(desired)
-            share = min(share, _surface_share(surface_start, surface_desired, top_speed))
-        velocities = limit_change(start + share * to_desired, previous, change)
-    if _reverses(step, velocities - previous, change):
+            share = min(share, _surface_share(surface_start, surface_desired, max_surface_speed))
+        velocities = limit_change(start + share * line, previous, max_change)
+    change = velocities - previous
+    if _reverses(previous_change, change, max_change):
         # The closest roller speeds with the same twist and without reversals, if there are any.
-        small, next_step = REVERSAL_SHARE * change, velocities - previous
-        lower = np.where(step > small, -small, np.minimum(next_step, -change))
-        upper = np.where(step < -small, small, np.maximum(next_step, change))
+        small = REVERSAL_SHARE * max_change
+        lower = np.where(previous_change > small, -small, np.minimum(change, -max_change))
+        upper = np.where(previous_change < -small, small, np.maximum(change, max_change))
         rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
         bounds = Rows(
-            np.concatenate([rows.matrix, np.eye(len(next_step))]),
+            np.concatenate([rows.matrix, np.eye(len(change))]),
             np.concatenate([np.minimum(rows.lower, rates), previous + lower]),
             np.concatenate([np.maximum(rows.upper, rates), previous + upper]),
         )
         fixed = np.concatenate([motion, contacts])
         velocities = _nearest(velocities, fixed, moving, bounds, velocities)
-    twist = motion.dot(velocities)
+    twist = motion.dot(velocities)  # may be the velocity of a joint, which is two components
     achieved = command.achieved_twist.copy()
     achieved[: len(twist)] = twist
     status = Status.ACCELERATING if limited else command.status
     return replace(command, roller_velocities=velocities, achieved_twist=achieved, status=status)
 
 
-def _reverses(step: Array, next_step: Array, change: float) -> bool:
-    """Return whether a roller's speed changes back after its change in the previous cycle."""
-    smaller = np.minimum(np.abs(step), np.abs(next_step))
-    return bool(((step * next_step < 0.0) & (smaller > REVERSAL_SHARE * change)).any())
+def _reverses(previous_change: Array, change: Array, max_change: float) -> bool:
+    """Return whether the speed of a roller changes back after its change in the previous cycle."""
+    smaller = np.minimum(np.abs(previous_change), np.abs(change))
+    is_opposite = previous_change * change < 0.0
+    return bool((is_opposite & (smaller > REVERSAL_SHARE * max_change)).any())
 
 
 def _nearest(speeds: Array, fixed: Array, moving: Flags, rows: Rows, otherwise: Array) -> Array:
@@ -110,23 +114,24 @@ def _nearest(speeds: Array, fixed: Array, moving: Flags, rows: Rows, otherwise: 
     """
     if (rows.slack(speeds) >= 0.0).all():
         return speeds
-    _, values, right = np.linalg.svd(fixed[:, moving])  # unlike SciPy's, also of empty matrices
-    equality = right[: (values > ROUNDING * values.max(initial=0.0)).sum()]
-    size, unit = float(np.abs(speeds).max()) or 1.0, np.eye(len(right))
+    # Independent rows of `fixed`; unlike SciPy, NumPy decomposes also empty matrices.
+    _, values, basis = np.linalg.svd(fixed[:, moving])
+    equality = basis[: (values > ROUNDING * values.max(initial=0.0)).sum()]
+    # The least change of the moving rollers' speeds, divided by the largest speed.
+    unit, identity = float(np.abs(speeds).max()) or 1.0, np.eye(len(basis))
     matrix, room = rows.about(speeds).one_sided()
+    bounds = matrix[:, moving], room / unit
     target = np.zeros(len(equality))
-    change = solve_qp(
-        QuadraticProgram(unit, 0.0 * unit[0], matrix[:, moving], room / size, equality, target)
-    )
+    change = solve_qp(QuadraticProgram(identity, 0.0 * identity[0], *bounds, equality, target))
     if change is None:
         return otherwise
     nearest = speeds.copy()
-    nearest[moving] += size * change
+    nearest[moving] += unit * change
     return nearest
 
 
 def _surface_share(start: Array, desired: Array, top: float) -> float:
-    """Return the largest fraction (0 to 1) of a change at which the velocity is at most `top`."""
+    """Return the largest fraction (0 to 1) of a velocity change within a speed `top` [m/s]."""
     step = desired - start
     square, slope = float(step.dot(step)), float(step.dot(start))
     if square == 0.0:

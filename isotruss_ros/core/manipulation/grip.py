@@ -167,20 +167,20 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     nodes = find_members(config.robot.topology, grip.members)
     tube = config.robot.description.tube_diameter
     body, shape = grip.body, grip.body.shape.smoothed(0.5 * tube)
-    inside, back = body.center + body.turn * shape.centroid, body.turn.conjugate()
+    centroid = body.center + body.turn * shape.centroid
     contacts: list[GripContact] = []
     for owner, (start, end) in enumerate(config.points.take(nodes.lines).tolist()):
         span = end - start
         axis = span / abs(span)
-        side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
+        side = math.copysign(1.0, (axis.conjugate() * (centroid - start)).imag)
         normal = -1j * side * axis
+        local_normal = normal * body.turn.conjugate()
         if grip.corners is None:
-            patch = shape.contact_patch(normal * back, 0.5 * tube)
-            touched = [(end.corner, end.point) for end in patch]
+            patch = shape.contact_patch(local_normal, 0.5 * tube)
+            touched = [(patch_end.corner, patch_end.point) for patch_end in patch]
         else:
-            corners = grip.corners[owner]
-            touched = [(k, shape.point_at(k, normal * back)) for k in corners]
-        points = [body.center + body.turn * point for _, point in touched]
+            touched = [(k, shape.point_at(k, local_normal)) for k in grip.corners[owner]]
+        points = [body.center + body.turn * local_point for _, local_point in touched]
         gaps = [((start - point) * normal.conjugate()).real - 0.5 * tube for point in points]
         shares = [((point - start) / span).real for point in points]
         gap, fault = min(gaps, key=abs), ''

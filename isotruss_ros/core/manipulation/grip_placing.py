@@ -51,15 +51,15 @@ def place_between(
     turn = complex(math.cos(direction), math.sin(direction))
     skin = 0.5 * config.robot.description.tube_diameter - depth
     grips: list[Grip] = []
+    # The object may be on the left (+1) or on the right of each member.
     for sides in itertools.product((1.0, -1.0), repeat=len(names)):
         normals = -1j * np.array(sides) * spans / np.abs(spans)
-        reach = shape.support(normals / turn) + skin
+        distances = shape.support(normals / turn) + skin  # of the object's origin from the lines
         # Gaps between the members and an object at `middle`.
-        gaps = ((starts - middle) * normals.conj()).real - reach
+        gaps = ((starts - middle) * normals.conj()).real - distances
         rows = normals.view(np.float64).reshape(-1, 2)
         x, y = np.linalg.lstsq(rows, gaps, rcond=ROUNDING)[0]
-        place = middle + complex(x, y)
-        pose = Pose(place.real, place.imag, float(direction))
+        pose = Pose(middle.real + float(x), middle.imag + float(y), float(direction))
         grip = Grip(names, ConvexObject(shape, pose))
         try:
             contacts = find_contacts(config, grip)

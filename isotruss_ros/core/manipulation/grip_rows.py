@@ -42,13 +42,13 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
         points = np.array([contact.point for contact in contacts])
         _require_apart(np.abs(points - points[0]).max())
         normals = np.array([contact.normal for contact in contacts]).view(float)
-        hand, rigid = contact_rows(config, grip)
+        by_speeds, by_twist = contact_rows(config, grip)
         # The complement of G^T's range has an orthogonal basis of 2 k - 3 misfits. The first is a
         # motion of each member away from the object at 0.5 m/s, minus its projection on the range.
-        basis, factor = np.linalg.qr(np.column_stack([rigid, 0.5 * normals]), mode='complete')
+        basis, factor = np.linalg.qr(np.column_stack([by_twist, 0.5 * normals]), mode='complete')
         basis[:, 3] *= factor[3, 3]  # the remainder of the projection
-        square = np.concatenate([rigid, basis[:, 3:]], axis=1)
-        jacobian = np.linalg.solve(square, hand)
+        by_twist_and_misfits = np.concatenate([by_twist, basis[:, 3:]], axis=1)
+        jacobian = np.linalg.solve(by_twist_and_misfits, by_speeds)
     jacobian.flags.writeable = False
     return jacobian
 
@@ -67,20 +67,21 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     Rows are vx, vy of the tube's material at the start [-], and angular velocity (16) [1/m].
     """
     nodes, points = find_members(config.robot.topology, names), config.points
-    by_node = np.zeros((len(names), 3, len(points)), dtype=np.complex128)
+    # A coefficient a + ib of a node stands for a vx + b vy of its velocity.
+    by_nodes = np.zeros((len(names), 3, len(points)), dtype=np.complex128)
     spans: list[complex] = []
-    for member, (start, end) in zip(by_node, nodes.lines.tolist(), strict=True):
+    for coefficients, (start, end) in zip(by_nodes, nodes.lines.tolist(), strict=True):
         spans.append(complex(points[end] - points[start]))
         # Angular velocity: Re(conj(turn) (velocity of the end - velocity of the start)).
         turn = 1j / spans[-1].conjugate()
-        member[0, start], member[1, start] = 1.0, 1j
-        member[2, start], member[2, end] = -turn, turn
-    rows = config.roller_rows(by_node.view(np.float64).reshape(3 * len(names), -1))
-    for place, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
+        coefficients[0, start], coefficients[1, start] = 1.0, 1j
+        coefficients[2, start], coefficients[2, end] = -turn, turn
+    rows = config.roller_rows(by_nodes.view(np.float64).reshape(3 * len(names), -1))
+    for member, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
         # The roller moves the material along the member, so that the object rolls (17).
-        axis = spans[place] / abs(spans[place])
-        rows[3 * place, roller] += axis.real
-        rows[3 * place + 1, roller] += axis.imag
+        axis = spans[member] / abs(spans[member])
+        rows[3 * member, roller] += axis.real
+        rows[3 * member + 1, roller] += axis.imag
     return rows
 
 
@@ -92,41 +93,43 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     those by the twist.
     """
     contacts = find_contacts(config, grip)
-    rates = np.zeros((2 * len(contacts), len(grip.members), 3))
-    rigid: list[tuple[float, float, float]] = []
+    by_members = np.zeros((2 * len(contacts), len(grip.members), 3))
+    by_twist: list[tuple[float, float, float]] = []
     for k, contact in enumerate(contacts):
         lever, arm = contact.point - contact.start, contact.point - grip.body.center
-        rates[2 * k, contact.owner] = 1.0, 0.0, -lever.imag
-        rates[2 * k + 1, contact.owner] = 0.0, 1.0, lever.real
-        rigid += [(1.0, 0.0, -arm.imag), (0.0, 1.0, arm.real)]
-    hand = rates.reshape(len(rates), -1) @ member_rows(config, grip.members)
-    return hand, np.array(rigid)
+        by_members[2 * k, contact.owner] = 1.0, 0.0, -lever.imag
+        by_members[2 * k + 1, contact.owner] = 0.0, 1.0, lever.real
+        by_twist += [(1.0, 0.0, -arm.imag), (0.0, 1.0, arm.real)]
+    by_speeds = by_members.reshape(len(by_members), -1) @ member_rows(config, grip.members)
+    return by_speeds, np.array(by_twist)
 
 
 def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> Array:
     """
-    Return the rows of `grip_jacobian` for two members: `contact_rows`, solved in closed form.
+    Return `grip_jacobian` (3 + g, r) of two members, from the contacts and `member_rows`.
 
     The object rotates with the member that touches a face, or else with the line through both
     contact points. The midpoint of both points moves with their mean velocity.
     """
-    sides = [[contact for contact in contacts if contact.owner == owner] for owner in (0, 1)]
-    points = [0.5 * (side[0].point + side[-1].point) for side in sides]
+    patches = [[contact for contact in contacts if contact.owner == owner] for owner in (0, 1)]
+    points = [0.5 * (patch[0].point + patch[-1].point) for patch in patches]
     distance = abs(points[1] - points[0])
     _require_apart(distance)
     # (15): velocities x + iy of the material at both points, for roller speeds of 1 m/s.
-    x, y, turns = members.reshape(2, 3, -1).swapaxes(0, 1)
-    levers = [[point - side[0].start] for point, side in zip(points, sides, strict=True)]
-    speeds = x + 1j * (y + levers * turns)
-    parting = (speeds[1] - speeds[0]) * ((points[1] - points[0]) / distance).conjugate()
-    faces = [turn for side, turn in zip(sides, turns, strict=True) if len(side) > 1]
-    rotation = faces[0] if faces else parting.imag / distance  # (18)
+    x, y, spins = members.reshape(2, 3, -1).swapaxes(0, 1)
+    levers = [[point - patch[0].start] for point, patch in zip(points, patches, strict=True)]
+    velocities = x + 1j * (y + levers * spins)
+    # Relative velocity along (real) and across the line from the first to the second point.
+    line = (points[1] - points[0]) / distance
+    relative = (velocities[1] - velocities[0]) * line.conjugate()
+    face_spins = [spin for patch, spin in zip(patches, spins, strict=True) if len(patch) > 1]
+    rotation = face_spins[0] if face_spins else relative.imag / distance  # (18)
     # Rate of the distance of the points: zero for a disc at a module at constant angle (14).
-    residuals = [parting.real]
-    if faces:
-        residuals.append(parting.imag - distance * rotation)
-    if len(faces) == 2:
-        residuals.append(grip.body.arm * (turns[1] - turns[0]))
-    origin = grip.body.center - 0.5 * (points[0] + points[1])
-    center = 0.5 * (speeds[0] + speeds[1]) + 1j * origin * rotation
+    residuals = [relative.real]
+    if face_spins:
+        residuals.append(relative.imag - distance * rotation)
+    if len(face_spins) == 2:
+        residuals.append(grip.body.arm * (spins[1] - spins[0]))
+    from_midpoint = grip.body.center - 0.5 * (points[0] + points[1])
+    center = 0.5 * (velocities[0] + velocities[1]) + 1j * from_midpoint * rotation
     return np.array([center.real, center.imag, rotation, *residuals])

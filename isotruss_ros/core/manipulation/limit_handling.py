@@ -15,14 +15,14 @@ twist. It is zero without limits, so the command does not jump where a limit beg
 
 The quadratic program (QP) for the largest progress along a twist at least cost (11) is
 
-    minimize   1/2 |C (u - s f)|^2 - rho (s - s^2 / (4 reach))
-    subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
+    minimize   1/2 |C (u - s f)|^2 - rho (s - s^2 / (4 s_max))
+    subject to J u = s * direction,  0 <= s <= s_max,  lower <= G u <= upper
 
 with the least-cost speeds f of `least_cost`. J (u - s f) = 0, so the first term is
 1/2 |C u|^2 - 1/2 s^2 |C f|^2. The second term is an exact penalty if rho is large: its slope is at
 least rho / 2. Then the progress s is the largest possible one, and the cost is minimal for this s.
 The direction must be scaled such that u and s have equal magnitudes. Without binding limits the
-solution is reach * f for every rho. At binding limits `least_deviation` deviates from the
+solution is s_max * f for every rho. At binding limits `least_deviation` deviates from the
 direction.
 """
 
@@ -71,9 +71,10 @@ class LimitHandling:
 def apply_limits(
     config: Configuration, task: Task, limits: Sequence[Limit], rows: Rows, handling: LimitHandling
 ) -> tuple[Array, float, Status, tuple[str, ...]]:
-    """Return roller velocities (r,) under limits, scale, status, and names at binding limits."""
+    """Return the roller speeds (r,) under limits, scale, status, and names at binding limits."""
     reach, max_speed = task.reach, config.robot.description.max_speed
-    working, gain = reach.working, float(np.abs(task.free).max())
+    working = reach.working
+    gain = float(np.abs(task.free).max())  # largest roller speed relative to that of the task [-]
     desired_speed = gain * task.speed  # largest roller speed of the least-cost speeds [m/s]
     # The solver's tolerance is absolute, so speeds are divided by the smaller of desired and
     # possible speed.
@@ -84,24 +85,25 @@ def apply_limits(
         np.maximum(rows.lower, -largest) / unit,
         np.minimum(rows.upper, largest) / unit,
     )
+    # The task in units in which the largest least-cost speed is 1.
     direction, free = task.direction / gain, task.free / gain
-    desired = min(desired_speed / unit, 1.0 / NEGLIGIBLE_SHARE)
-    least_cost = float(free.dot(working.cost.dot(free)))
+    max_progress = min(desired_speed / unit, 1.0 / NEGLIGIBLE_SHARE)
+    free_cost = float(free.dot(working.cost.dot(free)))
     penalty, weight = EXACT_PENALTY, NEGLIGIBLE_SHARE
     if handling.regularized:
         penalty = min(penalty, PROGRESS_WEIGHT * max_speed / (unit * gain))
         weight = 1.0 / PROGRESS_WEIGHT
-    named = [(limit, name) for limit in limits for name in limit.row_names(config)]
-    slides = np.array([limit.can_slide for limit, _ in named]) & handling.slide_along_limits
+    row_limits = [(limit, name) for limit in limits for name in limit.row_names(config)]
+    slides = np.array([limit.can_slide for limit, _ in row_limits]) & handling.slide_along_limits
     scaling_bounds = Rows(*(part[~slides] for part in bounds))
     solution, progress = maximize_progress(
-        working.cost, reach.rows, direction, desired, scaling_bounds, least_cost, penalty
+        working.cost, reach.rows, direction, max_progress, scaling_bounds, free_cost, penalty
     )
     slack, is_sliding = bounds.slack(solution), False
     if handling.slide_along_limits and (slack < -NEGLIGIBLE_SHARE).any():
-        is_sliding, rank = True, len(reach.directions)
-        opening, bounds_left = progress * direction[rank:], bounds.about(solution)
-        change = least_deviation(working.cost, reach.rows, rank, opening, bounds_left, weight)
+        is_sliding, dof = True, len(reach.directions)
+        opening, change_bounds = progress * direction[dof:], bounds.about(solution)
+        change = least_deviation(working.cost, reach.rows, dof, opening, change_bounds, weight)
         solution = solution + change
         progress += gain * float(task.direction.dot(reach.rows.dot(change)))
         slack = bounds.slack(solution)
@@ -114,7 +116,7 @@ def apply_limits(
         return velocities, 1.0, task.status, ()
     # A row binds if a step toward the free solution would violate it.
     is_binding = (slack < NEGLIGIBLE_SHARE) & (rows.slack(task.velocities) < 0.0)
-    binding = [named[i] for i in np.flatnonzero(is_binding)]
+    binding = [row_limits[i] for i in np.flatnonzero(is_binding)]
     status = task.status
     if status is Status.OK:
         slowed = binding[0][0].status if binding else Status.SLOWED_ROLLER_SPEED
@@ -126,43 +128,45 @@ def maximize_progress(
     cost: Array,
     equality: Array,
     direction: Array,
-    reach: float,
+    max_progress: float,
     limited: Rows,
-    least: float,
+    free_cost: float,
     penalty: float = EXACT_PENALTY,
 ) -> tuple[Array, float]:
     """
-    Return the speeds u and the largest s with J u = s * direction, at least cost.
+    Return the roller speeds u and the largest progress s with J u = s * direction, at least cost.
 
-    |u| is of order 1, J has full row rank, and `least` is the least cost |C f|^2 for s = 1.
+    |u| is of order 1, J has full row rank, and `free_cost` is the least cost |C f|^2 for s = 1.
     """
-    r = len(cost)
-    hessian, slope = np.zeros((r + 1, r + 1)), np.zeros(r + 1)
-    hessian[:r, :r] = cost
-    hessian[r, r], slope[r] = penalty / (2.0 * max(reach, 1.0)) - least, -penalty
+    count = len(cost)
+    # The unknowns of the program are u, and then s.
+    hessian, gradient = np.zeros((count + 1, count + 1)), np.zeros(count + 1)
+    hessian[:count, :count] = cost
+    hessian[count, count] = penalty / (2.0 * max(max_progress, 1.0)) - free_cost
+    gradient[count] = -penalty
     matrix, bounds = limited.one_sided()
-    rows = np.zeros((len(bounds) + 2, r + 1))
-    rows[:-2, :r], rows[-2:, r] = matrix, (1.0, -1.0)
+    rows = np.zeros((len(bounds) + 2, count + 1))
+    rows[:-2, :count], rows[-2:, count] = matrix, (1.0, -1.0)
     equations = np.concatenate([equality, -direction[:, None]], axis=1)
-    bounds, target = np.append(bounds, [reach, 0.0]), np.zeros(len(direction))
-    problem = QuadraticProgram(hessian, slope, rows, bounds, equations, target)
+    bounds, target = np.append(bounds, [max_progress, 0.0]), np.zeros(len(direction))
+    problem = QuadraticProgram(hessian, gradient, rows, bounds, equations, target)
     solution = require_solution(solve_qp(problem))
-    return solution[:r], float(min(max(solution[r], 0.0), reach))
+    return solution[:count], float(min(max(solution[count], 0.0), max_progress))
 
 
 def least_deviation(
-    cost: Array, equality: Array, rank: int, opening: Array, limited: Rows, regularization: float
+    cost: Array, equality: Array, dof: int, opening: Array, limited: Rows, regularization: float
 ) -> Array:
     """
-    Return the least change v of roller speeds that fulfils the limits on v.
+    Return the change v of roller speeds that fulfils the limits on v, with the least deviation.
 
-    It minimises 1/2 |J v|^2 + regularization/2 |C v|^2 with the first `rank` rows of J. The other
+    It minimises 1/2 |J v|^2 + regularization/2 |C v|^2 with the first `dof` rows of J. The other
     rows are equalities J v = 0; if the bounds do not admit them, they become J v = -opening.
     """
-    reached, kept = equality[:rank], equality[rank:]
-    hessian, gradient = reached.T @ reached + regularization * cost, np.zeros(len(cost))
-    target = np.zeros(len(kept))
-    problem = QuadraticProgram(hessian, gradient, *limited.one_sided(), kept, target)
+    twist_rows, contact_rows = equality[:dof], equality[dof:]
+    hessian = twist_rows.T @ twist_rows + regularization * cost
+    gradient, target = np.zeros(len(cost)), np.zeros(len(contact_rows))
+    problem = QuadraticProgram(hessian, gradient, *limited.one_sided(), contact_rows, target)
     change = solve_qp(problem)
     if change is None:
         change = solve_qp(problem._replace(target=-opening))

@@ -39,7 +39,7 @@ class Rows(NamedTuple):
         return np.minimum(self.upper - rates, rates - self.lower)
 
     def about(self, speeds: Array) -> Rows:
-        """Return the rows for changes of given roller speeds (r,)."""
+        """Return these limits as rows on changes of given roller speeds (r,)."""
         rates = self.matrix.dot(speeds)
         return Rows(self.matrix, self.lower - rates, self.upper - rates)
 

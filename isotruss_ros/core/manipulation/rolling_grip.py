@@ -105,21 +105,22 @@ class RollingGrip:
         if config is self.config:
             return self
         rolled = self._rolled(config)
-        if rolled.misfit <= ROUNDING or len(self.owners) == len(self.sides):
+        touches_faces = len(self.owners) > len(self.sides)
+        if rolled.misfit <= ROUNDING or not touches_faces:
             return rolled
-        # A face in contact with a member may have lifted at one of its ends.
+        # A face in contact with a member may have lifted at one of its ends: each member presses
+        # at all of its contacts, or at one of them.
         contacts = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
-        # Each member presses at all of its ends, or at one of them.
-        choices = [[ends, *([k] for k in ends)] for ends in contacts]
-        for chosen in itertools.product(*choices):
-            kept = [k for pressed in chosen for k in pressed]
-            if len(kept) == len(self.owners):
+        options = [[ends, *([end] for end in ends)] for ends in contacts]
+        for choice in itertools.product(*options):
+            pressed = list(itertools.chain(*choice))
+            if len(pressed) == len(self.owners):
                 continue
             fewer = replace(
                 self,
-                owners=self.owners[kept],
-                corners=self.corners[kept],
-                invariants=self.invariants[:, kept],
+                owners=self.owners[pressed],
+                corners=self.corners[pressed],
+                invariants=self.invariants[:, pressed],
             )
             lifted = fewer._rolled(config)
             if lifted.misfit < rolled.misfit:
@@ -134,8 +135,8 @@ class RollingGrip:
         """Return the grip in another configuration with the same contacts."""
         body, lines, corners = self.grip.body, self._lines(config), self.corners
         center, angle, owners = body.center, body.pose.angle, self.owners
-        for step in range(MAX_NEWTON_ITERATIONS):
-            if step < 10 and not self.shape.is_round:  # later fixed, against cycling by rounding
+        for iteration in range(MAX_NEWTON_ITERATIONS):
+            if iteration < 10 and not self.shape.is_round:  # then fixed: rounding may cause cycles
                 # Both ends of a face remain; the outermost corner may change.
                 is_single = np.bincount(owners)[owners] == 1
                 normals = lines.normals * cmath.rect(1.0, -angle)
@@ -144,10 +145,10 @@ class RollingGrip:
             values, rates = self._touch(lines, center, angle, corners)
             deviations = (values - self.invariants).ravel()
             rows = rates * (1.0, 1.0, 1.0 / body.arm)
-            x, y, turn = change = np.linalg.lstsq(rows, -deviations, rcond=ROUNDING)[0]
+            x, y, arc = change = np.linalg.lstsq(rows, -deviations, rcond=ROUNDING)[0]
             center += complex(x, y)
-            angle += turn / body.arm
-            size = max(abs(x), abs(y), abs(turn))
+            angle += arc / body.arm  # rotations times the arm are lengths
+            size = max(abs(x), abs(y), abs(arc))
             settled = size <= COINCIDENCE * max(1.0, abs(center) / body.arm)
             if settled or (body.shape.is_round and size <= body.arm):
                 # For a disc the invariants are linear in the step.
@@ -185,7 +186,7 @@ class RollingGrip:
         self, lines: _Lines, center: complex, angle: float, corners: Indices
     ) -> tuple[Array, Array]:
         """
-        Return the invariants (2, k) of contacts of given corners at a pose.
+        Return the rolling invariants (2, k) of contacts at given corners, for an object's pose.
 
         The second array (2 k, 3) has their derivatives with respect to the object's twist.
         """
@@ -194,14 +195,15 @@ class RollingGrip:
         points = shape.surface_at(corners, normals[owners])[0]
         axes, sides = lines.axes[owners], self.sides[owners]
         arms = turn * points
+        # Components along (real) and across the members.
         local_arms = axes.conj() * arms
-        local = axes.conj() * (center + arms - lines.starts[owners])
+        from_starts = axes.conj() * (center + arms - lines.starts[owners])
         arcs = shape.unroll(self._unwrapped(lines.normals, angle)[owners], corners)
-        values = np.array([sides * local.imag, local.real - lines.travel[owners] - sides * arcs])
-        # Gaps along i side axis, anchors along the axis.
-        by_gap = np.stack([-axes.imag, axes.real, local_arms.real], axis=1) * sides[:, None]
-        by_anchor = np.stack([axes.real, axes.imag, -local_arms.imag], axis=1)
-        return values, np.concatenate([by_gap, by_anchor])
+        gaps = sides * from_starts.imag
+        anchors = from_starts.real - lines.travel[owners] - sides * arcs
+        gap_rates = np.stack([-axes.imag, axes.real, local_arms.real], axis=1) * sides[:, None]
+        anchor_rates = np.stack([axes.real, axes.imag, -local_arms.imag], axis=1)
+        return np.array([gaps, anchors]), np.concatenate([gap_rates, anchor_rates])
 
 
 class _Lines(NamedTuple):

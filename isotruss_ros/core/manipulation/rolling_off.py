@@ -26,7 +26,7 @@ import numpy as np
 
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
-    """Return the reachable twists closest to a twist if ends of faces may lift."""
+    """Return the reachable twists, where ends of faces lift if a desired twist requires it."""
     contacts = find_contacts(config, grip)
     choices = rolled_corners(contacts, grip.friction)
     if not choices:
@@ -34,34 +34,37 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     working, smallest_miss = reach.working, find_task(reach, twist).missed
     if smallest_miss <= ROUNDING:
         return reach
-    (hand, rigid), members = contact_rows(config, grip), member_rows(config, grip.members)
+    (by_speeds, by_twist), members = contact_rows(config, grip), member_rows(config, grip.members)
     inward = as_xy(-np.array([contact.normal for contact in contacts]))
-    for kept in choices:
-        rolling = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
+    for pressed in choices:
+        rolling = Reach.of(rows_of_two(grip, pressed, members), working, reach.weights)
         task = find_task(rolling, twist)
         if task.missed >= smallest_miss * (1.0 - NEGLIGIBLE_SHARE) or task.speed == 0.0:
             continue
         speeds = working.spread(task.free)
-        object_moves = rigid @ (rolling.motion @ speeds)
-        apart = (object_moves - hand @ speeds).reshape(-1, 2)
-        lifting = (apart * inward).sum(axis=1)
+        # Velocities of the object relative to the members at all contacts: none may penetrate.
+        object_velocities = by_twist @ (rolling.motion @ speeds)
+        relative = (object_velocities - by_speeds @ speeds).reshape(-1, 2)
+        lifting = (relative * inward).sum(axis=1)
         if lifting.min() >= -ROUNDING * np.abs(speeds).max():
             reach, smallest_miss = rolling, task.missed
     return reach
 
 
 def rolled_corners(contacts: Sequence[GripContact], friction: float) -> list[list[GripContact]]:
-    """Return the sets of fewer contacts of two members at which forces balance."""
+    """Return sets of contacts, without lifted face ends, at which two members' forces balance."""
     if contacts[-1].owner != 1 or len(contacts) == 2:
         return []
-    sides = [[c for c in contacts if c.owner == owner] for owner in (0, 1)]
+    patches = [[contact for contact in contacts if contact.owner == owner] for owner in (0, 1)]
     # All contacts of a member may remain, or one end of its face.
-    remaining = ([s] if len(s) == 1 else [s, s[:1], s[1:]] for s in sides)
-    choices = list(itertools.product(*remaining))[1:]  # not all contacts of both members
-    ends = np.array([[(side[0].point, side[-1].point) for side in kept] for kept in choices])
-    angles = balance_angles(*(side[0].normal for side in sides), *ends.transpose(1, 2, 0))
-    fits = angles <= math.atan(friction)
-    return [one + other for (one, other), fit in zip(choices, fits.tolist(), strict=True) if fit]
+    options = ([patch, patch[:1], patch[1:]] if patch[1:] else [patch] for patch in patches)
+    choices = list(itertools.product(*options))[1:]  # not all contacts of both members
+    # Ends (choices, 2 members, 2 ends) of the remaining contacts.
+    ends = np.array([[(patch[0].point, patch[-1].point) for patch in pair] for pair in choices])
+    normal, other_normal = (patch[0].normal for patch in patches)
+    angles = balance_angles(normal, other_normal, ends[:, 0].T, ends[:, 1].T)
+    is_balanced = (angles <= math.atan(friction)).tolist()
+    return [one + other for (one, other), fits in zip(choices, is_balanced, strict=True) if fits]
 
 
 def balance_angles(
@@ -72,9 +75,10 @@ def balance_angles(
 
     The normals point to the members; each has the two ends (2, s) of its contact.
     """
-    # Angles from the first member's inward normal to the line from its contact to the second one.
+    # Balanced forces act along a line from the first to the second contact. Angles are relative
+    # to the first member's inward normal: of the lines between ends, and of the second's normal.
     lines = np.angle((other_ends - ends[:, None]) / -normals).reshape(4, -1)
-    between = np.angle(-others / normals)
+    wedges = np.angle(-others / normals)
     # The optimum is the bisector of both normals.
-    best = np.minimum(np.maximum(0.5 * between, lines.min(axis=0)), lines.max(axis=0))
-    return np.maximum(np.abs(best), np.abs(best - between))
+    best = np.minimum(np.maximum(0.5 * wedges, lines.min(axis=0)), lines.max(axis=0))
+    return np.maximum(np.abs(best), np.abs(best - wedges))

@@ -202,15 +202,11 @@ def solve_joint_velocity(
     if not velocities:
         raise GraspError(f'velocities: none; give one or more, of the joints {", ".join(names)}')
     check_names('joint', velocities, names, config.robot.name)
-    desired = np.concatenate(
-        [
-            finite_array(velocity, 2, f'the velocity (vx, vy) [m/s] of joint {joint}', GraspError)
-            for joint, velocity in velocities.items()
-        ]
-    )
+    what = 'the velocity (vx, vy) [m/s] of joint '
+    pairs = [finite_array(velocities[name], 2, what + name, GraspError) for name in velocities]
     nodes = np.array([names.index(joint) for joint in velocities])
-    columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
-    jacobian = config.roller_rows(np.eye(2 * len(config.points))[columns])
+    coordinates = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()  # x and y of each joint
+    jacobian = config.roller_rows(np.eye(2 * len(config.points))[coordinates])
     reach = _find_reach(config, jacobian, np.ones(len(jacobian)), failed)
-    task = find_task(reach, desired, soft_rank=handling.soft_rank)
+    task = find_task(reach, np.concatenate(pairs), soft_rank=handling.soft_rank)
     return _carry_out(config, task, limits, handling)

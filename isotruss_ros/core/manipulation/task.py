@@ -69,8 +69,7 @@ def working_rollers(topology: Topology, failed: frozenset[str]) -> WorkingRoller
     indices = np.flatnonzero([name not in failed for name in topology.roller_names])
     # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
     incidence = topology.incidence[:, indices]
-    cost = incidence.T @ incidence
-    return WorkingRollers(len(topology.roller_names), indices, cost)
+    return WorkingRollers(len(topology.roller_names), indices, incidence.T @ incidence)
 
 
 class Reach(NamedTuple):
@@ -95,7 +94,7 @@ class Reach(NamedTuple):
 
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
-        """Return the reachable motions for the Jacobian of a grip (3 + g, r), or of joints."""
+        """Return the reachable twists from a Jacobian (3 + g, r) as of `grip_jacobian`."""
         count, rows = len(weights), jacobian.take(working.indices, -1)
         rows[:count] *= weights[:, None]
         motion, twist_rows, contact_rows = jacobian[:count], rows[:count], rows[count:]
@@ -106,14 +105,16 @@ class Reach(NamedTuple):
             opening = np.zeros(len(contact_rows))
             opening[:1] = 1.0
             return cls(working, motion, rows, np.eye(count), weights, opening)
-        mixed, gains, basis = np.linalg.svd(contact_rows, full_matrices=False)
+        row_basis, gains, speed_basis = np.linalg.svd(contact_rows, full_matrices=False)
         effective = gains > RANK_TOLERANCE
-        constraints = basis[effective]
+        constraints = speed_basis[effective]
+        # Twists of the speeds that fulfil the constraints.
         projected = twist_rows - twist_rows.dot(constraints.T).dot(constraints)
-        axes, sizes, _ = np.linalg.svd(projected, full_matrices=False)
-        directions = axes[:, sizes > RANK_TOLERANCE].T
+        axes, speeds, _ = np.linalg.svd(projected, full_matrices=False)
+        directions = axes[:, speeds > RANK_TOLERANCE].T
         independent = np.concatenate([directions.dot(twist_rows), constraints])
-        opening = mixed[:1, effective].sum(axis=0) / gains[effective]
+        # The first contact row, if there is any, is the opening rate.
+        opening = row_basis[:1, effective].sum(axis=0) / gains[effective]
         return cls(working, motion, independent, directions, weights, opening)
 
 
@@ -134,8 +135,8 @@ class Task(NamedTuple):
 def find_task(
     reach: Reach, twist: Array, opening_rate: float = 0.0, soft_rank: float = 0.0
 ) -> Task:
-    """Return the closest reachable twist (20) at least cost, see `LimitHandling`."""
-    direction, working = np.zeros(len(reach.rows)), reach.working
+    """Return the reachable twist closest to a desired one, with least-cost roller speeds (20)."""
+    working, dof = reach.working, len(reach.directions)
     opening = (reach.opening * opening_rate).tolist() if opening_rate else []
     # The twist is scaled so that no finite twist overflows.
     size = max(map(abs, twist.tolist() + opening)) or 1.0
@@ -145,10 +146,10 @@ def find_task(
     unreachable = closest.dot(reach.directions) - scaled
     missed = math.sqrt(unreachable.dot(unreachable)) / (norm or 1.0)
     status = Status.OK if missed <= ROUNDING else Status.UNREACHABLE
-    count = len(closest)
-    direction[:count] = closest
+    direction = np.zeros(len(reach.rows))  # of the twist, then of the contacts
+    direction[:dof] = closest
     if opening:
-        direction[count:] = np.divide(opening, size)
+        direction[dof:] = np.divide(opening, size)
     if soft_rank > 0.0 and _damp(reach, direction, soft_rank):
         status = Status.UNREACHABLE
     length = math.sqrt(direction.dot(direction))
@@ -183,15 +184,16 @@ def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
     Components along singular vectors of the twist with singular values s are multiplied by min(1,
     s^2 / soft_rank^2), so their roller speeds fall with s instead of growing with 1 / s.
     """
-    count = len(reach.directions)
+    dof = len(reach.directions)
     whitened = reach.rows.dot(reach.working.whitening)
+    # Blocks of the twist (before `dof`) and of the contacts.
     gram = whitened.dot(whitened.T)
     # Schur complement: Gram matrix of the twist for rollers that fulfil the contact constraints.
-    contacts = np.linalg.solve(gram[count:, count:], gram[count:, :count])
-    squares, modes = np.linalg.eigh(gram[:count, :count] - gram[:count, count:].dot(contacts))
-    lost = 1.0 - np.clip(squares / soft_rank**2, 0.0, 1.0)
-    # The opening rate alone produces a part of the twist.
-    missing = direction[:count] - direction[count:].dot(contacts)
-    removed = modes.dot(lost * missing.dot(modes))
-    direction[:count] -= removed
-    return bool(np.abs(removed).max(initial=0.0) > ROUNDING * np.abs(missing).max(initial=0.0))
+    by_contacts = np.linalg.solve(gram[dof:, dof:], gram[dof:, :dof])
+    squares, modes = np.linalg.eigh(gram[:dof, :dof] - gram[:dof, dof:].dot(by_contacts))
+    removed_shares = 1.0 - np.clip(squares / soft_rank**2, 0.0, 1.0)
+    # The opening rate alone produces a part of the twist; the other part is reduced.
+    remainder = direction[:dof] - direction[dof:].dot(by_contacts)
+    removed = modes.dot(removed_shares * remainder.dot(modes))
+    direction[:dof] -= removed
+    return bool(np.abs(removed).max(initial=0.0) > ROUNDING * np.abs(remainder).max(initial=0.0))

@@ -110,8 +110,8 @@ def _read_poses(poses: ArrayLike, first: int) -> Array:
     what = 'the poses of the path (x, y, angle) [m, rad]'
     array = finite_rows(poses, 3, what, PathError, MAX_MAGNITUDE)
     if not 2 <= len(array) <= MAX_POSES:
-        most = f'two or more, at most {MAX_POSES}'
-        raise PathError(f'the path has {len(array)} poses; must be {most}')
+        counts = f'two or more, at most {MAX_POSES}'
+        raise PathError(f'the path has {len(array)} poses; must be {counts}')
     for number, (x, y) in enumerate(array[:, :2].tolist(), first):
         if fault := pose_fault(x, y):
             raise PathError(f'pose {number} of the path: ({x:g}, {y:g}): {fault}')

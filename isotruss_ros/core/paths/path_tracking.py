@@ -109,11 +109,10 @@ class PathClock:
 
     def __init__(self, duration: float, ramp_time: float, timeout: float, period: float) -> None:
         self.time = self.rate = self.waited = 0.0
-        self._duration, self.ramp_time = duration, ramp_time
+        self._duration, self.ramp_time, self.period = duration, ramp_time, period
         # Progress at half of the smallest rate under limits counts as none.
         self._least_progress = 0.5 * MIN_LIMITED_RATE * timeout
         self._progress_time = self._now = 0.0  # path time at the last progress; time of the loop
-        self.period = period
         self._path_times = Timeline()  # path time by time of the loop
         self._path_times.add(0.0, 0.0)
 
@@ -175,8 +174,7 @@ class PathTracker:
     """
 
     def __init__(self, path: ObjectPath, settings: TrackingSettings, period: float) -> None:
-        self.path = path
-        self.settings = settings
+        self.path, self.settings = path, settings
         ramp_time, timeout = settings.ramp_time, settings.progress_timeout
         self.clock = PathClock(path.duration, ramp_time, timeout, period)
         self.max_position_error = self.max_angle_error = 0.0
@@ -196,8 +194,7 @@ class PathTracker:
             translation = path.speed / settings.position_tolerance
             rotation = path.turn_rate / settings.angle_tolerance
             factor = PEAK_DEVIATION_FACTOR / (SLOWING_SHARE * frequency**2)
-            shortest_ramp = factor * max(translation, rotation)
-            self.clock.ramp_time = max(settings.ramp_time, shortest_ramp)
+            self.clock.ramp_time = max(settings.ramp_time, factor * max(translation, rotation))
 
     @property
     def rms_position_error(self) -> float:

@@ -87,10 +87,9 @@ def _describe_grasp(
     held = grip.equilibrium
     path = np.array([config.roller_positions for config in configs])
     travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())
-    names = held.member_names
     return PlannedGrasp(
-        grip=Grip(names, held.body, needs.friction),
-        members=names,
+        grip=Grip(held.member_names, held.body, needs.friction),
+        members=held.member_names,
         config=held.config,
         equilibrium=held,
         score=needs.rate_grip(grip, -travel),

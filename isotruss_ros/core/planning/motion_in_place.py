@@ -86,10 +86,10 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     pose_tolerances = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])
     force_tolerances = 3 * [force_tolerance] if len(closing.members) > 2 else []
     tolerances = np.array([force_tolerance, *pose_tolerances, *force_tolerances])
-    # The squeeze is an equality constraint; the other errors are minimised.
+    # The squeeze is an equality constraint; the weighted other errors are minimised.
     weights = np.ones(len(tolerances) - 1)
     weights[2] = ROTATION_WEIGHT  # x, y, angle
-    limit_rows, room = closing.limit.rows(grasp.config).one_sided()  # up to the end of the motion
+    rows, room = closing.limit.rows(grasp.config).one_sided()  # up to the end of the motion
     rollers = len(grasp.config.roller_positions)
     for _ in range(MAX_SEARCH_STEPS):
         errors = _find_errors(grasp, force, closing.body) / tolerances
@@ -103,11 +103,10 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         matrix = weights[:, None] * rates[1:]
         hessian = matrix.T @ matrix + MOTION_WEIGHT * np.eye(rollers)
         linear = -matrix.T @ (weights * errors[1:])
-        program = QuadraticProgram(hessian, linear, limit_rows, room, rates[:1], errors[:1])
-        travel = solve_qp(program)
+        travel = solve_qp(QuadraticProgram(hessian, linear, rows, room, rates[:1], errors[:1]))
         if travel is None:
             break
-        room = room - limit_rows @ travel
+        room = room - rows @ travel
         decrease = rates @ travel
         size_before = np.linalg.norm(weights * errors[1:])
         size_after = np.linalg.norm(weights * (errors - decrease)[1:])
@@ -216,8 +215,8 @@ def _find_chance(
 ) -> Chance:
     """Return the chance that an object is held in a grasp, and also when it is `loaded`."""
     try:
-        rest = attach_grip(grasp.config, grasp.body, grasp.members)
-        grips = [rest] if loaded is grasp else [rest, loaded]
+        unloaded = attach_grip(grasp.config, grasp.body, grasp.members)
+        grips = [unloaded] if loaded is grasp else [unloaded, loaded]
         return find_chance(grips, friction, uncertainty.covariance(loaded))
     except GraspError:
         raise RequirementError('held', 0.0, 1.0) from None

@@ -44,8 +44,7 @@ def find_seeds(
         raise RequirementError('enclosed', 0.0, 1.0)
     groups = [*itertools.combinations(enclosing, 2), *itertools.combinations(enclosing, 3)]
     groups = [group for group in groups if not required or required == set(group)]
-    is_random = number > 0  # after the first round
-    if is_random and groups:
+    if number > 0 and groups:
         groups *= math.ceil(MAX_SEEDS / len(groups))
     shortest = description.min_length if needs.min_length is None else needs.min_length
     longest = description.max_length if needs.max_length is None else needs.max_length
@@ -55,7 +54,7 @@ def find_seeds(
     seeds: list[tuple[float, Closing]] = []
     for group in groups:
         turn_weight, friction_angle, posture = TURN_WEIGHT, math.atan(needs.friction), None
-        if is_random:
+        if number > 0:  # later rounds start from random postures
             turn_weight *= rng.uniform(0.0, 1.0)
             random_travel = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * random_travel
