@@ -68,7 +68,7 @@ class Spline:
 
 
 class DentSample:
-    """Dents under increasing forces, with depths (n,) [m], for one angle of the normal."""
+    """Depths and forces of n dents for one angle of the object's normal."""
 
     def __init__(
         self, depths: Array, skin_at: Callable[[float], PressedSkin], kernel: Flattening
@@ -152,20 +152,20 @@ class DentTable:
         return math.copysign(1.0, force) * float(weights[0] @ rates)
 
     def press(self, force: float, angle: float) -> PressedSkin:
-        """Return the skin under a normal force [N], at most at the largest depth of the table."""
+        """Return the pressed skin under a normal force [N], at most as deep as the table."""
         depth = min(max(self(force, angle)[0], 0.0), float(self._depths[-1]))
         skin = self._skin_by_depth(angle)(depth)
         total = float(skin.forces.sum())
         return skin._replace(forces=skin.forces * (force / total if total > 0.0 else 0.0))
 
     def smooth_near(self, force: float, angle: float) -> DentTable:
-        """Return a table that extends the polynomials at a force [N] and angle to all others."""
+        """Return a table with the interpolation polynomials of one force [N] and angle for all."""
         smooth = copy.copy(self)
         smooth._polynomial_at = abs(force) ** DEPTH_EXPONENT, angle
         return smooth
 
     def _samples_at(self, abscissa: float, angle: float) -> tuple[list[DentSample], float, Array]:
-        """Return s samples, the abscissa that selects their pieces, and weights (2, s)."""
+        """Return s samples, the abscissa that selects a piece of them, and weights (2, s)."""
         piece_abscissa, polynomial_angle = self._polynomial_at or (abscissa, angle)
         numbers, weights = [0], np.array([[1.0], [0.0]])  # of a disc
         if not self._shape.is_round:
@@ -226,7 +226,7 @@ class DentTable:
         return numbers, weights
 
     def _skin_by_depth(self, angle: float) -> Callable[[float], PressedSkin]:
-        """Return a function from the depth [m] to the skin, for a normal with this angle."""
+        """Return a function of the depth [m] that returns the pressed skin, for one angle."""
         kernel, shape, normal = self._kernel, self._shape, cmath.rect(1.0, angle)
         if shape.is_round:
             return functools.partial(press_disc, kernel, shape.reach)
@@ -256,12 +256,12 @@ class Dents(NamedTuple):
         return depths, by_force / self.scale, by_angle
 
     def press(self, forces: Array, angles: Array) -> list[PressedSkin]:
-        """Return the skin at each contact under positive normal forces (k,) [N]."""
+        """Return the pressed skin at each contact under positive normal forces (k,) [N]."""
         skins = [table.press(*at) for table, *at in self._contacts(forces, angles)]
         return [skin._replace(forces=self.scale * skin.forces) for skin in skins]
 
     def smooth_near(self, forces: Array, angles: Array) -> Dents:
-        """Return the dents with smooth tables, see `DentTable.smooth_near`; forces (k,) [N]."""
+        """Return dents with the interpolation polynomials of given forces (k,) [N] and angles."""
         tables = [table.smooth_near(*at) for table, *at in self._contacts(forces, angles)]
         return self._replace(tables=tables)
 
@@ -271,5 +271,5 @@ class Dents(NamedTuple):
         return np.array(rates)
 
     def _contacts(self, forces: Array, angles: Array) -> Iterator[tuple[DentTable, float, float]]:
-        """Yield the table of each contact, with its arguments: force / `scale` [N] and angle."""
+        """Yield table, force divided by `scale` [N] and angle of each contact."""
         return zip(self.tables, (forces / self.scale).tolist(), angles.tolist(), strict=True)

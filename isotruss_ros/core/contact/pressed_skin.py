@@ -36,7 +36,7 @@ class PressedSkin(NamedTuple):
 
 
 def press_disc(kernel: Flattening, radius: float, depth: float) -> PressedSkin:
-    """Return the skin under a disc of a given radius at a given depth."""
+    """Return the pressed skin under a disc of a given radius at a given depth."""
     half_chord = np.sqrt(radius**2 - (radius - depth) ** 2)
     positions = half_chord * np.linspace(-1.0, 1.0, CHORD_POINTS)
     heights = radius - np.sqrt(radius**2 - positions**2)
@@ -44,7 +44,7 @@ def press_disc(kernel: Flattening, radius: float, depth: float) -> PressedSkin:
 
 
 def _press(kernel: Flattening, positions: Array, heights: Array, depth: float) -> PressedSkin:
-    """Return the skin whose contact forces close the gaps under an object at a given depth."""
+    """Return the pressed skin under an object with given surface heights, at a depth [m]."""
     count, spacing = len(positions), float(positions[1] - positions[0])
     compliance = kernel.compliance(np.arange(count), spacing)
     forces, _ = solve_complementarity(compliance, heights - depth)
@@ -68,7 +68,7 @@ def find_profile(outline: Points, point: complex, normal: complex) -> tuple[Arra
 def press_corner(
     kernel: Flattening, positions: Array, heights: Array, extents: Array, depth: float
 ) -> PressedSkin:
-    """Return the skin under a corner at a given depth, within `extents` on both sides [m]."""
+    """Return the pressed skin under a corner at a depth, within `extents` (2,) of it [m]."""
     indenting = np.flatnonzero(heights <= depth)
     # Points of the profile at the ends of the dent, each with its neighbour beyond the end.
     start = [indenting[0], max(indenting[0] - 1, 0)]

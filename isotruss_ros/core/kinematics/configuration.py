@@ -192,7 +192,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
 
 def _span_lengths(robot: Mechanism, roller_positions: Array) -> Array:
-    """Return the lengths (4m,) of `Constraints.spans` at given roller travel [m]."""
+    """Return the lengths (4m,) of members and module sides at given roller travel [m]."""
     lengths = robot.home_lengths.copy()
     lengths[: robot.topology.n_modules] += robot.topology.incidence @ roller_positions
     return lengths

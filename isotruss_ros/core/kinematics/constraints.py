@@ -56,7 +56,7 @@ class Constraints:
             self._pattern = coo_matrix((numbers, (all_rows, all_columns)), shape=shape).tocsc()
 
     def residual(self, points: Points, lengths: Array) -> Array:
-        """Return errors (5m + g,) of span lengths (4m,) [m], bisections [rad] and supports [m]."""
+        """Return errors (5m + g,) of lengths (4m,) [m], bisections [rad], coordinates [m]."""
         spans = self.spans(points)
         support_errors = points.view(np.float64)[self._topology.grounded] - self._topology.ground
         return np.concatenate([np.abs(spans) - lengths, self.bisection(spans), support_errors])
@@ -75,7 +75,7 @@ class Constraints:
         return points.take(self._heads) - points.take(self._tails)
 
     def matrix(self, points: Points) -> Array | csc_matrix:
-        """Return the Jacobian (5m + g, 2n) of the residual by nodes; sparse for a large robot."""
+        """Return the Jacobian (5m + g, 2n) of `residual` by nodes; sparse for a large robot."""
         gradients = self.gradients(points)
         if self._pattern is not None:
             entries = np.concatenate([gradients.view(np.float64), np.ones(len(self._ground_rows))])

@@ -56,7 +56,7 @@ def _middles(points: Points, nodes: Indices) -> Points:
 
 
 def _add_midpoint_gradients(rows: Points, nodes: Indices, gradients: Points) -> None:
-    """Add gradients (k,) by midpoints of node pairs (2, k) to k rows, half for each node."""
+    """Add gradients (k,) by the midpoints of k node pairs to k rows, half for each node."""
     row = np.arange(len(rows))
     for ends in nodes:
         rows[row, ends] += 0.5 * gradients
@@ -143,7 +143,7 @@ class CollisionModel:
     def part_rows(
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
-        """Return gradients (k, n) by the nodes of distances of parts from fixed points [-]."""
+        """Return derivatives (k, n) of parts' distances from fixed points by the nodes [-]."""
         rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
         _add_midpoint_gradients(rows, self._start_nodes[:, parts], -(1.0 - shares) * normals)
         _add_midpoint_gradients(rows, self._end_nodes[:, parts], -shares * normals)

@@ -34,7 +34,7 @@ ITERATIONS = 3
 
 
 class Modes(NamedTuple):
-    """The p smallest singular values of the matrix of (12), ascending, with their vectors."""
+    """The p smallest singular values of the constraint matrix, ascending, with their vectors."""
 
     values: Array  #: (p,) singular values, divided by the smallest one at home
     rows: Array  #: (5m + g, p) left singular vectors, one entry for each row of (12)
@@ -65,7 +65,7 @@ class RigidityIndex:
         self.weights = np.repeat([1.0, rod], [8 * m, 5 * m]) / self._home_value
 
     def modes(self, config: Configuration, iterations: int = ITERATIONS) -> Modes:
-        """Return the smallest singular values and vectors of the matrix of a configuration."""
+        """Return the smallest singular values and vectors of a configuration's matrix."""
         factor, scale, vectors = config.factor, self._row_scale, self._start_vectors
         # Inverse iteration with M^T M, where M = D A is the matrix A with rows scaled by D, so
         # M^-T = D^-1 A^-T and M^-1 = A^-1 D^-1.

@@ -60,7 +60,7 @@ class Ellipse(Shape):
         return max(self.semi_axes)
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
-        """Return points of the surface with given normals; see `Shape.surface_at`."""
+        """Return points and radii of curvature at given normals; see `Shape.surface_at`."""
         a, b = self.semi_axes
         x, y = a * normals.real, b * normals.imag
         support = np.hypot(x, y)

@@ -73,7 +73,7 @@ class Polygon(PolygonalShape):
 
     @cached_property
     def _outward(self) -> Points:
-        """Return the normals in the middle of the arcs, (k,)."""
+        """Return the unit normals in the middles of the arcs, (k,)."""
         middle = self.normals + np.roll(self.normals, 1)
         return middle / np.abs(middle)
 
@@ -125,7 +125,7 @@ class Polygon(PolygonalShape):
         return self._directions.searchsorted(angles) % len(self.vertices)
 
     def support_points(self, normals: Points) -> Points:
-        """Return the points where tangents touch the surface; see `Shape.support_points`."""
+        """Return the points with given normals; see `Shape.support_points`."""
         return self.surface_at(self._corner_of(normals), normals)[0]
 
     def corner_at(self, normal: complex) -> int:

@@ -28,7 +28,7 @@ MAX_COMPLAINTS = 50
 
 
 def find_faults(content: Any, block: str | None = None) -> Iterator[str]:
-    """Yield the faults in the form of a robot file, or of one of its blocks."""
+    """Yield the faults of a robot file's content, or of one of its blocks, by the schema."""
     errors = itertools.islice(_validator(block).iter_errors(content), MAX_COMPLAINTS + 1)
     for error in sorted(errors, key=lambda error: list(map(str, error.path))):
         yield from _explain(error)

@@ -34,7 +34,7 @@ NORMAL_SAMPLES = 64
 
 
 class SurfacePoints(NamedTuple):
-    """Points of a surface nearest to given points x, which are x - gap * normal."""
+    """Points x - gap * normal of a surface that are nearest to given points x."""
 
     gaps: Array  #: (c,) distances of the points from the surface, negative inside [m]
     #: (c,) unit vectors x + iy, the outward normals at the nearest points; at a sharp corner, any
@@ -103,7 +103,7 @@ class Shape(ABC):
 
     def support_points(self, normals: Points) -> Points:
         """
-        Return the points (c,) x + iy where given tangents touch the surface [m].
+        Return the points (c,) where tangents with given normals touch the surface, x + iy [m].
 
         On a tangent along a face, the point is one end of the face.
 
@@ -299,7 +299,7 @@ class Disc(Shape):
         return 0.5 * self.diameter
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
-        """Return points of the surface with given normals; see `Shape.surface_at`."""
+        """Return points and radii of curvature at given normals; see `Shape.surface_at`."""
         radius = 0.5 * self.diameter
         return radius * normals, np.full(len(normals), radius)
 

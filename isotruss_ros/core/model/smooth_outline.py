@@ -109,7 +109,7 @@ class SmoothOutline(PolygonalShape):
         return np.array([self._integral(within_turn, order) for order in range(4)])
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
-        """Return points of the surface with given normals; see `Shape.surface_at`."""
+        """Return points and radii of curvature at given normals; see `Shape.surface_at`."""
         _, h, slope, second = self._support_derivatives(np.angle(normals))
         return self.centroid + (h + 1j * slope) * normals, h + second
 

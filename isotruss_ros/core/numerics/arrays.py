@@ -70,7 +70,7 @@ def finite_rows(
 def covariance_matrix(
     values: ArrayLike, count: int, what: str, error: type[IsotrussError]
 ) -> NDArray[np.float64]:
-    """Return a copy of a matrix (count, count), if symmetric and positive semidefinite."""
+    """Return a copy of a covariance matrix (count, count), checked to be semidefinite."""
     matrix = finite_array(values, (count, count), what, error)
     bound = ROUNDING * np.abs(matrix).max()
     symmetric = (np.abs(matrix - matrix.T) <= bound).all()

@@ -81,7 +81,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
         if nearest is None:
             continue
         active = nearest.active
-        x, y_step = particular, nearest.point - offset
+        x, y_step = particular, nearest.point - offset  # L^T z
         for _ in range(2):
             x = x + basis @ lapack.dtrtrs(factor, y_step, lower=1, trans=1)[0]
             excess = (rows @ x - bounds).max(initial=0.0)
