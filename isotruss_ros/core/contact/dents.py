@@ -87,8 +87,9 @@ class DentSample:
         step = EPSILON ** (1.0 / 3.0) * self._kernel.pressure.real
         abscissa_rates = [0.0]
         for _, spacing, _, forces in self._skins:
-            # The forces q solve C q = -gaps. With the pressure their sum changes by -l . C' q,
-            # where C l = 1, the derivative of C is C', and the gaps are constant.
+            # The forces q solve C q = -gaps with constant gaps. With the pressure, their sum
+            # changes by -l . C' q, where C' is the derivative of C, and `sum_by_gaps` l solves
+            # C l = 1.
             pressed = np.flatnonzero(forces)
             compliance = self._kernel.compliance(pressed, spacing)
             sum_by_gaps = np.linalg.solve(compliance, np.ones(len(pressed)))
@@ -199,12 +200,13 @@ class DentTable:
 
     def _weigh(self, angle: float, polynomial_angle: float) -> tuple[list[int], Array]:
         """Return four samples' numbers, and their weights (2, 4) at an angle, with derivatives."""
-        # The samples are the two before and the two after the angle of the polynomial.
-        start = math.floor(self._fractional_number(polynomial_angle, 0)[0])
+        # The samples are the two before and the two after the angle of the polynomial; the second
+        # one has the number `base`.
+        base = math.floor(self._fractional_number(polynomial_angle, 0)[0])
         if self._faces:
-            start = min(start, self._last_number - 1)
-        number, rate = self._fractional_number(angle, start)
-        x = number - start  # from 0 to 1 between the second and the third sample
+            base = min(base, self._last_number - 1)
+        number, rate = self._fractional_number(angle, base)
+        x = number - base  # from 0 to 1 between the second and the third sample
         powers = [x**n for n in range(6)]
         power_rates = [0.0, *(rate * n * power for n, power in enumerate(powers[:-1], start=1))]
         # Quintic polynomials, with the first and second central differences at both samples: for
@@ -212,14 +214,14 @@ class DentTable:
         coefficients = [[0, -1, 1, 3, -5, 2], [2, 0, -2, -9, 15, -6]]
         coefficients += [[0, 1, 1, 9, -15, 6], [0, 0, 0, -3, 5, -2]]
         weights = 0.5 * np.array([powers, power_rates]) @ np.array(coefficients).T
-        numbers = [start + i for i in (-1, 0, 1, 2)]
+        numbers = [base + i for i in (-1, 0, 1, 2)]
         if self._faces:
-            # The depth d at a sample beyond a face is extrapolated by a parabola through the next
-            # three samples: d_0 = 3 d_1 - 3 d_2 + d_3.
-            if start == -self._last_number:
+            # Instead of a sample beyond a face, its depth d is extrapolated by a parabola through
+            # the other three: d_0 = 3 d_1 - 3 d_2 + d_3.
+            if base == -self._last_number:
                 weights[:, 1:] += np.outer(weights[:, 0], [3.0, -3.0, 1.0])
                 weights[:, 0] = 0.0
-            if start == self._last_number - 1:
+            if base == self._last_number - 1:
                 weights[:, :-1] += np.outer(weights[:, -1], [1.0, -3.0, 3.0])
                 weights[:, -1] = 0.0
             numbers = [min(max(n, -self._last_number), self._last_number) for n in numbers]

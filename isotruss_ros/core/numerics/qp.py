@@ -54,8 +54,8 @@ class QuadraticProgram(NamedTuple):
 
 def solve_qp(problem: QuadraticProgram) -> Array | None:
     """Return the minimiser x (n,); None if none is found, or if P is not positive definite."""
-    bounded = problem.bounds < np.inf
-    rows, bounds = problem.rows[bounded], problem.bounds[bounded]
+    is_finite = problem.bounds < np.inf
+    rows, bounds = problem.rows[is_finite], problem.bounds[is_finite]
     # Every x = particular + null_space @ z fulfils the equalities.
     null_space, particular = _solve_equalities(problem)
     largest_coefficient = np.abs(rows).max(initial=SMALLEST_NORMAL)
@@ -70,7 +70,8 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     if failed:
         return None
     basis = null_space * scale
-    # y = L^T z + offset is zero at the minimum without inequalities.
+    # y = L^T z + offset is zero at the minimum without inequalities, which become
+    # y . column <= room.
     reduced_gradient = basis.T @ (problem.hessian @ particular + problem.gradient)
     offset, _ = lapack.dtrtrs(factor, reduced_gradient, lower=1)
     columns, _ = lapack.dtrtrs(factor, (rows @ basis).T, lower=1)
@@ -93,8 +94,8 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
                 return x
             if not len(active):
                 break
-            # The second step restores the digits of the active constraints that are lost if
-            # `offset` is much longer than x.
+            # Digits lost to an offset much longer than x are restored by a step to the active
+            # constraints.
             y_step = solve_least_squares(columns[:, active].T, bounds[active] - rows[active] @ x)
     return best
 
@@ -157,8 +158,8 @@ def find_nearest(columns: Array, room: Array, size: float, perturbation: float) 
         return None
     active = np.flatnonzero(weights)
     last_residual = 1.0 + matrix[-1, active] @ weights[active]
-    # It vanishes if constraints contradict each other. No constraint is active if the perturbed
-    # polyhedron contains the origin.
+    # The residual vanishes if constraints contradict each other. No constraint is active if the
+    # perturbed polyhedron contains the origin.
     if not EPSILON < last_residual <= 1.0 or not len(active):
         return None
     active_normals, active_distances = normals[:, active], distances[active]
