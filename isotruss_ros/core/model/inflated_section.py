@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Section stiffness of an inflated tube, and plausible ranges of a robot file's stiffness.
+Section stiffness of an inflated tube, and checks of a robot file's stiffness.
 
 Every plausible tube has a wall between rubber film and metal foil, and stretches its wall by a
 few percent. The theory of the inflatable beam turns these limits into ranges of EA, EI and GA for
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.robot_schema import plausible_range
-from isotruss_ros.core.model.stiffness_law import read_laws
+from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import SMALLEST_NORMAL
@@ -65,17 +65,23 @@ def inflated_section(
     )
 
 
-def find_implausible(file: RobotDescription) -> Iterator[str]:
-    """Yield a fault for each stiffness of a robot file that is implausible for its tubes."""
+def find_stiffness_faults(file: RobotDescription) -> Iterator[str]:
+    """Yield the faults of a robot file's stiffness at the file's lengths and pressures."""
     block, radius = file.stiffness, 0.5 * file.tube_diameter
     if block['model'] == 'inflatable_beam':
         modulus = float(block.get('membrane_modulus', MEMBRANE_MODULUS))
         yield from _overstretched('tube.pressure', max(file.pressures.values()), radius, modulus)
     elif block['model'] == 'section':
         yield from _implausible_section(block, radius, file.pressures, file.min_length)
-    # Power laws; `find_contradictions` refuses members without a length between guide rings.
-    elif file.min_length > 2.0 * file.module.guide_ring_distance:
-        yield from _implausible_laws(file, radius)
+        if 'pressure' not in block and len(set(file.pressures.values())) > 1:
+            yield (
+                "tube.stiffness: key 'pressure' is missing; where tubes have different pressures "
+                'it is the gauge pressure at which the three numbers hold [Pa]'
+            )
+    elif block['model'] == 'power_law':
+        has_spans = file.min_length > 2.0 * file.module.guide_ring_distance
+        implausible = list(_implausible_laws(file, radius)) if has_spans else []
+        yield from implausible or find_contradictions(file)
 
 
 def _overstretched(key: str, pressure: float, radius: float, modulus: float) -> Iterator[str]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.model.description import Module, RobotDescription, Tube
-from isotruss_ros.core.model.inflated_section import find_implausible
+from isotruss_ros.core.model.inflated_section import find_stiffness_faults
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.core.model.robot_schema import (
     find_faults,
@@ -19,7 +19,6 @@ from isotruss_ros.core.model.robot_schema import (
     refuse_if_any,
 )
 from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
-from isotruss_ros.core.model.stiffness_law import find_contradictions
 
 DEFAULT_FRAME = 'truss'
 #: Optional keys of the block `tube`, and fields of the description.
@@ -63,22 +62,8 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
         **{key: float(value) for key, value in content['members'].items()},
         **{key: float(content['tube'][key]) for key in TUBE_KEYS if key in content['tube']},
     )
-    refuse_if_any(path, _check_stiffness(description))
+    refuse_if_any(path, find_stiffness_faults(description))
     return description
-
-
-def _check_stiffness(description: RobotDescription) -> Iterator[str]:
-    """Yield a fault for lengths and pressures at which the stiffness model is invalid."""
-    stiffness, implausible = description.stiffness, list(find_implausible(description))
-    yield from implausible
-    if stiffness['model'] == 'power_law' and not implausible:
-        yield from find_contradictions(description)
-    is_uniform = len(set(description.pressures.values())) == 1
-    if stiffness['model'] == 'section' and 'pressure' not in stiffness and not is_uniform:
-        yield (
-            "tube.stiffness: key 'pressure' is missing; where tubes have different pressures "
-            'it is the gauge pressure at which the three numbers hold [Pa]'
-        )
 
 
 def _unknown(where: str, kind: str, names: Iterable[str], valid: Iterable[str]) -> Iterator[str]:
@@ -110,7 +95,7 @@ def _cross_check(content: Mapping[str, Any]) -> Iterator[str]:
         for name in tubes:
             if name not in pressure:
                 yield f'tube.pressure: tube {name} is missing; give one number, or one per tube'
-    driven = [
+    rollers = [
         f'{name}/{joint}'
         for name, tube in tubes.items()
         for joint in tube['joints']
@@ -118,7 +103,7 @@ def _cross_check(content: Mapping[str, Any]) -> Iterator[str]:
     ]
     for key in ('zero_deviations', 'checked_rollers'):
         names = content.get('calibration', {}).get(key, ())
-        yield from _unknown(f'calibration.{key}', 'roller', names, driven)
+        yield from _unknown(f'calibration.{key}', 'roller', names, rollers)
     occupants: dict[tuple[float, float], str] = {}
     for joint, (x, y) in joints.items():
         occupant = occupants.setdefault((x, y), joint)  # the first joint at this position
