@@ -151,40 +151,43 @@ class Shape(ABC):
         :param skin: position of the straight tube's skin along the normal, from the origin [m];
             infinite if the tube is not indented yet.
         """
-        # A point times this has its height along the normal as real part, and its position along
-        # the tube as imaginary part.
-        to_tube = normal.conjugate()
-        deepest = self.corner_at(normal)
-        point = self.point_at(deepest, normal)
-        ends = [PatchEnd(deepest, point, (point * to_tube).real, 0.0)]
-        behind_long_faces: list[PatchEnd] = []
-        depth = max(ends[0].height - skin, PLANNED_DEPTH * tube_radius)
-        min_height = ends[0].height - depth
-        # On both sides, corners in contact are reached over short faces and at most one long face.
-        for side in range(len(self.faces_at(deepest))):
-            corner, along, is_short = deepest, 0.0, True
-            while is_short:
-                face = self.faces_at(corner)[side]
-                corner, along = face.corner, along + face.step * face.length
-                is_short = face.length < tube_radius
-                height = (self.point_at(corner, face.normal) * to_tube).real
-                # A face is in contact at its ends only; a curve of short faces has no ends.
-                is_curve = is_short and abs(along) >= tube_radius
-                if height < min_height or corner == deepest or is_curve:
-                    break
-                reached = ends if is_short else behind_long_faces
-                reached.append(PatchEnd(corner, self.point_at(corner, normal), height, along))
-        # The main end is the highest, of equal ones that nearest to the centroid, and of those the
-        # first one without a long face to the deepest corner.
-        ends += behind_long_faces
+        corner = self.corner_at(normal)
+        point = self.point_at(corner, normal)
+        deepest = PatchEnd(corner, point, (point * normal.conjugate()).real, 0.0)
+        depth = max(deepest.height - skin, PLANNED_DEPTH * tube_radius)
+        ends = self._ends_above(deepest.height - depth, deepest, normal, tube_radius)
+        # Of ends with equal heights, the main end is the one nearest to the middle of the object.
         main_height = max(end.height for end in ends) - NEGLIGIBLE_SHARE * depth
         main = min(
             (end for end in ends if end.height >= main_height),
-            key=lambda end: abs(((end.point - self.centroid) * to_tube).imag),
+            key=lambda end: abs(((end.point - self.centroid) * normal.conjugate()).imag),
         )
         others = [end for end in ends if abs(end.along - main.along) >= tube_radius]
         patch = [main, max(others, key=lambda end: end.height)] if others else [main]
         return sorted(patch, key=lambda end: end.along)
+
+    def _ends_above(
+        self, height: float, deepest: PatchEnd, normal: complex, tube_radius: float
+    ) -> list[PatchEnd]:
+        """Return the corners above a height that may be ends of a patch, the deepest first."""
+        # They are reached from the deepest corner over short faces, and at most one long face on
+        # each side. Those behind a long face are last, because the first of equal ends is chosen.
+        behind_short_faces = [deepest]
+        behind_long_faces: list[PatchEnd] = []
+        for side in range(len(self.faces_at(deepest.corner))):
+            corner, along, is_short = deepest.corner, 0.0, True
+            while is_short:
+                face = self.faces_at(corner)[side]
+                corner, along = face.corner, along + face.step * face.length
+                is_short = face.length < tube_radius
+                face_end = (self.point_at(corner, face.normal) * normal.conjugate()).real
+                # A face is in contact at its ends only; a curve of short faces has no ends.
+                is_curve = is_short and abs(along) >= tube_radius
+                if face_end < height or corner == deepest.corner or is_curve:
+                    break
+                ends = behind_short_faces if is_short else behind_long_faces
+                ends.append(PatchEnd(corner, self.point_at(corner, normal), face_end, along))
+        return behind_short_faces + behind_long_faces
 
     @abstractmethod
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
