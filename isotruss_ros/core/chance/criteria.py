@@ -49,29 +49,29 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
     critical = list(dict.fromkeys(weakest + most_used + later[-1:]))
     if any(grip.response is None for grip in (start, *critical)):
         raise GraspError('the equilibrium is neutral: it must resist every motion')
-    change, tubes = find_unknown_rates(start)
-    parts = [_criteria(start, friction, tubes, change), _bound_displacement(start, tubes, change)]
+    rates, tubes = find_unknown_rates(start)
+    parts = [_criteria(start, friction, tubes, rates), _bound_displacement(start, tubes, rates)]
     rolling = start.statics.rolling_rows(start.state.unknowns, start.state.normals)
-    start_rates = _invariant_rates(start, tubes) + rolling @ change
+    at_start = _invariant_rates(start, tubes) + rolling @ rates
     for grip in critical:
         old, new = start.contacts, grip.contacts
-        # 1 where a contact (row) is one of the start (column). New contacts have no history.
-        same = (new.members[:, None] == old.members) & (new.corners[:, None] == old.corners)
-        rates, tubes = _equation_rates(grip, rolls=True)
-        rates[grip.state.places.conditions] = _invariant_rates(grip, tubes) - same @ start_rates
-        parts.append(_criteria(grip, friction, tubes, grip.respond(rates)))
+        # True where a contact (row) keeps the invariant of one of the start (column).
+        kept = (new.members[:, None] == old.members) & (new.corners[:, None] == old.corners)
+        residuals, tubes = _equation_rates(grip, rolls=True)
+        residuals[grip.state.places.conditions] = _invariant_rates(grip, tubes) - kept @ at_start
+        parts.append(_criteria(grip, friction, tubes, grip.respond(residuals)))
     names, values, derivatives = zip(*parts, strict=True)
     return Criteria(sum(names, ()), np.concatenate(values), np.concatenate(derivatives))
 
 
 def find_unknown_rates(grip: HeldGrip) -> tuple[Array, LoadedTubes]:
-    """Return the derivatives (3 + 4k, p) of an equilibrium's unknowns, and those of its tubes."""
+    """Return the derivatives (3 + 4k, p) of an equilibrium's unknowns, and tubes with theirs."""
     rates, tubes = _equation_rates(grip)
     return -np.linalg.solve(grip.state.jacobian, rates), tubes
 
 
 def _equation_rates(grip: HeldGrip, rolls: bool = False) -> tuple[Array, LoadedTubes]:
-    """Return the derivatives (3 + 4k, p) of the equilibrium equations, and those of the tubes."""
+    """Return the derivatives (3 + 4k, p) of the equilibrium equations, and tubes with theirs."""
     state, body, balance = grip.state, grip.body, grip.state.places.balance.start
     columns, reach = GraspParameters.of(grip.config), FOLLOWED_MOTION if rolls else ROUNDING
     tubes = LoadedTubes.of(grip, np.eye(columns.size, columns.size + 1), columns, reach)
@@ -87,22 +87,22 @@ def _equation_rates(grip: HeldGrip, rolls: bool = False) -> tuple[Array, LoadedT
     return rates, tubes
 
 
-def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Criteria:
+def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, rates: Array) -> Criteria:
     """Return four criteria that bound the object's displacement from its measured pose."""
     body, measured, normals = grip.body, grip.statics.body, grip.state.normals
-    turns = tubes.changes.spins + change[grip.state.places.inclinations]
+    turns = tubes.changes.spins + rates[grip.state.places.inclinations]
     normal_rates = 1j * normals[:, None] * turns
     # Components along and across the chord of the normals, which turns with them.
     chord, chord_rates = normals[0] - normals[-1], normal_rates[0] - normal_rates[-1]
     axis = chord / abs(chord)
     displacement = (body.middle - measured.middle) / axis
-    moved = change[0] + 1j * change[1] + 1j * (body.middle - body.center) * change[ANGLE]
+    body_rates = rates[0] + 1j * rates[1] + 1j * (body.middle - body.center) * rates[ANGLE]
     x, y, angle = tubes.changes.place
-    moved -= x + 1j * y + 1j * (measured.middle - measured.center) * angle
-    rates = moved / axis - 1j * (chord_rates / chord).imag * displacement
+    measured_rates = x + 1j * y + 1j * (measured.middle - measured.center) * angle
+    moved = (body_rates - measured_rates) / axis - 1j * (chord_rates / chord).imag * displacement
     largest = MAX_DISPLACEMENT * grip.config.robot.description.tube_diameter
     values = [-displacement.real, -displacement.imag, displacement.real, displacement.imag]
-    derivatives = np.array([-rates.real, -rates.imag, rates.real, rates.imag])
+    derivatives = np.array([-moved.real, -moved.imag, moved.real, moved.imag])
     return Criteria(4 * ('far from the given pose',), largest + np.array(values), derivatives)
 
 
@@ -127,21 +127,21 @@ def scaled(body: ConvexObject, factor: float) -> ConvexObject:
     return replace(body, shape=larger).moved_to(pose)
 
 
-def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, change: Array) -> Criteria:
-    """Return the criteria of one equilibrium, given derivatives (3 + 4k, p) of its unknowns."""
+def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, rates: Array) -> Criteria:
+    """Return the criteria of one equilibrium, given the rates (3 + 4k, p) of its unknowns."""
     indices, contacts, config = grip.state.places, grip.contacts, grip.config
-    normal, normal_rates = grip.normal_forces, contacts.sum_by_member(change[indices.normal])
-    friction_rates = contacts.sum_by_member(change[indices.friction])
+    normal, normal_rates = grip.normal_forces, contacts.sum_by_member(rates[indices.normal])
+    friction_rates = contacts.sum_by_member(rates[indices.friction])
     used = grip.friction_forces / normal  # mobilised coefficient of friction
     used_rates = (friction_rates - used[:, None] * normal_rates) / normal[:, None]
-    columns, unit = GraspParameters.of(config), np.eye(change.shape[1])
+    columns, unit = GraspParameters.of(config), np.eye(rates.shape[1])
     by_friction, by_rollers = unit[columns.friction], unit[columns.rollers]
-    utilisation, utilisation_rates = tubes.utilisation(tubes.respond(change))
-    feet, feet_rates, touched = grip.state.feet, change[indices.feet], contacts.members
+    utilisation, utilisation_rates = tubes.utilisation(tubes.respond(rates))
+    feet, feet_rates, touched = grip.state.feet, rates[indices.feet], contacts.members
     length_rates = config.robot.topology.incidence[touched] @ by_rollers
     others, depths = depths_in_others(grip)
     _, by_nodes, by_twist = collision_model(config.robot).body_distances(config, grip.body, others)
-    gap_rates = by_nodes @ config.node_jacobian @ by_rollers + by_twist @ change[:3]
+    gap_rates = by_nodes @ config.node_jacobian @ by_rollers + by_twist @ rates[:3]
     lengths, every_member = grip.statics.bent.lines.length, np.arange(len(utilisation))
     groups = [
         ('slip at', grip.members, friction - used, by_friction - used_rates),
@@ -154,5 +154,5 @@ def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, change: Array
     ]
     names = config.robot.member_names
     labels = [f'{what} {names[i]}' for what, members, *_ in groups for i in members.tolist()]
-    _, _, values, rates = zip(*groups, strict=True)
-    return Criteria(tuple(labels), np.concatenate(values), np.concatenate(rates))
+    _, _, values, derivatives = zip(*groups, strict=True)
+    return Criteria(tuple(labels), np.concatenate(values), np.concatenate(derivatives))

@@ -60,8 +60,7 @@ class Grip(Record, headline=('members', 'friction', 'body')):
             friction = self.body.friction_or(self.friction)
         except AttributeError:
             raise GraspError(f'object {self.body!r}: must be a ConvexObject') from None
-        names = check_member_names(self.members)
-        object.__setattr__(self, 'members', names)
+        object.__setattr__(self, 'members', check_member_names(self.members))
         object.__setattr__(self, 'friction', check_friction(friction))
 
     @property

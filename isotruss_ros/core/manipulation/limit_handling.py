@@ -35,7 +35,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import Limit, Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Task
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Flags
 from isotruss_ros.core.numerics.qp import QuadraticProgram, require_solution, solve_qp
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
@@ -72,9 +72,34 @@ def apply_limits(
     config: Configuration, task: Task, limits: Sequence[Limit], rows: Rows, handling: LimitHandling
 ) -> tuple[Array, float, Status, tuple[str, ...]]:
     """Return the roller speeds (r,) under limits, scale, status, and names at binding limits."""
-    reach, max_speed = task.reach, config.robot.description.max_speed
-    working = reach.working
-    gain = float(np.abs(task.free).max())  # largest roller speed relative to that of the task [-]
+    max_speed = config.robot.description.max_speed
+    row_limits = [(limit, name) for limit in limits for name in limit.row_names(config)]
+    slides = np.array([limit.can_slide for limit, _ in row_limits]) & handling.slide_along_limits
+    speeds, scale, slack, is_sliding = _limit_speeds(task, rows, slides, max_speed, handling)
+    velocities = task.reach.working.spread(speeds)
+    if scale > 1.0 - ROUNDING:
+        return velocities, 1.0, task.status, ()
+    # A row binds if a step toward the free solution would violate it.
+    is_binding = (slack < NEGLIGIBLE_SHARE) & (rows.slack(task.velocities) < 0.0)
+    binding = [row_limits[i] for i in np.flatnonzero(is_binding)]
+    status = task.status
+    if status is Status.OK:
+        slowed = binding[0][0].status if binding else Status.SLOWED_ROLLER_SPEED
+        status = Status.SLIDING if is_sliding else slowed
+    return velocities, scale, status, tuple(name for _, name in binding)
+
+
+def _limit_speeds(
+    task: Task, rows: Rows, slides: Flags, max_speed: float, handling: LimitHandling
+) -> tuple[Array, float, Array, bool]:
+    """
+    Return the working rollers' speeds (w,) under limits [m/s], and the scale of the twist.
+
+    Also return the slack of all rows, relative to the largest roller speed, and whether the
+    twist is projected on the rows along which it slides.
+    """
+    reach, working = task.reach, task.reach.working
+    gain = float(np.abs(task.free).max())  # largest roller speed per unit of `task.speed` [-]
     desired_speed = gain * task.speed  # largest roller speed of the least-cost speeds [m/s]
     # The solver's tolerance is absolute, so speeds are divided by the smaller of desired and
     # possible speed.
@@ -93,35 +118,25 @@ def apply_limits(
     if handling.regularized:
         penalty = min(penalty, PROGRESS_WEIGHT * max_speed / (unit * gain))
         weight = 1.0 / PROGRESS_WEIGHT
-    row_limits = [(limit, name) for limit in limits for name in limit.row_names(config)]
-    slides = np.array([limit.can_slide for limit, _ in row_limits]) & handling.slide_along_limits
+    # Largest progress along the direction, under the limits along which the twist cannot slide.
     scaling_bounds = Rows(*(part[~slides] for part in bounds))
     solution, progress = maximize_progress(
         working.cost, reach.rows, direction, max_progress, scaling_bounds, free_cost, penalty
     )
-    slack, is_sliding = bounds.slack(solution), False
-    if handling.slide_along_limits and (slack < -NEGLIGIBLE_SHARE).any():
-        is_sliding, dof = True, len(reach.directions)
-        opening, change_bounds = progress * direction[dof:], bounds.about(solution)
+    slack = bounds.slack(solution)
+    is_sliding = handling.slide_along_limits and bool((slack < -NEGLIGIBLE_SHARE).any())
+    if is_sliding:
+        # Least deviation from these speeds under all limits.
+        dof, change_bounds = len(reach.directions), bounds.about(solution)
+        opening = progress * direction[dof:]
         change = least_deviation(working.cost, reach.rows, dof, opening, change_bounds, weight)
         solution = solution + change
+        # Component of the deviation along the unit vector of the task, in units of `direction`.
         progress += gain * float(task.direction.dot(reach.rows.dot(change)))
         slack = bounds.slack(solution)
-    scale = min(1.0, max(0.0, progress * unit / gain / task.speed))
-    if progress < ROUNDING:
-        # Speeds without progress are rounding errors.
-        solution, scale = np.zeros_like(solution), 0.0
-    velocities = working.spread(solution * unit)
-    if scale > 1.0 - ROUNDING:
-        return velocities, 1.0, task.status, ()
-    # A row binds if a step toward the free solution would violate it.
-    is_binding = (slack < NEGLIGIBLE_SHARE) & (rows.slack(task.velocities) < 0.0)
-    binding = [row_limits[i] for i in np.flatnonzero(is_binding)]
-    status = task.status
-    if status is Status.OK:
-        slowed = binding[0][0].status if binding else Status.SLOWED_ROLLER_SPEED
-        status = Status.SLIDING if is_sliding else slowed
-    return velocities, scale, status, tuple(name for _, name in binding)
+    if progress < ROUNDING:  # speeds without progress are rounding errors
+        return np.zeros_like(solution), 0.0, slack, is_sliding
+    return solution * unit, min(1.0, progress * unit / gain / task.speed), slack, is_sliding
 
 
 def maximize_progress(

@@ -79,10 +79,10 @@ class RollingGrip:
         angles = np.angle(normals * grip.body.turn.conjugate())
         owners, corners = np.array([(contact.owner, contact.corner) for contact in contacts]).T
         shape = grip.body.shape.smoothed(0.5 * config.robot.description.tube_diameter)
-        none = np.zeros((2, len(owners)))
-        rolling = cls(config, grip, angles, owners, corners, none, sides, shape)
-        body, lines = grip.body, rolling._lines(config)
-        invariants, _ = rolling._touch(lines, body.center, body.pose.angle, corners)
+        unset = np.zeros((2, len(owners)))
+        rolling = cls(config, grip, angles, owners, corners, unset, sides, shape)
+        angle = grip.body.pose.angle
+        invariants, _ = rolling._touch(rolling._lines(config), grip.center, angle, corners)
         return replace(rolling, invariants=invariants)
 
     @property
@@ -113,7 +113,7 @@ class RollingGrip:
         contacts = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
         options = [[ends, *([end] for end in ends)] for ends in contacts]
         for choice in itertools.product(*options):
-            pressed = list(itertools.chain(*choice))
+            pressed = list(itertools.chain(*choice))  # indices of contacts
             if len(pressed) == len(self.owners):
                 continue
             fewer = replace(
@@ -148,9 +148,9 @@ class RollingGrip:
             x, y, arc = change = np.linalg.lstsq(rows, -deviations, rcond=ROUNDING)[0]
             center += complex(x, y)
             angle += arc / body.arm  # rotations times the arm are lengths
-            size = max(abs(x), abs(y), abs(arc))
-            settled = size <= COINCIDENCE * max(1.0, abs(center) / body.arm)
-            if settled or (body.shape.is_round and size <= body.arm):
+            step_size = max(abs(x), abs(y), abs(arc))
+            has_converged = step_size <= COINCIDENCE * max(1.0, abs(center) / body.arm)
+            if has_converged or (body.shape.is_round and step_size <= body.arm):
                 # For a disc the invariants are linear in the step.
                 misfit = float(np.abs(deviations + rows.dot(change)).max())
                 grip = self.grip.moved_to((center.real, center.imag, angle))
@@ -161,7 +161,7 @@ class RollingGrip:
                 return replace(
                     self, config=config, grip=grip, angles=angles, corners=corners, misfit=misfit
                 )
-            if not size <= body.arm:
+            if not step_size <= body.arm:
                 break
         raise GraspError(
             'no pose of the object keeps its contacts in the new configuration: take smaller '

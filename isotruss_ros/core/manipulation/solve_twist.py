@@ -100,18 +100,16 @@ def _carry_out(
     config: Configuration, task: Task, limits: Sequence[Limit] | None, handling: LimitHandling
 ) -> RollerCommand:
     """Return the least-cost (11) command under limits for a twist or joint velocities."""
-    velocities, scale, status, reach = task.velocities, 1.0, task.status, task.reach
+    speeds, scale, status, reach = task.velocities, 1.0, task.status, task.reach
     limiting: tuple[str, ...] = ()
     limits = default_limits(config.robot) if limits is None else limits
     rows = stack_rows(config, limits)
-    rates = rows.matrix.dot(velocities)
+    rates = rows.matrix.dot(speeds)
     if not ((rates <= rows.upper) & (rates >= rows.lower)).all():
-        velocities, scale, status, limiting = apply_limits(config, task, limits, rows, handling)
-    achieved, dof = reach.motion.dot(velocities), len(reach.directions)
+        speeds, scale, status, limiting = apply_limits(config, task, limits, rows, handling)
+    achieved, dof = reach.motion.dot(speeds), len(reach.directions)
     contacts = reach.working.spread(reach.rows[dof:])
-    return RollerCommand(
-        velocities, achieved, scale, status, limiting, dof, reach.motion, contacts
-    )
+    return RollerCommand(speeds, achieved, scale, status, limiting, dof, reach.motion, contacts)
 
 
 def solve_twist_ahead(

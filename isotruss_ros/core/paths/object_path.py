@@ -56,8 +56,11 @@ class ObjectPath:
         smooth: bool = False,
         first: int = 0,
     ) -> None:
-        self.speed = _check_limit('speed', speed, 10.0, 'm/s')
-        self.turn_rate = _check_limit('turn rate', turn_rate, 100.0, 'rad/s')
+        if not 0.0 < speed <= 10.0:  # also refuses NaN
+            raise PathError(f'speed {speed!r} m/s: must be positive, at most 10 m/s')
+        if not 0.0 < turn_rate <= 100.0:
+            raise PathError(f'turn rate {turn_rate!r} rad/s: must be positive, at most 100 rad/s')
+        self.speed, self.turn_rate = float(speed), float(turn_rate)
         self.poses = _drop_repeated(_read_poses(poses, first))
         if smooth:
             self.poses = _drop_repeated(_sample_spline(self.poses, self._durations()))
@@ -97,12 +100,6 @@ class ObjectPath:
         if math.isnan(time):
             raise PathError(f'time {time!r} s on the path: must be a number')
         return np.array([np.interp(time, self.times, values) for values in self.poses.T])
-
-
-def _check_limit(name: str, value: float, most: float, unit: str) -> float:
-    if not 0.0 < value <= most:  # also refuses NaN
-        raise PathError(f'{name} {value!r} {unit}: must be positive, at most {most:g} {unit}')
-    return float(value)
 
 
 def _read_poses(poses: ArrayLike, first: int) -> Array:

@@ -178,7 +178,7 @@ class PathTracker:
         ramp_time, timeout = settings.ramp_time, settings.progress_timeout
         self.clock = PathClock(path.duration, ramp_time, timeout, period)
         self.max_position_error = self.max_angle_error = 0.0
-        self._elapsed = self._squared_errors = 0.0  # integral of 1 and of squared errors
+        self._seconds = self._squared_errors = 0.0  # duration, and integral of squared errors
 
     def allow_for_inertia(self, frequency: float) -> None:
         """
@@ -190,7 +190,8 @@ class PathTracker:
         """
         if frequency > 0.0:
             settings, path = self.settings, self.path
-            # The acceleration speed / ramp_time may deviate by a share of the tolerance.
+            # On a ramp, with the acceleration speed / ramp_time, the peak deviation is at most
+            # `SLOWING_SHARE` of the tolerance.
             translation = path.speed / settings.position_tolerance
             rotation = path.turn_rate / settings.angle_tolerance
             factor = PEAK_DEVIATION_FACTOR / (SLOWING_SHARE * frequency**2)
@@ -199,7 +200,7 @@ class PathTracker:
     @property
     def rms_position_error(self) -> float:
         """Return the root mean square of the position error so far [m]."""
-        return math.sqrt(self._squared_errors / self._elapsed) if self._elapsed > 0.0 else 0.0
+        return math.sqrt(self._squared_errors / self._seconds) if self._seconds > 0.0 else 0.0
 
     def update(
         self, measured: Pose, age: float, elapsed: float, scale: float = 1.0, held: bool = False
@@ -220,19 +221,19 @@ class PathTracker:
         clock, settings = self.clock, self.settings
         error = pose_difference(self.path.pose(clock.time_then(elapsed, age)), measured)
         position_error, angle_error = math.hypot(error[0], error[1]), abs(float(error[2]))
-        share = max(
+        error_share = max(
             position_error / settings.position_tolerance, angle_error / settings.angle_tolerance
         )
-        max_rate = (STOPPING_SHARE - share) / (STOPPING_SHARE - SLOWING_SHARE)
+        max_rate = (STOPPING_SHARE - error_share) / (STOPPING_SHARE - SLOWING_SHARE)
         max_rate = min(max(max_rate, 0.0), 1.0)
         previous, was_at_end = self.path.pose(clock.time), clock.at_end
         time_step = clock.advance(elapsed, max_rate, scale, held)
         self.max_position_error = max(self.max_position_error, position_error)
         self.max_angle_error = max(self.max_angle_error, angle_error)
-        self._elapsed += time_step
+        self._seconds += time_step
         # The operator ** would raise an error for large numbers.
         self._squared_errors += time_step * position_error * position_error
-        phase = self._phase(share, was_at_end, min(max_rate, scale), held)
+        phase = self._phase(error_share, was_at_end, min(max_rate, scale), held)
         twist, message = np.zeros(3), ''
         if phase in FINISHED:
             where = 'the end of the path' if clock.at_end else 'the path'
@@ -259,18 +260,18 @@ class PathTracker:
         twist[2] *= min(1.0, MAX_FEEDBACK_SHARE * path.turn_rate / max(turn_rate, COINCIDENCE))
         return twist
 
-    def _phase(self, share: float, was_at_end: bool, pace: float, held: bool) -> PathPhase:
+    def _phase(self, error_share: float, was_at_end: bool, rate: float, held: bool) -> PathPhase:
         """
         Return the phase of path following.
 
-        :param share: error divided by its tolerance [-].
+        :param error_share: error divided by its tolerance [-].
         :param was_at_end: whether path time had reached its end when the pose was measured.
-        :param pace: rate of path time that the robot's lag and limits admit.
+        :param rate: rate of path time that the robot's lag and limits admit.
         """
-        if share > 1.0:
+        if error_share > 1.0:
             return PathPhase.OFF_PATH
         # At the end of the path, half of the tolerances applies.
-        if was_at_end and not held and share <= 0.5:
+        if was_at_end and not held and error_share <= 0.5:
             return PathPhase.REACHED
         if self.clock.waited > self.settings.progress_timeout:
             return PathPhase.OFF_PATH if was_at_end and not held else PathPhase.STUCK
@@ -278,4 +279,4 @@ class PathTracker:
             return PathPhase.HELD
         if was_at_end:
             return PathPhase.SETTLING
-        return PathPhase.SLOWED if pace < 1.0 else PathPhase.FOLLOWING
+        return PathPhase.SLOWED if rate < 1.0 else PathPhase.FOLLOWING

@@ -87,7 +87,7 @@ class RollerTrajectory:
                 f'from point {point} to {point + 1}; must be at most {max_acceleration:g} m/s^2'
             )
         half_blends = 0.5 * jumps / max_acceleration  # half of each blend's duration [s]
-        centres = stamps + max(half_blends[0] - stamps[0], 0.0)
+        centres = stamps + max(half_blends[0] - stamps[0], 0.0)  # no blend begins before time 0
         # Velocities are linear between the times at which blends begin and end. Blends may overlap
         # by the tolerance of the acceleration.
         knots = np.stack([centres - half_blends, centres + half_blends], axis=1).ravel()
@@ -160,7 +160,7 @@ class RollerTrajectoryServo:
         self._tolerances = TrajectoryTolerances()
         unbounded = np.full(len(robot.roller_names), np.inf)
         self._default_goal = Tolerance(np.full_like(unbounded, TOLERANCE), unbounded)
-        self._start = self._last_cycle = self._waited = 0.0
+        self._start = self._last_cycle = self._waited = 0.0  # waited: time without progress [s]
         self._measured = 0.0  # time of the last valid measurement [s]
         self._arrived = math.inf  # since when all rollers are within the end tolerance [s]
         self._offsets: Array | float = 0.0  # of the rollers, before the end of the trajectory [m]
@@ -234,10 +234,10 @@ class RollerTrajectoryServo:
         # moving rollers seem to lead.
         has_lag = min(float(np.abs(error_next).max()), float(np.abs(error_now).max())) > MAX_LAG
         error = error_now if has_lag else error_next
-        lag, is_default = float(np.abs(error).max()), self._tolerances.goal is None
+        is_default = self._tolerances.goal is None
         goal = self._default_goal if is_default else self._tolerances.goal
-        violation = goal.find_violation(names, trajectory.at(trajectory.duration), state)
-        has_arrived = is_at_end and not violation
+        goal_violation = goal.find_violation(names, trajectory.at(trajectory.duration), state)
+        has_arrived = is_at_end and not goal_violation
         self._arrived = min(self._arrived, now) if has_arrived else math.inf
         if min(measured.time, now) - self._arrived > REST_TIME:
             return self._finish()
@@ -251,17 +251,18 @@ class RollerTrajectoryServo:
             latest_arrival = self._start + trajectory.duration + self._tolerances.goal_time
             is_overdue = now > latest_arrival or (is_stuck and not is_at_end)
         if is_overdue and not has_arrived:
+            worst = int(np.abs(error).argmax())
+            lag = abs(error[worst])
             if is_default and is_at_end and lag <= NEAR_TOLERANCE:
                 return self._finish()
-            worst = names[int(np.abs(error).argmax())]
-            failure = f'roller {worst} stays {lag:.4g} m behind the trajectory'
-            at_goal = is_at_end or not is_stuck
-            return self._finish(failure if is_default else violation or failure, at_goal)
+            failure = '' if is_default else goal_violation
+            failure = failure or f'roller {names[worst]} stays {lag:.4g} m behind the trajectory'
+            return self._finish(failure, at_goal=is_at_end or not is_stuck)
+        # Feed-forward of the trajectory's velocity, which is zero during a lag, and feedback.
         speeds = (error - error_now) / (elapsed or self.timeout) + POSITION_GAIN * error_now
         if is_at_end:
             # Rollers that have arrived stay at rest; they need no further feedback.
-            tolerances = np.minimum(TOLERANCE, goal.positions)
-            speeds = np.where(np.abs(error) <= tolerances, 0.0, speeds)
+            speeds = np.where(np.abs(error) <= np.minimum(TOLERANCE, goal.positions), 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit))
 

@@ -36,7 +36,7 @@ def judge_candidate(config: Configuration, closing: Closing) -> Judgement:
             if closed is not None:
                 pressed, grip = closed
                 if closing.needs.carry:
-                    tally.closest = None
+                    tally.closest = None  # the violation that ended the closing is no reason
                     grip = _check_carry(grip, closing)
                 grasp = _describe_grasp(closing.needs, [*opened, *pressed], len(opened), grip)
     except IsotrussError as error:

@@ -32,13 +32,14 @@ from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 from isotruss_ros.core.planning.approach import Closing, evaluate_state, FIRST_INDENTATION, press
 from isotruss_ros.core.planning.facing import CONE_SHARE
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
-from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
 #: Relative tolerance of the squeeze, and of the forces of three members compared with those of a
 #: balance without friction [-].
 SQUEEZE_TOLERANCE = 1e-3
+#: Smallest ratio of the squeeze to the required squeeze [-].
+MIN_SQUEEZE_SHARE = 1.0 - 2.0 * SQUEEZE_TOLERANCE
 #: Tolerance of the pose, with rotations times the characteristic radius [m].
 PLACE_TOLERANCE = 2e-5
 #: Weight of the rotation relative to the other residuals in units of their tolerances, if not all
@@ -159,10 +160,10 @@ def close_in_place(touch: Configuration, closing: Closing) -> Iterator[ClosedGri
     if len(closing.members) > 2:
         with closing.tally.recording():
             yield _judge(grasp, closing)
-    step_share = 1.0
-    while step_share >= REFINEMENT and not (needs.squeeze and _has_squeeze(grasp, needs)):
+    step_share, max_squeeze = 1.0, needs.squeeze or math.inf
+    while step_share >= REFINEMENT and grasp.squeeze < MIN_SQUEEZE_SHARE * max_squeeze:
         rise = -CLOSING_STEP * diameter * grasp.squeeze_stiffness()
-        force = min(grasp.squeeze + step_share * rise, needs.squeeze or math.inf)
+        force = min(grasp.squeeze + step_share * rise, max_squeeze)
         with closing.tally.recording():
             moved = _require_hold(squeeze_in_place(grasp, force, closing), usable_friction)
             yield _judge(moved, closing)
@@ -181,7 +182,7 @@ def _judge(grasp: HeldGrip, closing: Closing) -> ClosedGrip:
     closing.tally.analyses += 1
     needs.check_bounds(max_contact_force=forces.max(), max_total_force=forces.sum())
     needs.check_bounds(max_utilisation=grasp.sections.used.max())
-    if _has_squeeze(grasp, needs):
+    if grasp.squeeze >= MIN_SQUEEZE_SHARE * (needs.squeeze or 0.0):
         with closing.tally.recording():
             loaded, chance = grasp, None
             if any(needs.external_wrench):
@@ -193,11 +194,6 @@ def _judge(grasp: HeldGrip, closing: Closing) -> ClosedGrip:
                 chance = _find_chance(grasp, loaded, closing.uncertainty, needs.friction)
             return ClosedGrip(grasp, slip_margin, chance)
     return ClosedGrip(grasp, slip_margin=None)  # it violates a requirement
-
-
-def _has_squeeze(grasp: HeldGrip, needs: GraspRequirements) -> bool:
-    """Return whether a grasp has the squeeze that is required, if one is."""
-    return grasp.squeeze >= (1.0 - 2.0 * SQUEEZE_TOLERANCE) * (needs.squeeze or 0.0)
 
 
 def _require_hold(grasp: HeldGrip | None, friction: float) -> HeldGrip:

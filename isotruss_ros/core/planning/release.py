@@ -77,11 +77,12 @@ def plan_release(
             f'clearance {clearance:.6g} m: must be positive, at most {longest:.6g} m, as long as '
             'all tubes together'
         )
-    numbers = find_members(config.robot.topology, Grip(tuple(members), body).members).members
+    names = Grip(tuple(members), body).members
+    indices = find_members(config.robot.topology, names).members
     limit = MemberLengthLimit(description.min_length, description.max_length, BOUND_SHARE)
     held = None if record is None else record.restore(config, body)
     body = body if held is None else held.body  # the pose in the model
-    closing = Closing(body, numbers, limit, GraspRequirements())
+    closing = Closing(body, indices, limit, GraspRequirements())
     try:
         path, closing = _unload(config, closing, held)
         turn = abs(math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi))

@@ -44,7 +44,7 @@ def find_seeds(
         raise RequirementError('enclosed', 0.0, 1.0)
     groups = [*itertools.combinations(enclosing, 2), *itertools.combinations(enclosing, 3)]
     groups = [group for group in groups if not required or required == set(group)]
-    if number > 0 and groups:
+    if number > 0 and groups:  # from several random postures
         groups *= math.ceil(MAX_SEEDS / len(groups))
     shortest = description.min_length if needs.min_length is None else needs.min_length
     longest = description.max_length if needs.max_length is None else needs.max_length
@@ -54,7 +54,7 @@ def find_seeds(
     seeds: list[tuple[float, Closing]] = []
     for group in groups:
         turn_weight, friction_angle, posture = TURN_WEIGHT, math.atan(needs.friction), None
-        if number > 0:  # later rounds start from random postures
+        if number > 0:
             turn_weight *= rng.uniform(0.0, 1.0)
             random_travel = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * random_travel
@@ -104,5 +104,5 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     distances = np.where(crosses & (distances > 0.0), distances, np.inf)
     if np.isinf(distances.min(axis=1)).any():
         return ()
-    nearest = distances.argmin(axis=1)
+    nearest = distances.argmin(axis=1)  # the first segments are the members
     return tuple(int(i) for i in np.unique(nearest[nearest < topology.n_modules]))

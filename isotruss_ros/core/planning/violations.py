@@ -52,7 +52,7 @@ class Violation:
 
     @property
     def distance(self) -> float:
-        """Return the relative error of a bounded value, more than 1 for other requirements."""
+        """Return the distance from an admissible grasp: a relative error, or more than 1."""
         if self.requirement in BOUNDS:
             low, high = sorted((max(self.value, 0.0), self.bound))
             return 1.0 - low / high if high > 0.0 else 1.0
