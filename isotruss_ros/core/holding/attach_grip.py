@@ -81,10 +81,10 @@ def attach_grip(
     max_sets = QUICK_SETS if quick else MAX_SEARCH_STEPS
     newton_steps = MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS
     solve = _contact_solver(config, body, pressure, stiffness, wrench, newton_steps, starts)
-    attached = search_contacts(solve, find_pressed(config, body, members), limit=max_sets)
-    if attached is None:
+    grip = search_contacts(solve, find_pressed(config, body, members), limit=max_sets)
+    if grip is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
-    return attached
+    return grip
 
 
 def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
@@ -94,12 +94,10 @@ def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
     With wrong roller offsets the modelled tubes are inclined, so the model has a gap, at most
     `gap` [m], at one end of a face that is in contact.
     """
-    if grip.required_friction <= friction:
+    if grip.required_friction <= friction:  # held as it is
         return grip
     body, stiffness = grip.statics.body, grip.statics.bent.stiffness
-    solve = _contact_solver(
-        grip.config, body, grip.pressures, stiffness, grip.wrench, MAX_SEARCH_STEPS
-    )
+    solve = _contact_solver(grip.config, body, grip.pressures, stiffness, grip.wrench)
     for corner in sorted(find_free_corners(grip, gap), reverse=True):  # deepest first
         *_, whole_face = add_corner(grip, corner, rolls=False)
         on_face = search_contacts(solve, whole_face.contacts, limit=QUICK_SETS)
@@ -114,7 +112,7 @@ def _contact_solver(
     pressure: Pressure | None,
     stiffness: float,
     wrench: Array,
-    steps: int,
+    steps: int = MAX_SEARCH_STEPS,
     starts: Sequence[Start] = (),
 ) -> ContactSolver:
     """Return the solver of equilibria near the measured pose, with unknown contact history."""

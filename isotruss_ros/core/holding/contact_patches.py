@@ -40,7 +40,8 @@ def find_patches(
     structure = bent.structure
     radius = 0.5 * structure.config.robot.description.tube_diameter
     gauge = np.array(structure.pressures)[structure.config.robot.topology.tube[contacts.members]]
-    tension, sides = _wall_tension(state, bent, gauge, radius), np.sign(state.loads[:, 1])
+    tension = _wall_tension(state, bent, gauge, radius)
+    sides = np.sign(state.loads[:, 1])
     begins, ends = np.full(len(skins), np.inf), np.full(len(skins), -np.inf)
     # Columns: length, area and force of each contact; its largest width and pressure, flatness.
     sums, maxima = np.zeros((2, len(skins), 3))

@@ -63,9 +63,8 @@ class ContactSet(NamedTuple):
         """Return the set with another contact, inserted at an index."""
         members = np.insert(self.contacts.members, index, member)
         corners = np.insert(self.contacts.corners, index, corner)
-        return ContactSet(
-            PressedContacts(members, corners), np.insert(self.origins, index, origin)
-        )
+        origins = np.insert(self.origins, index, origin)
+        return ContactSet(PressedContacts(members, corners), origins)
 
 
 class FreeCorner(NamedTuple):
@@ -124,7 +123,7 @@ def search_contacts(
 
 
 def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
-    """Return sets without the largest violation, most likely last; empty without violation."""
+    """Return sets without the grip's largest violation, most likely last; or an empty list."""
     contacts, forces = grip.contacts, grip.state.normal_forces
     # Each of two members keeps a contact; one of three members may lose it.
     may_open = contacts.at_faces | (rolls and contacts.owners[-1] > 1)
@@ -211,9 +210,9 @@ def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
     starts, normals = facing_lines(grip.config, body, members)
     length, axis = grip.config.member_lengths[members], grip.config.member_axes[members]
 
-    def offsets(origins: Points, normals: Points) -> Points:
+    def offsets(origins: Points, directions: Points) -> Points:
         """Return vectors from given origins to the corners, along + i across the members."""
-        points = _corner_points(body.shape, corners, normals / body.turn)
+        points = _corner_points(body.shape, corners, directions / body.turn)
         return (body.center + body.turn * points - origins) / axis
 
     straight_positions = offsets(starts, normals).real
@@ -246,7 +245,7 @@ def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
 
 
 def add_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSet]:
-    """Return the sets with a corner in contact, the most likely set last."""
+    """Return the sets of contacts to which a free corner is added, the most likely set last."""
     contacts, shape, radius = grip.contacts, grip.body.shape, grip.statics.tube_radius
     member = contacts.members[free.contact]
     is_on_member = contacts.members == member

@@ -159,8 +159,8 @@ class ContactStatics:
         to_member = lines.axis.conj()
         # From the object's origin to the contacts, in member axes. If the object turns while the
         # tube does not, the contact point moves back on the object's surface.
-        arms = to_member * turn * points
-        arms_by_angle = 1j * (arms - radii * member_normals)
+        to_contacts = to_member * turn * points
+        contacts_by_angle = 1j * (to_contacts - radii * member_normals)
 
         # Touch and balance are affine functions of the loads (k, 3). Here they are evaluated
         # without their constants, which follow below.
@@ -173,7 +173,7 @@ class ContactStatics:
         by_loads = np.zeros((affine.stop, count, 3))
         by_loads[: 3 * count] = compliance.matrix.reshape(3 * count, count, 3)
         by_loads[-3:-1, :, :2] = reactions.real, reactions.imag
-        by_loads[-1, :, 0], by_loads[-1, :, 1] = arms.imag / arm, -arms.real / arm
+        by_loads[-1, :, :2] = (-1j * to_contacts).view(np.float64).reshape(count, 2) / arm
         residual[affine] = by_loads.reshape(affine.stop, -1) @ pushes.loads.ravel()
         # Axes: equation r, cause n as in `Pushes.rates`, contact k, component c of its load.
         by_cause = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
@@ -181,7 +181,8 @@ class ContactStatics:
         jacobian[affine, ANGLE] = by_cause[:, 3].sum(axis=1)
 
         # Gaps (along + i across) at straight tubes, and displacements by the contacts' positions.
-        gaps = to_member * (lines.start - center) - arms + feet - pushes.skin * member_normals
+        to_starts = to_member * (lines.start - center)
+        gaps = to_starts - to_contacts + feet - pushes.skin * member_normals
         touch = residual[: 3 * count].reshape(count, 3)
         touch += compliance.constant + compliance.rates @ feet
         touch[:, :2] += gaps.view(np.float64).reshape(count, 2)
@@ -192,7 +193,7 @@ class ContactStatics:
         touch_rows[:, 0, indices.feet] = np.eye(count)
         touch_rows[:, :, indices.feet] += compliance.rates
         dents_by_angle = pushes.depth_by_angle * member_normals
-        gaps_by_angle = arms_by_angle + dents_by_angle
+        gaps_by_angle = contacts_by_angle + dents_by_angle
         touch_rows[:, :2, ANGLE] -= gaps_by_angle.view(np.float64).reshape(count, 2)
         # Derivatives of each contact's gaps by its own inclination and normal force. Axes: contact
         # k, equation a of touch, and kind n of unknown: position, inclination, normal, friction.
@@ -207,7 +208,7 @@ class ContactStatics:
         # The arms of the forces turn with the normals and with the object.
         residual[indices.balance] += wrench
         jacobian[moment_row, indices.inclinations] += radii * unknowns[indices.normal] / arm
-        moment_by_angle = -complex(np.vdot(arms_by_angle, pushes.member_forces)).imag
+        moment_by_angle = -complex(np.vdot(contacts_by_angle, pushes.member_forces)).imag
         jacobian[moment_row, ANGLE] = moment_by_angle / arm
         residual[indices.conditions], jacobian[indices.conditions] = conditions(unknowns, normals)
         return residual, ContactForces(unknowns, normals, pushes.loads, jacobian)

@@ -166,15 +166,16 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         is_beside = to_kinks > 0.0
         kink_shares = np.abs(responses[rows[is_beside]] / to_kinks[is_beside, None]).max(axis=0)
         motions = np.abs(responses[:POSE]) * [[1.0], [1.0], [grip.arm]]
-        sizes = 1.0 / np.maximum(motions.max(axis=0) / STEP, kink_shares / KINK_SHARE)
-        rates = np.empty((*self._unknown_rates.shape, len(sizes)))
-        for i, size in enumerate(sizes.tolist()):
+        # Multiples of the responses that reach one of both bounds.
+        steps = 1.0 / np.maximum(motions.max(axis=0) / STEP, kink_shares / KINK_SHARE)
+        rates = np.empty((*self._unknown_rates.shape, len(steps)))
+        for i, step in enumerate(steps.tolist()):
             forward, backward, two_forward, two_backward = (
-                _displaced_rates(self._tubes, self._unknown_rates, step * size * responses[:, i])
-                for step in (1.0, -1.0, 2.0, -2.0)
+                _displaced_rates(self._tubes, self._unknown_rates, count * step * responses[:, i])
+                for count in (1.0, -1.0, 2.0, -2.0)
             )
             difference = 8.0 * (forward - backward) - (two_forward - two_backward)
-            rates[..., i] = difference / (12.0 * size)
+            rates[..., i] = difference / (12.0 * step)
         return rates
 
 
@@ -220,7 +221,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
 
 
 def _displaced_rates(tubes: LoadedTubes, unknown_rates: Array, shift: Array) -> Array:
-    """Return the derivatives (3 + 4k, p) of F along the grasp's change, at displaced unknowns."""
+    """Return the equations' derivatives (3 + 4k, p) by parameters, at displaced unknowns."""
     grip, unknowns = tubes.grip, tubes.grip.state.unknowns + shift
     dents = grip.statics.dents.smooth_near(grip.state.normal_forces, grip.angles)
     smooth_statics = replace(grip.statics, dents=dents)

@@ -59,7 +59,7 @@ class GripRecord(NamedTuple):
 
     def restore(self, config: Configuration, body: ConvexObject) -> HeldGrip:
         """
-        Return the recorded grip, found from a near configuration and the object at any pose.
+        Return the recorded grip, given a near configuration and the object at any pose.
 
         :raises GraspError: the object has no such corners.
         :raises StructureError: the bent tubes are those of another structure.

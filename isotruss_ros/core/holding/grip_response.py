@@ -119,8 +119,9 @@ def slip_planes(response: GripResponse, friction: float) -> SlipPlanes:
     friction_sums = np.hstack([zeros, on_member])
     slip_rows = friction * normal_sums - np.vstack([friction_sums, -friction_sums])
     rows, friction_rates = [slip_rows], [normal_sums]
+    # When an end opens, its force is released and changes the forces of the other contacts.
     for by_release, end in zip(response.by_release, response.ends.tolist(), strict=True):
-        end_row = np.eye(1, len(forces), end)  # normal force of the end, zero when it opens
+        end_row = np.eye(1, len(forces), end)  # normal force of the end
         slip_after = slip_rows + np.outer(slip_rows @ by_release, end_row)
         slip_reserve, _, slip_size = planes(slip_after)
         end_force, _, opening_size = planes(end_row)

@@ -94,12 +94,12 @@ class LoadedTubes(NamedTuple):
         topology, members = grip.config.robot.topology, grip.contacts.members
         # Motions of the nodes, x + iy, by the rollers (r columns) and along the directions.
         by_rollers = grip.config.node_jacobian.T.copy().view(np.complex128).T
-        nodes = by_rollers @ directions[columns.rollers]
-        spans = nodes[topology.end[members]] - nodes[topology.b[members]]
+        node_rates = by_rollers @ directions[columns.rollers]
+        span_rates = node_rates[topology.end[members]] - node_rates[topology.b[members]]
         pressures = directions[columns.pressures]
         changes = ParameterChanges(
-            spins=(spans / (bent.lines.length * bent.lines.axis)[:, None]).imag,
-            sections=section_rates(bent.structure, bent.frame, nodes, pressures),
+            spins=(span_rates / (bent.lines.length * bent.lines.axis)[:, None]).imag,
+            sections=section_rates(bent.structure, bent.frame, node_rates, pressures),
             pressures=pressures,
             stiffness=directions[columns.stiffness] / bent.stiffness,
             place=directions[columns.place],
@@ -123,7 +123,7 @@ class LoadedTubes(NamedTuple):
         return cls(grip, changes, pushes, depth_rates, by_sections)
 
     def equation_rates(self, sticks: bool = False) -> Array:
-        """Return the derivatives (3 + 4k, p) of the equations, for `sticks` of rolling ones."""
+        """Return the equations' derivatives (3 + 4k, p), for `sticks` those without slip."""
         grip, statics, state, body = self.grip, self.grip.statics, self.grip.state, self.grip.body
         indices, bent, normals = state.places, statics.bent, state.normals[:, None]
         lines, layout = bent.lines, bent.frame.layout
@@ -133,19 +133,20 @@ class LoadedTubes(NamedTuple):
         node_rates = at_constant_unknowns.nodes[layout.nodes]
         displaced = bent.tangent.displacements[layout.nodes]
         points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
-        arms = (body.turn * points)[:, None]
+        to_contacts = (body.turn * points)[:, None]
         # The contact points move on the surface, because the normals turn with the members.
-        arm_rates = 1j * radii[:, None] * spins * normals
+        contact_rates = 1j * radii[:, None] * spins * normals
         feet = lines.start + lines.axis * state.feet + displaced[:, 0] + 1j * displaced[:, 1]
-        gaps = feet[:, None] - body.center - arms
-        gap_rates = node_rates[:, 0] + 1j * node_rates[:, 1] - 1j * spins * gaps - arm_rates
-        gap_rates = (gap_rates + self.depth_rates * normals) / axis
+        gaps = feet[:, None] - body.center - to_contacts
+        foot_rates = node_rates[:, 0] + 1j * node_rates[:, 1] - 1j * spins * gaps
+        gap_rates = (foot_rates - contact_rates + self.depth_rates * normals) / axis
         slope_rates = at_constant_unknowns.inclinations - spins
         touch = np.stack([gap_rates.real, gap_rates.imag, slope_rates], axis=1)
         # Balance: the forces on the tubes, x + iy, turn with the members.
         forces = self.pushes.member_forces[:, None] * axis
         force_rates = 1j * spins * forces
-        torque = (arm_rates.conj() * forces + arms.conj() * force_rates).imag.sum(axis=0)
+        torques = contact_rates.conj() * forces + to_contacts.conj() * force_rates
+        torque = torques.imag.sum(axis=0)
         total = force_rates.sum(axis=0)
         balance = self.changes.wrench - np.stack([total.real, total.imag, torque / grip.arm])
         # The conditions depend on the normals, which turn with the members.
@@ -157,8 +158,8 @@ class LoadedTubes(NamedTuple):
             # Other conditions depend on the pose relative to the measured pose. They use the
             # centroid, which has turned about the origin since the measurement.
             measured = statics.body
-            arm = measured.middle - measured.center - (body.middle - body.center)
-            turning = np.outer([-arm.imag, arm.real, 0.0], self.changes.place[ANGLE])
+            shift = measured.middle - measured.center - (body.middle - body.center)
+            turning = np.outer([-shift.imag, shift.real, 0.0], self.changes.place[ANGLE])
             conditions -= rows[:, :POSE] @ (self.changes.place + turning)
         return np.concatenate([touch.reshape(3 * len(gaps), -1), balance, conditions])
 
@@ -180,8 +181,8 @@ class LoadedTubes(NamedTuple):
         bent, robot, changes = self.grip.statics.bent, self.grip.config.robot, self.changes
         usage, tube = self.grip.sections, robot.topology.tube
         radius = 0.5 * robot.description.tube_diameter
-        # Loads of `evaluate_utilisation`: moments at both ends, wall tension, and axial force. The
-        # moments are +-(M1 + M2) / 2 - (M1 - M2) / 2, see `EndForces`.
+        # Loads of `evaluate_utilisation`: the bending moments are -M1 and M2 of `EndForces`, of
+        # which the sum M1 + M2 and the difference M1 - M2 are given; wall tension, axial force.
         force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[usage.piece]
         by_end_forces = np.array([[0.0, -0.5, -0.5], [0.0, 0.5, -0.5], [1.0, 0.0, 0.0]])
         load_rates = np.tensordot(by_end_forces, bent.stiffness * force_rates, (1, 1))

@@ -75,8 +75,8 @@ def roll_contacts(
             continue
         statics, state = solution
         if len(new_contacts):
-            rolled = statics.anchors(state.unknowns, state.normals, previous_angles)
-            anchors[new_contacts] = rolled[new_contacts]
+            all_anchors = statics.anchors(state.unknowns, state.normals, previous_angles)
+            anchors[new_contacts] = all_anchors[new_contacts]
         angles = object_angles(state.unknowns, state.normals, previous_angles)
         motion = (travel, state.unknowns - grip.state.unknowns) if are_same_contacts else None
         return HeldGrip(anchors, angles, statics, state, wrench, motion)
@@ -125,11 +125,10 @@ def with_pressures(grip: HeldGrip, pressures: tuple[float, ...] | None) -> HeldG
     Computing tables of dents for a pressure takes longer than a control cycle, so a control loop
     ignores small changes, see `steady_pressures`.
     """
-    bent, state = grip.statics.bent, grip.state
     pressures = pressures or tube_pressures(grip.config.robot.description)
     if pressures == grip.pressures:
         return grip
     structure = structure_under(grip.config, pressures)
-    dents = find_dents(structure, grip.body.shape, grip.contacts, bent.stiffness)
-    bent = bent.update(state.loads, state.feet, structure)
+    dents = find_dents(structure, grip.body.shape, grip.contacts, grip.statics.bent.stiffness)
+    bent = grip.statics.bent_under(grip.state.unknowns, structure)
     return replace(grip, statics=replace(grip.statics, bent=bent, dents=dents))

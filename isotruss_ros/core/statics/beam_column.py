@@ -110,7 +110,7 @@ def _reciprocal(series: Array) -> Array:
 
 
 def chord_motions(axis: Points, length: Array) -> Array:
-    """Return changes (k, 4, 6) of length, s, b and rotation of chords by displaced ends."""
+    """Return the derivatives (k, 4, 6) of chords' length, s, b and rotation by their ends."""
     # Axes: member, change, end (start and end), displacement of this end (ux, uy, theta).
     motions = np.zeros((len(axis), 4, 2, 3))
     motions[:, 0, 1, :2] = axis.view(np.float64).reshape(-1, 2)

@@ -155,7 +155,7 @@ class BentTubes:
 
     @property
     def values(self) -> Array:
-        """Return the state about which these tubes are linearised, with all blocks deformable."""
+        """Return the linearised state as a vector, see `of`, with all blocks deformable."""
         return np.concatenate([part.ravel() for part in self.activated().state])
 
     def activated(self) -> BentTubes:
@@ -170,7 +170,7 @@ class BentTubes:
     @cached_property
     def _length_by_motions(self) -> Array:
         """Return the changes (p, k) of the parts' lengths by unit motions of the load points."""
-        return self.frame.layout.longer * self.cuts.directions
+        return self.frame.layout.length_by_motions * self.cuts.directions
 
     @cached_property
     def tangent(self) -> Tangent:
@@ -292,9 +292,9 @@ class BentTubes:
         return np.sort(np.concatenate(active))
 
     def _convert(self, state: BentState, frame: Frame, is_near: bool) -> BentState:
-        """Convert a state to one of a similar frame; `is_near`: its cuts are displaced alike."""
+        """Return the state of a similar frame; `is_near`: its cuts are displaced as these are."""
         unknowns, layout = self._complete(state.unknowns), frame.layout
-        # Points of the similar frame as positions in this one, whose members have other lengths.
+        # Begins and middles of its parts, as positions in the members of this frame.
         length_ratios = (self.structure.frame.length / frame.uncut.length)[layout.whole]
         begins = length_ratios * frame.begins
         middles = length_ratios * (frame.begins + 0.5 * frame.length)
@@ -343,7 +343,7 @@ class BentTubes:
         return by_nodes[..., 0] + self.tangent.length_rates * lengths, chords[:, 0]
 
     def section_changes(self, changes: Array) -> TubeRates:
-        """Return the derivatives by p changes of sections (4, c, p); no tubes must be kept."""
+        """Return the tubes' changes by p changes of sections (4, c, p) of deformable blocks."""
         frame, tangent, beside = self.frame, self.tangent, self.frame.layout.beside
         # Forces of the changed parts between fixed nodes, then the unknowns in equilibrium.
         parts = np.flatnonzero(changes.any(axis=(0, 2)))

@@ -63,6 +63,6 @@ class Bisections(NamedTuple):
 
 
 def _gradients(vectors: Points) -> Array:
-    """Return derivatives (q, 10) of constraints by the nodes, of rods and arms (q, 3), x + iy."""
+    """Return the derivatives (q, 10) of constraints by the nodes, for rods and arms (q, 3)."""
     # A gradient (d/dx, d/dy) of arg z is the complex number d/dx + i d/dy = i / conj(z).
     return ((1j * WEIGHTS / vectors.conj()) @ VECTORS).view(np.float64)

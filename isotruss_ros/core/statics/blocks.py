@@ -52,7 +52,7 @@ class Group(NamedTuple):
 
 class Numbering:
     """
-    Connections of frames, which do not depend on points and sections, and their unknowns.
+    Members, supports and constraints of frames, and the numbering of their unknowns.
 
     Members `start` (k,) to `end` (k,) between nodes are `pinned` (k,) if their starts transmit no
     moment. Supports fix displacements `held` (n, 3). `names` of the nodes are for error messages.
@@ -119,14 +119,15 @@ class Numbering:
 
 class Layout:
     """
-    Connections of a frame's parts: members of the blocks `active`, some of them divided at c cuts.
+    Parts of a frame, which are the members of the blocks `active`, some divided at c cuts.
 
     Cut i divides the member `piece[i]`; `order` sorts the cuts by member and along each member.
     The last `nodes` (c,) are at the cuts. `whole` (p,) is the member of each part; the last parts
     begin at the cuts. `before` (c,) are the parts that end at the cuts, `behind` (c,) those that
-    begin there, `beside` (2 c,) both, and `parts` all of them; `longer` (p, c) are the changes of
-    the parts' lengths by unit motions of the cuts. The blocks that are not active are `kept`:
-    index of a group of `Numbering.whole`, and indices in this group.
+    begin there, `beside` (2 c,) both with `signs` -1 and 1, and `parts` all of them;
+    `length_by_motions` (p, c) are the changes of the parts' lengths by unit motions of the cuts.
+    The blocks that are not active are `kept`: index of a group of `Numbering.whole`, and indices
+    in this group.
     """
 
     def __init__(
@@ -139,7 +140,7 @@ class Layout:
         self.rows = np.flatnonzero(np.isin(numbering.row_owner, active))
         self.whole = np.append(members, piece)
         self.behind = len(members) + cuts
-        self.nodes = (len(numbering.free) - numbering.rows) // 3 + cuts
+        self.nodes = len(numbering.held) + cuts
         self.start, self.end = numbering.start[self.whole], numbering.end[self.whole]
         self.pinned = numbering.pinned[self.whole]
         self.pinned[self.behind] = False
@@ -154,7 +155,7 @@ class Layout:
         self.signs = np.repeat([-1.0, 1.0], len(piece))
         self.parts = np.unique(self.beside)
         part = np.arange(len(self.whole))[:, None]
-        self.longer = np.subtract(part == self.before, part == self.behind, dtype=float)
+        self.length_by_motions = np.subtract(part == self.before, part == self.behind, dtype=float)
         self.ends = member_places(self.start, self.end)
         self.places = numbering.rows + self.ends
         self.row_places = numbering.row_places[self.rows]
@@ -181,21 +182,19 @@ class Layout:
         """Return the active blocks in groups, with the unknowns at the cuts in each block."""
         numbering = self.numbering
         owner, row_owner = numbering.owner[self.whole], numbering.row_owner[self.rows]
-        # Index of each unknown in the matrix of its block; for other unknowns -1, which modulo the
-        # width of the matrix is the last index.
-        index = np.full(len(numbering.free) + 3 * len(self.nodes), -1)
         by_size = defaultdict[tuple[int, ...], list[tuple[Indices, ...]]](list)
         for block in self.active.tolist():
             members, rows = np.flatnonzero(owner == block), np.flatnonzero(row_owner == block)
             uncut_inner, outer = numbering.blocks[block]
             nodes = self.nodes[owner[self.behind] == block]
             inner = np.append(uncut_inner, numbering.rows + 3 * nodes[:, None] + np.arange(3))
-            unknowns = np.append(outer, inner)
-            width = len(unknowns) + 1
-            index[unknowns] = np.arange(len(unknowns))
-            of_members = _matrix_places(index[self.places[members]] % width, width)
-            of_rows = _matrix_places(index[self.row_places[rows]] % width, width)
-            index[unknowns] = -1
+            # Index of each unknown in the block's matrix; the last one is for other unknowns.
+            width = len(outer) + len(inner) + 1
+            index = np.full(len(numbering.free) + 3 * len(self.nodes), width - 1)
+            index[np.append(outer, inner)] = np.arange(width - 1)
+            of_members = _matrix_places(index[self.places[members]], width)
+            of_rows = _matrix_places(index[self.row_places[rows]], width)
+            # In the memory of a group, the matrix of this block follows those of earlier ones.
             group = by_size[len(members), len(rows), len(inner), len(outer)]
             slots = width**2 * len(group) + np.append(of_members, of_rows)
             hinges = numbering.hinge_index[outer]
@@ -267,7 +266,7 @@ def member_places(start: Indices, end: Indices) -> Indices:
 
 
 def _matrix_places(indices: Indices, width: int) -> Indices:
-    """Return the flat indices (b, q, q) in a matrix of a width, of rows and columns (b, q)."""
+    """Return flat indices (b, q, q) of pairs of rows and columns (b, q), in a matrix."""
     return width * indices[:, :, None] + indices[:, None]
 
 

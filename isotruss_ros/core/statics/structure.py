@@ -107,7 +107,7 @@ class Structure:
 
     @property
     def unloaded(self) -> Tangent:
-        """Return the frame linearised without loads, see `unloaded`."""
+        """Return the structure's frame, linearised without loads."""
         return self._unloaded[0]
 
     @functools.cached_property

@@ -96,8 +96,8 @@ class Tangent:
         # Derivatives by complex steps have no rounding error of differences. Each part occurs four
         # times, with a step of its length, EA, EI and GA.
         steps = 1j * EPSILON * np.tile(np.eye(4), len(parts))
-        length, *section = np.vstack([frame.length, frame.section])[:, repeated] + steps
-        columns = BeamColumns.of(length, np.array(section), frame.layout.pinned[repeated])
+        sections = np.vstack([frame.length, frame.section])[:, repeated] + steps
+        columns = BeamColumns.of(sections[0], sections[1:], frame.layout.pinned[repeated])
         elongations, rotations = self.elongations[repeated] - steps[0], self.rotations[:, repeated]
         varied = columns.evaluate(elongations, rotations, self.forces.stressed[repeated, 0])
         rates = varied.values.imag / EPSILON
@@ -118,7 +118,9 @@ class Tangent:
         parts, signs = self.frame.layout.beside, self.frame.layout.signs
         length, (axial, moment_sum, _) = self.length[parts], self.forces.values[parts].T
         shear_compliance = 1.0 / self.frame.section[2, parts]
-        transverse, reduction = moment_sum / length, 1.0 / (1.0 + axial * shear_compliance)
+        transverse = moment_sum / length
+        reduction = 1.0 / (1.0 + axial * shear_compliance)
+        # The rotation is s - b at the end of a part before a cut, s + b at the start behind it.
         sway, bow = self.rotations[:, parts]
         slope = (sway + signs * bow - transverse * shear_compliance) * reduction
         chord_turn = self.axis[parts] * self.frame.axis[parts].conj()
