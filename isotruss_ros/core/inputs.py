@@ -121,12 +121,9 @@ def check_stamp(
         message = f'{words}: {age:.3f} s old; must be at most {timeout} s{remedy}'
         raise InputError(InputFault.STALE, name, message)
     if age < -skew:
-        raise InputError(
-            InputFault.INVALID,
-            name,
-            f'{words}: stamped {-age:.3f} s in the future; must be at most {skew:g} s: '
-            'synchronise the clocks',
-        )
+        remedy = f'must be at most {skew:g} s: synchronise the clocks'
+        message = f'{words}: stamped {-age:.3f} s in the future; {remedy}'
+        raise InputError(InputFault.INVALID, name, message)
     return min(stamp, now)
 
 
@@ -177,7 +174,7 @@ def steady_pressures(
 
 
 class Timeline:
-    """Piecewise linear function of time [s]; values that are no numbers are not interpolated."""
+    """Values at increasing times [s], between which numbers are interpolated linearly."""
 
     def __init__(self) -> None:
         self._known: deque[tuple[float, Any]] = deque()
@@ -188,17 +185,17 @@ class Timeline:
 
     @property
     def first(self) -> tuple[float, Any]:
-        """Return the first time and the function's value at this time."""
+        """Return the earliest time and its value."""
         return self._known[0]
 
     @property
     def last(self) -> tuple[float, Any]:
-        """Return the last time and the function's value at this time."""
+        """Return the latest time and its value."""
         return self._known[-1]
 
     @property
     def values(self) -> list[Any]:
-        """Return all values of the function in order of time."""
+        """Return all values in order of time."""
         return [value for _, value in self._known]
 
     def add(self, time: float, value: Any) -> None:
@@ -207,17 +204,13 @@ class Timeline:
             self._known.pop()
         self._known.append((time, value))
 
-    def clear(self) -> None:
-        """Remove all values of the timeline."""
-        self._known.clear()
-
     def discard_before(self, time: float) -> None:
         """Remove old values that are not needed to interpolate at the given time or later."""
         while len(self._known) > 1 and self._known[1][0] <= time:
             self._known.popleft()
 
     def at(self, time: float) -> Any:
-        """Return the interpolated value; the function is constant beyond its end points."""
+        """Return the interpolated value; beyond the first and the last time, it is constant."""
         number = bisect_right(self._known, time, key=itemgetter(0))
         if number == 0:
             return self.first[1]
@@ -297,13 +290,12 @@ class CommandHistory:
         """
         measured = rollers.value.velocities
         speeds = np.where(stopped, 0.0, measured if self.last is None else self.last)
-        travel_then, travel_now = (
-            np.where(stopped, 0.0, self.travel(rollers.time, end, measured)) for end in (then, now)
-        )
-        return travel_then, travel_now + lead * speeds, speeds
+        to_then = np.where(stopped, 0.0, self.travel(rollers.time, then, measured))
+        to_now = np.where(stopped, 0.0, self.travel(rollers.time, now, measured))
+        return to_then, to_now + lead * speeds, speeds
 
     def _until(self, time: float, before: Array) -> Array:
-        """Return the integral (r,) of the speeds [m], with `before` until the first command."""
+        """Return the commanded travel (r,) at a time [m]; `before` are earlier speeds (r,)."""
         (first, _), (last, travel) = self._travel.first, self._travel.last
         if time > last:
             return travel + (time - last) * self.last

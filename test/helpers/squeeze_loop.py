@@ -72,7 +72,7 @@ class SqueezeLoop:
             pose = Pose(*self.plant.object_pose + self.noise * self.rng.standard_normal(3))
 
             def solve(twist, opening_rate, config=config):
-                held = self.control.belief.grip
+                held = self.control.belief.cache.grip
                 return solve_twist(config, held, twist, opening_rate=opening_rate)
 
             if self.told is not None:

@@ -27,18 +27,18 @@ MAX_STEP_SIGMAS = 3.0
 
 
 class _Sum(NamedTuple):
-    """Sums of all pose corrections up to one time."""
+    """Sum of the pose corrections before a time, and the covariances at this time."""
 
-    time: float  #: time of the correction [s]
-    moved: Array  #: (3,) sum of all earlier corrections of the pose [m]
-    walked: Array  #: (3, 3) covariance of the random walk [m^2]
+    time: float  #: [s]
+    correction: Array  #: (3,) sum of all earlier corrections of the pose [m]
+    walk: Array  #: (3, 3) covariance of the contacts' random walk [m^2]
     prior: Array  #: (3, 3) covariance of contacts and unexplained pose [m^2]
     by_offsets: Array  #: (3, c) derivatives of the pose by the roller offsets
 
 
 class ContactWalk:
     """
-    Sums of pose corrections, compared with their standard deviations without slip.
+    Detector of slip from sums of pose corrections and their standard deviations without slip.
 
     The deviations are due to a random walk of the contacts, pose noise and load.
 
@@ -48,18 +48,18 @@ class ContactWalk:
 
     def __init__(self) -> None:
         self.length = self.deviations = 0.0
-        self._moved, self._walked = np.zeros(3), np.zeros((3, 3))
-        self._attached: Array | float = 0.0  # changes of the derivatives by offsets, see `attach`
+        self._correction, self._walk = np.zeros(3), np.zeros((3, 3))
+        self._jumps: Array | float = 0.0  # jumps of the derivatives by offsets, see `attach`
         #: Sums within each of `SUM_INTERVALS`, in order of time.
         self._windows: tuple[deque[_Sum], ...] = tuple(deque() for _ in SUM_INTERVALS)
 
-    def spread(self, more: Array) -> None:
+    def spread(self, noise: Array) -> None:
         """Add process noise (3, 3) to the covariance of the contacts' random walk [m^2]."""
-        self._walked = self._walked + more
+        self._walk = self._walk + noise
 
-    def attach(self, change: Array) -> None:
-        """Add a jump (3, c) of `by_offsets` after a new search; the pose does not change."""
-        self._attached = self._attached + change
+    def attach(self, jump: Array) -> None:
+        """Exclude a jump (3, c) of the pose's derivatives by roller offsets from the sums."""
+        self._jumps = self._jumps + jump
 
     def add(
         self, time: float, change: Array, prior: Array, noise: Array, rates: Array, offsets: Array
@@ -73,21 +73,24 @@ class ContactWalk:
             error of an offset moves the pose.
         :param offsets: (c, c) covariance of the roller offsets [m^2].
         """
-        by_offsets = rates - self._attached
-        newest = _Sum(time, self._moved, self._walked, prior, by_offsets)
-        self._moved = self._moved + change
+        by_offsets = rates - self._jumps
+        before = _Sum(time, self._correction, self._walk, prior, by_offsets)
+        self._correction = self._correction + change
         for window, interval in zip(self._windows, SUM_INTERVALS, strict=True):
-            window.append(newest)
+            window.append(before)
             while time - window[0].time > interval:
                 window.popleft()
-        oldest = _Sum(*map(np.array, zip(*(window[0] for window in self._windows), strict=True)))
-        moved = self._moved - oldest.moved
-        changed = by_offsets - oldest.by_offsets
-        allowed = oldest.prior + self._walked - oldest.walked + noise
-        allowed += changed @ offsets @ changed.transpose(0, 2, 1)
-        squares = np.einsum('ij,ijk->i', moved, np.linalg.solve(allowed, moved[:, :, None]))
-        self.length = float(np.hypot.reduce(moved, axis=1).max())
-        self.deviations = math.sqrt(squares.max())
+        # The first axis of the following arrays is that of the windows.
+        starts = [window[0] for window in self._windows]
+        sums = self._correction - np.array([start.correction for start in starts])
+        walks = self._walk - np.array([start.walk for start in starts])
+        rate_changes = by_offsets - np.array([start.by_offsets for start in starts])
+        by_rate_changes = rate_changes @ offsets @ rate_changes.transpose(0, 2, 1)
+        # Covariances of the sums without slip.
+        covariances = np.array([start.prior for start in starts]) + walks + noise + by_rate_changes
+        weighted = np.linalg.solve(covariances, sums[:, :, None])[:, :, 0]
+        self.length = float(np.hypot.reduce(sums, axis=1).max())
+        self.deviations = math.sqrt((sums * weighted).sum(axis=1).max())
 
 
 class PoseNoise:
@@ -102,13 +105,14 @@ class PoseNoise:
         self._previous: Array | None = None
         self._weight = 0.2  # of the next pose; the prior weighs as much as four poses
 
-    def add(self, off: Array) -> None:
+    def add(self, pose: Array) -> None:
         """Update the variances with a pose (3,) minus the pose by roller travel alone [m]."""
-        previous, self._previous = self._previous, off
+        previous, self._previous = self._previous, pose
         if previous is None:
             return
-        largest = MAX_STEP_SIGMAS**2 * self.variances
-        squares = np.minimum(0.5 * (off - previous) ** 2, largest)
-        mean = self.variances + self._weight * (squares - self.variances)
-        self.variances = np.maximum(mean, MODEL_ERROR**2)
+        # Half of the square, because both poses have noise.
+        squares = np.minimum(0.5 * (pose - previous) ** 2, MAX_STEP_SIGMAS**2 * self.variances)
+        averages = self.variances + self._weight * (squares - self.variances)
+        self.variances = np.maximum(averages, MODEL_ERROR**2)
+        # The weights 1/5, 1/6, 1/7, ... give the arithmetic mean, until they are the smallest.
         self._weight = max(self._weight / (1.0 + self._weight), MIN_WEIGHT)

@@ -51,8 +51,9 @@ Readings = tuple[Array, float] | None
 
 class GripBelief:
     """
-    Belief of a held object: an equilibrium of the model, corrected by measured poses.
+    Gaussian belief of a held object about its equilibrium, corrected by measured poses.
 
+    :ivar scale: (3,) factors on poses, which multiply rotations by the characteristic radius.
     :ivar state: load, unexplained pose, delay and contacts' shifts, with their covariance.
     :ivar cache: equilibrium without a load, and its derivatives.
     :ivar lag: delays of the inputs.
@@ -74,21 +75,19 @@ class GripBelief:
         noise: Array = PRIOR_DEVIATIONS,
         is_assumed: bool = False,
     ) -> None:
-        self.settings, self._given, self._friction = settings, grip, grip.friction
+        self.settings, self._start_grip, self._friction = settings, grip, grip.friction
         # In many assumed starts nothing is gripped. The factor 0.7 makes this show after 9 to 16
         # mm of path; with the factor 1 it shows after 24 mm.
-        self._most = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
+        self._max_deviations = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
         self.is_assumed = is_assumed
-        self._even = np.array([1.0, 1.0, grasp.arm])
-        count = len(grasp.config.roller_positions)
+        self.scale = np.array([1.0, 1.0, grasp.arm])
+        rollers = len(grasp.config.roller_positions)
         if zero_covariance is None:
-            zero_covariance = settings.zero_deviation**2 * np.eye(count)
-        self.state = GripState(settings, len(grasp.members), zero_covariance, self._even * noise)
+            zero_covariance = settings.zero_deviation**2 * np.eye(rollers)
+        self.state = GripState(settings, len(grasp.members), zero_covariance, self.scale * noise)
         self.cache = EquilibriumCache(grasp, grip.friction)
         self.lag = InputLag(np.array(grasp.pose))
-        self._searched = self._rolled = 0.0  # times of the last search and equilibrium
-        self._corrected = np.zeros(count)
-        self._spare = 0.0  # slip margin lost by the contact history [N]
+        self._search_time = self._equilibrium_time = 0.0  # last search, last equilibrium [s]
         self._start_at(np.array(grip.body.pose))
 
     @property
@@ -97,16 +96,11 @@ class GripBelief:
         return self.cache.grasp
 
     @property
-    def grip(self) -> Grip:
-        """Return the grip from which (19) predicts the motion of the object."""
-        return self.cache.grip
-
-    @property
     def outputs(self) -> Array:
         """Return the estimates of pose [m, m, rad] and squeeze [N], (4,)."""
         cache, state = self.cache, self.state
         by_state = cache.rates[:, LOAD] @ state.load + cache.rates[:, BIAS] @ state.bias
-        return cache.outputs + cache.ahead + by_state / cache.scale
+        return cache.outputs + cache.predicted + by_state / cache.scale
 
     @property
     def pose(self) -> Array:
@@ -143,52 +137,52 @@ class GripBelief:
         The required friction has the relative error of the squeeze, but does not depend on the
         stiffness.
         """
-        grasp, measured = self.grasp, self._given.body.pose
+        grasp, start_pose = self.grasp, self._start_grip.body.pose
         if grasp.sections.used.max() > MAX_UTILISATION and not self.is_assumed:
             return HoldStatus.WRINKLES
-        error = 2.0 * self.geometric_deviation / max(self.squeeze, SMALLEST_NORMAL)
-        hold = grasp.hold(self._friction * (1.0 + error))
-        explained = hold is not HoldStatus.HELD or self.state.explains(measured, self.cache)
-        return hold if explained else HoldStatus.FAR
+        relative_error = 2.0 * self.geometric_deviation / max(self.squeeze, SMALLEST_NORMAL)
+        hold = grasp.hold(self._friction * (1.0 + relative_error))
+        is_far = hold is HoldStatus.HELD and not self.state.explains(start_pose, self.cache)
+        return HoldStatus.FAR if is_far else hold
 
     @property
     def estimate(self) -> GripEstimate:
         """Return the estimates of pose, squeeze and delay."""
         covariance = self.state.spread(self.cache.rates[:3], self.cache.by_offsets.outputs[:3])
-        covariance /= np.outer(self._even, self._even)
+        covariance /= np.outer(self.scale, self.scale)
         deviation, delay = self.squeeze_deviation, self.state.delay
         return GripEstimate(self.pose, covariance, self.squeeze, deviation, delay)
 
     @property
     def correction(self) -> Array:
-        """Return the part (3,) of the pose that roller travel does not explain [m]."""
-        return self._even * pose_difference(self.pose, self.lag.way.last[1])
+        """Return the estimated pose minus the pose by roller travel alone, (3,) [m]."""
+        return self.scale * pose_difference(self.pose, self.lag.rolled_poses.last[1])
 
     @property
     def regulated(self) -> Array:
-        """Return pose and squeeze (4,) for control, with corrections smoothed by two filters."""
+        """Return pose and squeeze (4,) for control, with corrections delayed by two filters."""
         return self.outputs - self.lag.filters.sum(axis=0)
 
     @property
     def slip_margin(self) -> float:
         """
-        Return the object's slip margin without load and for unknown contact history [N].
+        Return the object's slip margin without load and without earlier sliding [N].
 
         An object that has slid into place uses all of its friction, and is held nevertheless.
         """
-        return self.cache.margin() + self._spare
+        return self.cache.margin() + self._lost_margin
 
     @property
     def slip_deviations(self) -> float:
         """Return the norm of pose corrections, load and delay in standard deviations [-]."""
-        state, least = self.state, max(self.settings.load, 0.5 * self.slip_margin)
-        delayed = state.delay / DELAY_DEVIATION
-        return math.hypot(state.walk.deviations, delayed, *(state.load / least))
+        load_deviation = max(self.settings.load, 0.5 * self.slip_margin)
+        loads = self.state.load / load_deviation
+        return math.hypot(self.state.walk.deviations, self.state.delay / DELAY_DEVIATION, *loads)
 
     @property
     def slipped(self) -> bool:
         """Return whether `slip_deviations` are so large that the object has slipped."""
-        return self.slip_deviations > self._most
+        return self.slip_deviations > self._max_deviations
 
     def follow(
         self, config: Configuration, elapsed: float, pressures: Pressures, rollers: Readings = None
@@ -206,38 +200,38 @@ class GripBelief:
         """
         cache, lag, state = self.cache, self.lag, self.state
         lag.time += elapsed
-        since_rolled = lag.time - self._rolled
-        has_corrections = bool(cache.moved_zeros.any())
+        interval = lag.time - self._equilibrium_time
+        has_corrections = cache.zero_corrections.any()
         travel, is_predictable = cache.predict(config)
-        predicted = cache.ahead[:3]
+        motion = cache.predicted[:3]
         measured, age = rollers or (config.roller_positions, 0.0)
-        since_measured = cache.travel_rates[:3] @ (config.roller_positions - measured)
-        is_early = since_rolled < EQUILIBRIUM_PERIOD - ROUNDING
+        motion_since_reading = cache.travel_rates[:3] @ (config.roller_positions - measured)
+        is_early = interval < EQUILIBRIUM_PERIOD - ROUNDING
         if is_early and is_predictable and not has_corrections:
-            lag.record(lag.travelled + predicted, since_measured, age)
+            lag.record(lag.pose_at_equilibrium + motion, motion_since_reading, age)
             return HoldStatus.HELD
         rolled = cache.roll(config, pressures)
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
         if rolled is None or hold not in (HoldStatus.HELD, HoldStatus.SLIPS):
-            lag.way.add(lag.time, lag.travelled)  # the object has not moved
+            lag.rolled_poses.add(lag.time, lag.pose_at_equilibrium)  # the object has not moved
             return HoldStatus.HELD if self.attach(config, pressures) else hold
         change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)
-        moved = change[:3]
         if has_corrections:
             # Corrections of offsets do not move the object; the unexplained pose changes instead.
-            state.bias, moved = state.bias - self._even * (moved - predicted), predicted
+            state.bias = state.bias - self.scale * (change[:3] - motion)
         else:
-            cache.learn(rolled, travel, change, since_rolled)
-        lag.travelled = lag.travelled + moved
-        lag.record(lag.travelled, since_measured, age)
+            motion = change[:3]
+            cache.learn(rolled, travel, change, interval)
+        lag.pose_at_equilibrium = lag.pose_at_equilibrium + motion
+        lag.record(lag.pose_at_equilibrium, motion_since_reading, age)
         self.take(rolled)
-        decayed = state.propagate(since_rolled, self._even * moved, np.abs(travel), cache)
-        lag.hold_back(cache.rates[:, LOAD] @ decayed / cache.scale)
-        # After large corrections the rates are invalid.
-        is_due = np.abs(self._corrected).max() > MAX_FIRST_ORDER_TRAVEL
-        # An earlier search would attribute transient loads to the contacts.
-        may_search = lag.time - self._searched > self.settings.load_time and not self.is_assumed
-        if is_due or (may_search and rolled.required_friction > self._friction):
+        load_change = state.propagate(interval, self.scale * motion, np.abs(travel), cache)
+        lag.hold_back(cache.rates[:, LOAD] @ load_change / cache.scale)
+        are_rates_invalid = np.abs(cache.corrections_since_search).max() > MAX_FIRST_ORDER_TRAVEL
+        # A search after a shorter time would attribute transient loads to the contacts.
+        is_load_over = lag.time - self._search_time > self.settings.load_time
+        slips = rolled.required_friction > self._friction
+        if are_rates_invalid or (slips and is_load_over and not self.is_assumed):
             self.attach(config, pressures)
         return HoldStatus.HELD  # slip is detected from the poses
 
@@ -247,17 +241,18 @@ class GripBelief:
 
         :param age: time from the stamp of the pose to the last call of `follow` [s].
         """
-        cache, lag, even = self.cache, self.lag, self._even
+        cache, lag, rolled_poses = self.cache, self.lag, self.lag.rolled_poses
         time = lag.time - age - self.state.delay
-        by_rollers = lag.way.at(time)
-        # Earlier readings: their encoder noise is independent of that in the innovation.
-        earlier, later = (lag.way.at(time - n * DELAY_DEVIATION) for n in (2, 1))
-        velocity = (later - earlier) / DELAY_DEVIATION
-        expected = self.pose - pose_difference(lag.way.last[1], by_rollers)
-        innovation = even * pose_difference(pose, expected)
-        self.state.noise.add(even * pose_difference(pose, by_rollers))
+        rolled_pose = rolled_poses.at(time)
+        # The velocity is from earlier readings, whose noise is independent of the innovation's.
+        interval_end = rolled_poses.at(time - DELAY_DEVIATION)
+        interval_start = rolled_poses.at(time - 2.0 * DELAY_DEVIATION)
+        velocity = self.scale * (interval_end - interval_start) / DELAY_DEVIATION
+        motion_since = pose_difference(rolled_poses.last[1], rolled_pose)
+        innovation = self.scale * pose_difference(pose, self.pose - motion_since)
+        self.state.noise.add(self.scale * pose_difference(pose, rolled_pose))
         outputs_before = self.outputs
-        change = self.state.correct(innovation, even * velocity, cache, lag.time)
+        change = self.state.correct(innovation, velocity, cache, lag.time)
         cache.shift(change[SHIFTS:])
         lag.hold_back(self.outputs - outputs_before)
 
@@ -268,25 +263,25 @@ class GripBelief:
         :return: whether an equilibrium exists that explains the pose, with a utilisation of at
             most `MAX_UTILISATION` or that of the present equilibrium.
         """
-        self._searched = self.lag.time
+        self._search_time = self.lag.time
         limit = max(MAX_UTILISATION, self.grasp.sections.used.max())
-        pose, squeeze = self.pose - self.grasp.response.pose @ self.state.load, self.squeeze
-        grip = self._given.moved_to(pose)
+        pose_without_load = self.pose - self.grasp.response.pose @ self.state.load
+        grip = self._start_grip.moved_to(pose_without_load)
         try:
-            held = attach_model(config, grip, pressures, self.settings.zero_deviation)
+            grasp = attach_model(config, grip, pressures, self.settings.zero_deviation)
         except NotHeldError:
             return False
-        if held.hold(math.inf) is not HoldStatus.HELD or held.sections.used.max() > limit:
+        if grasp.hold(math.inf) is not HoldStatus.HELD or grasp.sections.used.max() > limit:
             return False
-        cache, rates_before = EquilibriumCache(held, self._friction), self.cache.by_offsets.outputs
-        if not self.state.explains(pose, cache):
+        cache = EquilibriumCache(grasp, self._friction)
+        if not self.state.explains(pose_without_load, cache):
             return False
+        squeeze_before, rates_before = self.squeeze, self.cache.by_offsets.outputs
         self.is_assumed, self.cache = False, cache
         self._fit_state()
         self.state.walk.attach((cache.by_offsets.outputs - rates_before)[:3])
-        self._corrected = np.zeros_like(self._corrected)
-        self._start_at(pose)
-        self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))
+        self._start_at(pose_without_load)
+        self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze_before))
         return True
 
     def _start_at(self, pose: Array) -> None:
@@ -296,25 +291,27 @@ class GripBelief:
         The contacts are shifted toward it within friction, unless the equilibrium is assumed; the
         distance that remains is the unexplained pose.
         """
-        cache, grasp, friction, self._spare = self.cache, self.grasp, self._friction, 0.0
-        shifts = np.zeros(len(grasp.members))
+        cache, start, friction = self.cache, self.grasp, self._friction
+        self._lost_margin = 0.0  # slip margin lost by the contact history [N]
+        shifts = np.zeros(len(start.members))
         # The second step has the derivatives at the first solution.
         for _ in range(0 if self.is_assumed else 2):
             gain = self.state.initialise(cache, friction)
-            off = self._even * pose_difference(pose, self.grasp.pose)
-            moved = (gain @ (off + cache.rates[:3, SHIFTS:] @ shifts))[SHIFTS:] - shifts
-            by_contact = moved[cache.grasp.contacts.owners]
-            placed = cache.roll(grasp.config, grasp.pressures, by_contact)
+            error = self.scale * pose_difference(pose, self.grasp.pose)
+            error_without_shifts = error + cache.rates[:3, SHIFTS:] @ shifts
+            estimated_shifts = (gain @ error_without_shifts)[SHIFTS:]
+            further_shifts = (estimated_shifts - shifts)[cache.grasp.contacts.owners]
+            shifted = cache.roll(start.config, start.pressures, further_shifts)
             # Forces beyond friction and contacts of other members are attributed to wrong offsets,
             # so the shifts are not applied.
-            if placed is None or len(placed.members) != len(shifts):
+            if shifted is None or len(shifted.members) != len(shifts):
                 break
-            if self._hold(placed) is not HoldStatus.HELD:
+            if self._hold(shifted) is not HoldStatus.HELD:
                 break
-            shifts = shifts + moved
-            self._spare = grasp.slip_margin(friction) - placed.slip_margin(friction)
-            self.take(placed)
-        self.state.bias = self._even * pose_difference(pose, self.grasp.pose)
+            shifts = estimated_shifts
+            self._lost_margin = start.slip_margin(friction) - shifted.slip_margin(friction)
+            self.take(shifted)
+        self.state.bias = self.scale * pose_difference(pose, self.grasp.pose)
         self.state.initialise(cache, friction)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
@@ -323,24 +320,23 @@ class GripBelief:
             return HoldStatus.UNSTABLE
         return grasp.hold((1.0 + 2.0 * self.settings.squeeze_error) * self._friction)
 
-    def correct_zeros(self, moved: Array) -> None:
+    def correct_zeros(self, correction: Array) -> None:
         """
-        Increase the roller offsets by `moved` (r,) without changing the object's pose [m].
+        Add a correction (r,) to the roller offsets without changing the object's pose [m].
 
         The next equilibrium contains the correction; until then the squeeze follows to first
         order.
         """
-        self.cache.correct_zeros(moved, self.state.sensitivity, SHIFTS)
-        self._corrected = self._corrected + moved
+        self.cache.correct_zeros(correction, self.state.sensitivity)
 
     def take(self, grasp: HeldGrip) -> None:
-        """Set the equilibrium, for example one that another belief has found."""
+        """Replace the equilibrium, for example by one that another belief has found."""
         self.cache.take(grasp)
         self._fit_state()
 
     def _fit_state(self) -> None:
-        """Give the state the size of the derivatives at an equilibrium that is new."""
-        self._rolled = self.lag.time
+        """Fit the size of the state to a new equilibrium; new shifts get a wide prior."""
+        self._equilibrium_time = self.lag.time
         size = self.cache.rates.shape[1]
         if size != len(self.state.covariance):
             self.state.resize(size, SHIFTS, self.grasp.arm**2)

@@ -48,45 +48,50 @@ def attach_model(
     return grasp
 
 
-def shift_deviations(grasp: HeldGrip, shifted: Array, friction: float) -> Array:
+def shift_deviations(grasp: HeldGrip, by_shifts: Array, friction: float) -> Array:
     """
     Return the prior deviations (m,) of the contacts' shifts along the members [m].
 
     A deviation is twice the shift that causes slip, at most the object's characteristic radius.
-    For `shifted` see `shift_rates`.
+    For `by_shifts` see `shift_rates`.
     """
     reserve = friction * grasp.normal_forces - np.abs(grasp.friction_forces)
     reserve = np.maximum(reserve, 0.1 * friction * grasp.squeeze)
-    friction_rates = grasp.contacts.sum_by_member(shifted[grasp.state.places.friction])
+    # Derivatives (m, m) of the members' friction forces by the members' shifts.
+    friction_rates = grasp.contacts.sum_by_member(by_shifts[grasp.state.places.friction])
     stiffness = np.abs(np.diag(friction_rates))
-    return 2.0 * reserve / np.maximum(stiffness, 2.0 * reserve / grasp.arm)
+    smallest_stiffness = 2.0 * reserve / grasp.arm
+    return 2.0 * reserve / np.maximum(stiffness, smallest_stiffness)
 
 
 def output_scale(grasp: HeldGrip) -> Array:
-    """Return the factors (4,) on the outputs, which multiply rotations by the object's radius."""
+    """Return factors (4,) on pose and squeeze, the arm [m] for the rotation and else 1."""
     return np.array([1.0, 1.0, grasp.arm, 1.0])
 
 
 def shift_rates(grasp: HeldGrip) -> Array:
-    """Return the derivatives (3 + 4k, m) of `ContactForces.unknowns` by the members' shifts."""
+    """Return derivatives (3 + 4k, m) of pose, contact points and forces by the members' shifts."""
     places, owners = grasp.state.places, grasp.contacts.owners
+    # A shift of a member's contacts changes the rolling condition of each of them.
     changes = np.zeros((places.size, len(grasp.members)))
     changes[places.conditions] = -np.eye(len(grasp.members))[owners]
     return grasp.respond(changes)
 
 
-def state_rates(grasp: HeldGrip, shifted: Array) -> Array:
-    """Return the derivatives (4, n) of the scaled outputs by the state; see `shift_rates`."""
-    change, members = np.hstack([grasp.response.change, shifted]), len(grasp.members)
-    squeeze = change[grasp.state.places.normal].sum(axis=0) / members
-    outputs = output_scale(grasp)[:, None] * np.vstack([change[:3], squeeze])
-    rates = np.zeros((4, SHIFTS + members))
-    rates[:, LOAD], rates[:3, BIAS], rates[:, SHIFTS:] = outputs[:, :3], np.eye(3), outputs[:, 3:]
-    return rates
+def state_rates(grasp: HeldGrip, by_shifts: Array) -> Array:
+    """Return derivatives (4, n) of scaled pose and squeeze by the state; see `shift_rates`."""
+    members = len(grasp.members)
+    # Columns: derivatives of pose and contact forces by the load, and by the members' shifts.
+    unknowns = np.hstack([grasp.response.change, by_shifts])
+    squeeze = unknowns[grasp.state.places.normal].sum(axis=0) / members
+    outputs = output_scale(grasp)[:, None] * np.vstack([unknowns[:3], squeeze])
+    by_load, by_shifts = outputs[:, :3], outputs[:, 3:]
+    by_bias, by_delay = np.eye(4, 3), np.zeros(4)
+    return np.column_stack([by_load, by_bias, by_delay, by_shifts])
 
 
 class OffsetRates(NamedTuple):
-    """Derivatives of outputs and joints by r roller offsets, for contacts at rest on members."""
+    """Derivatives of pose, squeeze and joints by r roller offsets; contacts rest on members."""
 
     grasp: HeldGrip  #: equilibrium of the object
     outputs: Array  #: (4, r) derivatives of the scaled outputs
@@ -96,9 +101,10 @@ class OffsetRates(NamedTuple):
     @classmethod
     def of(cls, grasp: HeldGrip) -> OffsetRates:
         """Return the derivatives by roller offsets at an equilibrium."""
-        gradient, count = held_gradient(grasp), len(grasp.config.roller_positions)
+        gradient, rollers = held_gradient(grasp), len(grasp.config.roller_positions)
         outputs = np.vstack([gradient.pose, gradient.normal_forces.mean(axis=0)])
-        rows = np.vstack([output_scale(grasp)[:, None] * outputs, gradient.joints])
-        at_rest = rows[:, :count] + rows[:, count:] @ grasp.statics.anchor_rates
-        members = np.eye(len(grasp.members))[grasp.contacts.owners]
-        return cls(grasp, at_rest[:4], at_rest[4:], gradient.joints[:, count:] @ members)
+        rates = np.vstack([output_scale(grasp)[:, None] * outputs, gradient.joints])
+        by_rollers, by_anchors = np.split(rates, [rollers], axis=1)
+        by_offsets = by_rollers + by_anchors @ grasp.statics.anchor_rates
+        shifts_of_contacts = np.eye(len(grasp.members))[grasp.contacts.owners]
+        return cls(grasp, by_offsets[:4], by_offsets[4:], by_anchors[4:] @ shifts_of_contacts)

@@ -60,70 +60,84 @@ class GripState(SchmidtFilter):
         self.walk, self.noise = ContactWalk(), PoseNoise(noise)
 
     def initialise(self, cache: EquilibriumCache, friction: float) -> Array:
-        """Set the prior covariance, and update it for a pose; return the gain (n, 3)."""
+        """Set the prior covariance, condition it on a pose, and return the Kalman gain (n, 3)."""
         settings = self._settings
         variances = np.diag(self.covariance).copy()
         variances[LOAD] = settings.load**2
         variances[BIAS] = settings.pose_error**2
-        variances[SHIFTS:] = shift_deviations(cache.grasp, cache.shifted, friction) ** 2
+        variances[SHIFTS:] = shift_deviations(cache.grasp, cache.by_shifts, friction) ** 2
         self.reset(np.diag(variances))
-        # The part of the pose that shifts within friction do not explain: roller offsets.
         rates, by_offsets = cache.rates[:3], cache.by_offsets.outputs[:3]
+        # Covariances of the pose by shifts within friction, and by errors of the model.
         by_shifts = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
-        constant = settings.pose_error**2 * np.eye(3)
-        unexplained = np.linalg.solve(by_shifts + constant, constant).T @ by_offsets
+        by_model = settings.pose_error**2 * np.eye(3)
+        # Offsets cause the part of the pose that the shifts do not explain.
+        unexplained = by_model @ np.linalg.solve(by_shifts + by_model, by_offsets)
         self.covariance[BIAS, BIAS] += unexplained @ self.prior @ unexplained.T
         return self.condition(rates, by_offsets, np.diag(self.noise.variances))
 
     def explains(self, pose: ArrayLike, cache: EquilibriumCache) -> bool:
-        """Return whether load, offsets and noise explain the distance of a pose from the model."""
+        """Return whether load, offsets and noise explain a pose's distance to the equilibrium."""
         distance = cache.scale[:3] * pose_difference(pose, cache.grasp.pose)
-        rates, by_load = cache.by_offsets.outputs[:3], cache.rates[:3, LOAD] * self._settings.load
-        spread = rates @ self.prior @ rates.T + by_load @ by_load.T + np.diag(self.noise.variances)
-        return float(distance @ np.linalg.solve(spread, distance)) <= MAX_DEVIATIONS**2
+        by_offsets = cache.by_offsets.outputs[:3]
+        covariance = by_offsets @ self.prior @ by_offsets.T + self._noise_with_load(cache)
+        return float(distance @ np.linalg.solve(covariance, distance)) <= MAX_DEVIATIONS**2
 
-    def correct(self, error: Array, speed: Array, cache: EquilibriumCache, time: float) -> Array:
+    def correct(self, error: Array, speeds: Array, cache: EquilibriumCache, time: float) -> Array:
         """
-        Update the belief with the innovation (3,) of a pose [m]; return the change (n,).
+        Update the belief with the innovation (3,) of a pose [m]; return the state's change (n,).
 
-        The `speed` (3,) of the object is that at the pose's time, rotations times the arm [m/s].
+        The object's `speeds` (3,) are those at the pose's time, rotations times the arm [m/s].
         """
-        rates, noise = cache.rates[:3].copy(), np.diag(self.noise.variances)
-        rates[:, DELAY] = -speed
-        covariance, walk_rates = self.covariance, cache.rates[:3].copy()
+        noise = np.diag(self.noise.variances)
+        by_offsets = cache.by_offsets.outputs[:3]
+        rates = cache.rates[:3].copy()
+        rates[:, DELAY] = -speeds
+        # The part of the pose by contacts and unexplained pose.
+        walk_rates = cache.rates[:3].copy()
         walk_rates[:, LOAD] = 0.0
-        walk_covariance = walk_rates @ covariance @ walk_rates.T
-        spread = rates @ covariance @ rates.T + noise
-        self.innovation, self.jump = float(error @ np.linalg.solve(spread, error)), 0.0
+        walk_covariance = walk_rates @ self.covariance @ walk_rates.T
+        covariance = rates @ self.covariance @ rates.T + noise
+        self.innovation = float(error @ np.linalg.solve(covariance, error))
+        self.jump = 0.0
         if self.innovation > MAX_DEVIATIONS**2:  # contacts and unexplained pose may be anywhere
             self.jump = math.hypot(*error)
-            added = np.zeros(len(covariance))
+            added = np.zeros(len(self.covariance))
             added[BIAS] = added[SHIFTS:] = self.jump**2
-            self.covariance = covariance + np.diag(added)
-        by_offsets = cache.by_offsets.outputs[:3]
+            self.covariance = self.covariance + np.diag(added)
         change = self.condition(rates, by_offsets, noise) @ error
+        self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
         delay = self.delay + float(change[DELAY])
         self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
-        self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
-        by_load = cache.rates[:3, LOAD] * self._settings.load
-        expected = noise + by_load @ by_load.T
-        correction = walk_rates @ change
+        correction, expected = walk_rates @ change, self._noise_with_load(cache)
         self.walk.add(time, correction, walk_covariance, expected, by_offsets, self.prior)
         return change
 
     def propagate(
-        self, elapsed: float, moved: Array, travel: Array, cache: EquilibriumCache
+        self, elapsed: float, motion: Array, travel: Array, cache: EquilibriumCache
     ) -> Array:
-        """Propagate the belief by process noise; return the change (3,) of the load [N]."""
+        """
+        Propagate the belief by process noise; return the change (3,) of the load [N].
+
+        The object's `motion` (3,) and the roller travel (r,), which is absolute, are those in the
+        `elapsed` time [m].
+        """
         settings = self._settings
         remaining = math.exp(-elapsed / settings.load_time)
+        slip_variances = settings.slip**2 * SLIP_LENGTH * travel
         noise, decay = np.zeros(len(self.covariance)), np.ones(len(self.covariance))
-        decay[LOAD] = remaining
-        noise[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*moved)
-        noise[SHIFTS:] = settings.slip**2 * SLIP_LENGTH * travel.max()
-        self.walk.spread(cache.rates[:3] * noise @ cache.rates[:3].T)  # a load is no walk
+        noise[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*motion)
+        noise[SHIFTS:] = slip_variances.max()
+        # The contacts' walk does not contain the noise of the load, which is added after it.
+        self.walk.spread(cache.rates[:3] * noise @ cache.rates[:3].T)
         noise[LOAD] = settings.load**2 * (1.0 - remaining**2)
-        self.predict(decay, noise, settings.slip**2 * SLIP_LENGTH * travel)
-        change = (remaining - 1.0) * self.load
-        self.load = self.load + change
-        return change
+        decay[LOAD] = remaining
+        self.predict(decay, noise, slip_variances)
+        load_change = (remaining - 1.0) * self.load
+        self.load = self.load + load_change
+        return load_change
+
+    def _noise_with_load(self, cache: EquilibriumCache) -> Array:
+        """Return the covariance (3, 3) of measured poses due to noise and load [m^2]."""
+        by_load = cache.rates[:3, LOAD] * self._settings.load
+        return by_load @ by_load.T + np.diag(self.noise.variances)

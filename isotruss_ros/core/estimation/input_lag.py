@@ -20,36 +20,37 @@ import numpy as np
 
 class InputLag:
     """
-    Poses by roller travel alone, and corrections that the control does not contain yet.
+    Poses by roller travel alone over time, and low-pass filters of the corrections for control.
 
-    :ivar way: poses (3,) by roller travel alone over time [m, m, rad].
+    :ivar rolled_poses: poses (3,) by roller travel alone over time [m, m, rad].
     :ivar filters: (2, 4) corrections of pose [m, m, rad] and squeeze [N] that are still in the two
         low-pass filters in series.
-    :ivar travelled: (3,) pose by roller travel alone at the last equilibrium [m, m, rad].
+    :ivar pose_at_equilibrium: (3,) pose by roller travel alone, at the last equilibrium
+        [m, m, rad].
     """
 
     def __init__(self, pose: Array) -> None:
-        self.time, self.travelled = 0.0, pose
+        self.time, self.pose_at_equilibrium = 0.0, pose
         self._measured = 0.0, pose  # time of the last measured rollers, and pose then
-        self.way = Timeline()
-        self.way.add(*self._measured)
+        self.rolled_poses = Timeline()
+        self.rolled_poses.add(*self._measured)
         self.filters = np.zeros((2, 4))
 
-    def record(self, pose: Array, since: Array, age: float) -> None:
-        """Store the pose (3,) now, and the pose `age` [s] ago, smaller by `since` (3,)."""
+    def record(self, pose: Array, motion: Array, age: float) -> None:
+        """Store the pose (3,) by roller travel, and that `age` [s] ago, before a `motion` (3,)."""
         # The last call's prediction is replaced, because rollers may follow their commands late.
-        self.way.add(*self._measured)
-        self._measured = self.time - age, pose - since
-        self.way.add(*self._measured)
-        self.way.add(self.time, pose)
-        self.way.discard_before(self.time - MAX_TIMEOUT)
+        self.rolled_poses.add(*self._measured)
+        self._measured = self.time - age, pose - motion
+        self.rolled_poses.add(*self._measured)
+        self.rolled_poses.add(self.time, pose)
+        self.rolled_poses.discard_before(self.time - MAX_TIMEOUT)
 
     def hold_back(self, correction: Array) -> None:
-        """Put a correction (4,) of pose and squeeze into the first filter."""
+        """Put a correction (4,) of pose and squeeze into the low-pass filters for control."""
         self.filters[0] += correction
 
     def advance(self, elapsed: float, filter_time: float) -> None:
-        """Advance the two filters with a time constant [s]."""
+        """Advance the low-pass filters by a time; `filter_time` is their time constant [s]."""
         remaining = math.exp(-elapsed / filter_time)
         self.filters[1] += (1.0 - remaining) * self.filters[0]
         self.filters *= remaining

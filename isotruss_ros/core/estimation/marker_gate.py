@@ -35,38 +35,41 @@ def judge_markers(
     """
     Return the mask (k,) of consistent markers, and the slip (r,) of at most one roller [m].
 
-    If some markers are inconsistent, two hypotheses are compared: one roller has slipped by at
-    most its travel `reach` (r,) [m], or some markers are wrong. For each, the worst marker is
-    rejected repeatedly until the others are consistent; if most are inconsistent, all are
-    rejected. The hypothesis with more consistent markers is selected.
+    If some markers are inconsistent, there are two hypotheses. One roller has slipped by at most
+    its travel `reach` (r,) [m]; this must explain all markers. Or some markers are wrong: the
+    worst one is rejected repeatedly until the others are consistent; if most are wrong, all are
+    rejected.
     """
-    count, difference = len(innovation), innovation.ravel()
-    all_markers, no_slip = np.ones(count, dtype=bool), np.zeros_like(reach)
-    if passes_gate(difference, covariance):
-        return all_markers, no_slip
+    count, coordinates = len(innovation), innovation.ravel()
+    all_markers = np.ones(count, dtype=bool)
+    if passes_gate(coordinates, covariance):
+        return all_markers, np.zeros_like(reach)
 
     def select(markers: Flags) -> tuple[Array, Array]:
         rows = np.flatnonzero(np.repeat(markers, 2))
-        return difference[rows], covariance[np.ix_(rows, rows)]
+        return coordinates[rows], covariance[np.ix_(rows, rows)]
 
-    # The slip of one roller that best explains the markers.
+    # First hypothesis: each roller's slip by weighted least squares, and the best of these slips.
     weighted = np.linalg.solve(covariance, by_rollers)
-    squares = np.einsum('ij,ij->j', by_rollers, weighted)
-    slips = np.diag(np.clip(weighted.T @ difference / np.maximum(squares, 1e-12), -reach, reach))
-    distances = [_squared_distance(difference - by_rollers @ slip, covariance) for slip in slips]
-    slip = slips[int(np.argmin(distances))]
-    is_slip = passes_gate(difference - by_rollers @ slip, covariance)
-    kept = all_markers
-    while kept.any() and not passes_gate(*select(kept)):
-        without_one = kept & ~np.eye(count, dtype=bool)[kept]
-        kept = min(without_one, key=lambda markers: _squared_distance(*select(markers)))
-    if 2 * kept.sum() < count:
-        kept = np.zeros_like(kept)
-    # A slip that explains all markers is more probable than two simultaneous wrong markers.
-    if is_slip and count - kept.sum() == 1 and kept.any():
-        mean_square = _squared_distance(*select(kept)) / (2 * kept.sum())
-        is_slip = min(distances) / (2 * count - 1) < mean_square
-    return (all_markers, slip) if is_slip else (kept, no_slip)
+    information = np.maximum(np.einsum('ij,ij->j', by_rollers, weighted), 1e-12)
+    slips = np.diag(np.clip(weighted.T @ coordinates / information, -reach, reach))
+    residuals = [coordinates - by_rollers @ slip for slip in slips]
+    distances = [_squared_distance(residual, covariance) for residual in residuals]
+    best = int(np.argmin(distances))
+    is_slip = passes_gate(residuals[best], covariance)
+    # Second hypothesis: masks of the consistent markers without one of them, and the best mask.
+    consistent = all_markers
+    while consistent.any() and not passes_gate(*select(consistent)):
+        masks = consistent & ~np.eye(count, dtype=bool)[consistent]
+        consistent = min(masks, key=lambda markers: _squared_distance(*select(markers)))
+    if 2 * consistent.sum() < count:
+        consistent = np.zeros_like(consistent)
+    # A slip that explains all markers is more probable than two simultaneous wrong markers. It is
+    # compared with one wrong marker by the mean squares per degree of freedom.
+    if is_slip and count - consistent.sum() == 1 and consistent.any():
+        mean_square = _squared_distance(*select(consistent)) / (2 * consistent.sum())
+        is_slip = distances[best] / (2 * count - 1) < mean_square
+    return (all_markers, slips[best]) if is_slip else (consistent, np.zeros_like(reach))
 
 
 def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int, int] | None:
@@ -79,9 +82,9 @@ def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int,
     return None
 
 
-def _squared_distance(off: Array, covariance: Array) -> float:
-    """Return the squared Mahalanobis distance of an innovation from zero."""
-    return float(off @ np.linalg.solve(covariance, off))
+def _squared_distance(innovation: Array, covariance: Array) -> float:
+    """Return the squared Mahalanobis distance of an innovation (m,) from zero."""
+    return float(innovation @ np.linalg.solve(covariance, innovation))
 
 
 class SlipWatch:
@@ -89,16 +92,17 @@ class SlipWatch:
 
     def __init__(self, count: int) -> None:
         self.slipping = np.zeros(count, dtype=bool)  #: (r,) mask of the slipping rollers
-        self._kept: deque[tuple[float, Array, Array, Array]] = deque()
+        #: Arguments of `add` within `SLIP_SPAN`, in order of time.
+        self._history: deque[tuple[float, Array, Array, Array]] = deque()
 
     def add(self, time: float, travel: Array, offsets: Array, variances: Array) -> None:
         """Update `slipping` with offsets (r,), compared with the offsets `SLIP_SPAN` earlier."""
-        self._kept.append((time, travel, offsets, variances))
-        while time - self._kept[0][0] > SLIP_SPAN:
-            self._kept.popleft()
-        _, travel_then, offsets_then, variances_then = self._kept[0]
-        change, rolled = offsets - offsets_then, travel - travel_then
-        is_significant = np.abs(change) > SLIP_SIGMAS * np.sqrt(variances + variances_then)
-        is_large = np.abs(change) > np.maximum(MIN_SLIP, MIN_SLIP_SHARE * np.abs(rolled))
+        self._history.append((time, travel, offsets, variances))
+        while time - self._history[0][0] > SLIP_SPAN:
+            self._history.popleft()
+        _, travel_before, offsets_before, variances_before = self._history[0]
+        slip, distance = offsets - offsets_before, travel - travel_before
+        is_significant = np.abs(slip) > SLIP_SIGMAS * np.sqrt(variances + variances_before)
+        is_large = np.abs(slip) > np.maximum(MIN_SLIP, MIN_SLIP_SHARE * np.abs(distance))
         # A slipping tube lags behind its roller.
-        self.slipping = is_significant & is_large & (change * rolled < 0.0)
+        self.slipping = is_significant & is_large & (slip * distance < 0.0)

@@ -46,18 +46,19 @@ class OffsetFilter:
 
     def __init__(self, robot: Robot, settings: EstimatorSettings) -> None:
         self._settings, self._count = settings, len(robot.roller_names)
-        joints = len(robot.topology.joint_names)
-        positions = robot.home.nodes[:joints]
-        lever = positions @ [[0.0, 1.0], [-1.0, 0.0]]
-        shift = np.tile(np.eye(2), (joints, 1))
+        self._joint_names = robot.topology.joint_names
+        self._roller_names = np.array(robot.roller_names)
+        joints = len(self._joint_names)
+        # Derivatives of all marker positions by the markers' common shift and rotation.
+        by_shift = np.tile(np.eye(2), (joints, 1))
+        by_rotation = robot.home.nodes[:joints] @ [[0.0, 1.0], [-1.0, 0.0]]  # (-y, x)
         #: Jacobian of all marker positions with respect to the markers' constant errors.
-        self._constant = np.column_stack([shift, lever.ravel(), np.eye(2 * joints)])
-        sizes = settings.marker_shift, settings.marker_turn, settings.joint_error
-        counts = self._count, 2, 1, 2 * joints
-        variances = np.repeat([settings.zero_deviation, *sizes], counts) ** 2
-        self.mean, self.covariance = np.zeros(len(variances)), np.diag(variances)
-        self._prior, self._measured = variances, np.zeros(2 * joints, dtype=bool)
-        self._names, self._rollers = robot.topology.joint_names, np.array(robot.roller_names)
+        self._by_errors = np.column_stack([by_shift, by_rotation.ravel(), np.eye(2 * joints)])
+        errors = settings.marker_shift, settings.marker_turn, settings.joint_error
+        deviations = np.repeat([settings.zero_deviation, *errors], [self._count, 2, 1, 2 * joints])
+        self.mean, self.covariance = np.zeros(len(deviations)), np.diag(deviations**2)
+        self._prior = deviations**2
+        self._is_measured = np.zeros(2 * joints, dtype=bool)
         self._slips, self._inconsistent = SlipWatch(self._count), 0
         self.findings: dict[str, Any] = {}
 
@@ -80,41 +81,42 @@ class OffsetFilter:
 
         Then the measured joints have errors that are not in the state.
         """
-        free = self._prior > 0.0
-        squared = (self.mean[free] ** 2 / self._prior[free]).sum()
-        return bool(squared > scipy.special.chdtri(self._measured.sum(), IMPROBABLE))
+        is_free = self._prior > 0.0
+        squared_distance = (self.mean[is_free] ** 2 / self._prior[is_free]).sum()
+        return bool(squared_distance > scipy.special.chdtri(self._is_measured.sum(), IMPROBABLE))
 
     def predict(self, elapsed: float, travel: Array) -> None:
-        """Propagate the covariance by process noise; `travel` (r,) is absolute [m]."""
+        """Propagate the covariance by drift and slip; `travel` (r,) is absolute [m]."""
         settings = self._settings
         self.inflate(settings.slip**2 * SLIP_LENGTH * travel + settings.drift**2 * elapsed)
 
     def inflate(self, variances: Array) -> None:
         """Increase the variances (r,) of the offsets, at most to that of unknown offsets [m^2]."""
-        added, before = np.zeros(len(self._prior)), np.diag(self.covariance)[: self._count]
-        room = np.maximum(MAX_OFFSET_DEVIATION**2 - before, 0.0)
-        added[: self._count] = np.minimum(variances, room)
+        added, present = np.zeros(len(self._prior)), np.diag(self.covariance)[: self._count]
+        largest = np.maximum(MAX_OFFSET_DEVIATION**2 - present, 0.0)
+        added[: self._count] = np.minimum(variances, largest)
         self._prior, self.covariance = self._prior + added, self.covariance + np.diag(added)
 
-    def expect(self, joints: JointModel, rows: Indices, mean: Array) -> tuple[Array, Array]:
-        """Return coordinates (m,) of the markers in `rows`, and their Jacobian, at a state."""
-        (offsets, errors), constant = np.split(mean, [self._count]), self._constant[rows]
-        values, rates = joints(offsets)
-        return values[rows] + constant @ errors, np.hstack([rates[rows], constant])
+    def expect(self, joints: JointModel, rows: Indices, state: Array) -> tuple[Array, Array]:
+        """Return expected marker coordinates (m,) in `rows` for a state, and their Jacobian."""
+        offsets, errors = np.split(state, [self._count])
+        positions, by_offsets = joints(offsets)
+        by_errors = self._by_errors[rows]
+        return positions[rows] + by_errors @ errors, np.hstack([by_offsets[rows], by_errors])
 
     def update(self, measured: Array, noise: Array, rows: Indices, joints: JointModel) -> None:
-        """Update the state with coordinates (m,) in `rows` by Gauss-Newton steps."""
-        prior = mean = self.mean
-        covariance = self.covariance
+        """Update the state with measured coordinates (m,) in `rows` by Gauss-Newton steps."""
+        iterate, covariance = self.mean, self.covariance
         for _ in range(MAX_SEARCH_STEPS):
-            values, rates = self.expect(joints, rows, mean)
+            expected, rates = self.expect(joints, rows, iterate)
             gain, _, covariance = condition(self.covariance, rates, noise)
-            moved = prior + gain @ (measured - values - rates @ (prior - mean))
-            change, mean = np.abs(moved - mean), moved
-            if (change <= np.sqrt(np.diag(covariance))).all():
+            # Innovation at the prior mean, to first order from the iterate.
+            innovation = measured - expected - rates @ (self.mean - iterate)
+            previous, iterate = iterate, self.mean + gain @ innovation
+            if (np.abs(iterate - previous) <= np.sqrt(np.diag(covariance))).all():
                 break
-        self.mean, self.covariance = mean, covariance
-        self._measured[rows] = True
+        self.mean, self.covariance = iterate, covariance
+        self._is_measured[rows] = True
 
     def take_markers(
         self,
@@ -131,31 +133,32 @@ class OffsetFilter:
         The encoder readings (r,) are those at that time, `reach` (r,) is the range of the stored
         ones [m].
         """
-        rows = np.array([2 * self._names.index(name) + i for name in markers for i in (0, 1)])
-        expected, slopes = self.expect(joints, rows, self.mean)
-        rates = slopes[:, : self._count]
-        measured = np.array(list(markers.values()), dtype=float).ravel()
-        encoders = self._settings.encoders**2 * rates @ rates.T
-        noise = deviation**2 * np.eye(len(rows)) + encoders
-        covariance = slopes @ self.covariance @ slopes.T + noise
-        pairs, expected = measured.reshape(-1, 2), expected.reshape(-1, 2)
-        used, slipped = judge_markers(pairs - expected, covariance, rates, reach)
-        self.inflate(slipped**2)
         names = np.array(list(markers))
-        swapped = None if used.all() else find_swap(pairs, expected, covariance)
-        swapped_names = () if swapped is None else names[list(swapped)].tolist()
-        self.findings['used'] = tuple(sorted(names[used].tolist()))
-        self.findings['left_out'] = tuple(sorted(names[~used].tolist()))
+        first_rows = 2 * np.array([self._joint_names.index(name) for name in markers])
+        rows = np.column_stack([first_rows, first_rows + 1]).ravel()  # x and y of each marker
+        measured = np.array(list(markers.values()), dtype=float)
+        coordinates, rates = self.expect(joints, rows, self.mean)
+        expected = coordinates.reshape(-1, 2)
+        by_offsets = rates[:, : self._count]
+        encoder_noise = self._settings.encoders**2 * by_offsets @ by_offsets.T
+        noise = deviation**2 * np.eye(len(rows)) + encoder_noise
+        covariance = rates @ self.covariance @ rates.T + noise
+        is_used, slip = judge_markers(measured - expected, covariance, by_offsets, reach)
+        self.inflate(slip**2)
+        swap = None if is_used.all() else find_swap(measured, expected, covariance)
+        swapped_names = () if swap is None else names[list(swap)].tolist()
+        self.findings['used'] = tuple(sorted(names[is_used].tolist()))
+        self.findings['left_out'] = tuple(sorted(names[~is_used].tolist()))
         self.findings['swapped'] = tuple(sorted(swapped_names))
-        self._inconsistent = 0 if used.any() or swapped_names else self._inconsistent + 1
+        self._inconsistent = 0 if is_used.any() or swapped_names else self._inconsistent + 1
         if self._inconsistent >= MAX_INCONSISTENT_MESSAGES:  # e.g. after a restart of the encoders
             self.inflate(np.full(self._count, np.inf))
             self._inconsistent = 0
-        chosen = np.flatnonzero(np.repeat(used, 2))
-        if not len(chosen):
+        if not is_used.any():
             return False
-        self.update(measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen], joints)
+        used = np.flatnonzero(np.repeat(is_used, 2))  # indices of coordinates
+        self.update(measured.ravel()[used], noise[np.ix_(used, used)], rows[used], joints)
         variances = np.diag(self.offset_covariance) + self._settings.joint_error**2
         self._slips.add(time, readings, self.offsets, variances)
-        self.findings['slipping'] = tuple(self._rollers[self._slips.slipping].tolist())
+        self.findings['slipping'] = tuple(self._roller_names[self._slips.slipping].tolist())
         return True

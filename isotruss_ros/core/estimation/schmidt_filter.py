@@ -41,16 +41,16 @@ class SchmidtFilter:
         self.sensitivity = np.zeros((len(covariance), len(self.prior)))
 
     def resize(self, size: int, first: int, variance: float) -> None:
-        """Set the size of the state; components from `first` on get a prior variance."""
-        before, sensitivity = self.covariance, self.sensitivity
+        """Resize the state; components from `first` on restart with a prior `variance`."""
+        covariance, sensitivity = self.covariance, self.sensitivity
         self.reset(variance * np.eye(size))
-        self.covariance[:first, :first] = before[:first, :first]
+        self.covariance[:first, :first] = covariance[:first, :first]
         self.sensitivity[:first] = sensitivity[:first]
 
     def spread(self, rates: Array, by_parameters: Array) -> Array:
-        """Return the covariance (m, m) of functions linear in state (m, n), parameters (m, c)."""
-        whole = by_parameters + rates @ self.sensitivity
-        return rates @ self.covariance @ rates.T + whole @ self.prior @ whole.T
+        """Return the covariance (m, m) of outputs with `rates` by state and `by_parameters`."""
+        total_rates = by_parameters + rates @ self.sensitivity  # by the parameters
+        return rates @ self.covariance @ rates.T + total_rates @ self.prior @ total_rates.T
 
     def predict(self, decay: Array, noise: Array, drift: Array) -> None:
         """
@@ -59,13 +59,16 @@ class SchmidtFilter:
         The state was biased by the parameters before their drift. Its sensitivity to the later
         ones is smaller (Hsieh and Chen 1999).
         """
-        before, sensitivity = self.prior, decay[:, None] * self.sensitivity
-        self.prior = before + np.diag(drift)
-        regression = before @ np.linalg.pinv(self.prior, hermitian=True)
-        self.sensitivity = sensitivity @ regression
-        uncorrelated = sensitivity @ (before - regression @ before) @ sensitivity.T
+        prior_before = self.prior
+        self.prior = prior_before + np.diag(drift)
+        # The parameters before the drift are `regression` times those after it, with a residual.
+        regression = prior_before @ np.linalg.pinv(self.prior, hermitian=True)
+        residual = prior_before - regression @ prior_before  # its covariance
+        sensitivity_before = decay[:, None] * self.sensitivity
+        self.sensitivity = sensitivity_before @ regression
+        by_residual = sensitivity_before @ residual @ sensitivity_before.T
         covariance = self.covariance * np.outer(decay, decay) + np.diag(noise)
-        self.covariance = covariance + 0.5 * (uncorrelated + uncorrelated.T)
+        self.covariance = covariance + 0.5 * (by_residual + by_residual.T)
 
     def condition(self, rates: Array, by_parameters: Array, noise: Array) -> Array:
         """Update the covariances by a measurement (m,); return the gain (n, m) of the state."""

@@ -20,7 +20,7 @@ MAX_KNOWN_DEVIATION = 0.5
 
 
 def is_squeeze_known(squeeze: float, deviation: float) -> bool:
-    """Return whether the standard deviation of a squeeze is small relative to it [N]."""
+    """Return whether the standard deviation of a squeeze is at most half of it [N]."""
     return deviation <= MAX_KNOWN_DEVIATION * squeeze
 
 

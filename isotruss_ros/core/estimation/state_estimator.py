@@ -38,7 +38,7 @@ from numpy.typing import ArrayLike
 
 
 class StateEstimator:
-    """Kalman filters of roller offsets and grip; the belief is None without an object."""
+    """Estimator of roller offsets, pose and squeeze; its belief is None without an object."""
 
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
         self.settings = settings or EstimatorSettings()
@@ -50,7 +50,7 @@ class StateEstimator:
         self._held: HeldGrip | None = None  # its equilibrium
         self._readings, self._measured = Timeline(), UsedReadings()
         self._pressures: Pressures = None
-        self._rolled = 0.0
+        self._roll_time = 0.0  # time of the readings to which the grip was rolled [s]
         self._used_offsets = self._zeros.offsets  # roller offsets in the equilibrium of the grip
 
     def set_grip(self, grip: Grip) -> None:
@@ -63,10 +63,10 @@ class StateEstimator:
         readings = self._robot.check_rollers(readings, 'encoder readings [m]')
         (time,) = finite_array([time], 1, 'time of the readings [s]', ConfigurationError).tolist()
         if self._readings:
-            before, last = self._readings.last
-            if time <= before:
+            previous_time, previous = self._readings.last
+            if time <= previous_time:
                 return
-            self._zeros.predict(time - before, np.abs(readings - last))
+            self._zeros.predict(time - previous_time, np.abs(readings - previous))
         self._readings.add(time, readings)
         self._readings.discard_before(time - HISTORY_DURATION)
 
@@ -85,8 +85,8 @@ class StateEstimator:
             used.
         :raises GraspError: the object has no such corners, or the tubes are of another structure.
         """
-        before, self._record = self._record, record
-        if record is before or self.grip is None:
+        previous, self._record = self._record, record
+        if record is previous or self.grip is None:
             return
         if record is None:
             self.belief = None
@@ -94,7 +94,7 @@ class StateEstimator:
         config = self._tracker.configuration(record.travel)
         held = self._held = record.restore(config, self.grip.body)
         self._used_offsets = self._zeros.offsets
-        if before is None:
+        if previous is None:  # this belief is for derivatives only
             grip, covariance = self.grip.moved_to(held.pose), self._zeros.offset_covariance
             self.belief = GripBelief(held, grip, self.settings, covariance, is_assumed=True)
 
@@ -116,20 +116,21 @@ class StateEstimator:
             return False
         self._roll()
         if self.belief is not None:
-            self.belief.observe(pose, self._rolled - time)
+            self.belief.observe(pose, self._roll_time - time)
             if self.belief.state.jump <= JUMP_LENGTH and not self.belief.slipped:
                 return True
+        # Without a belief, and after a jump or slip, a belief starts at the measured pose.
         self._used_offsets = self._zeros.offsets
         config = self._tracker.configuration(self._readings.last[1] + self._used_offsets)
         grip, covariance = self.grip.moved_to(pose), self._zeros.offset_covariance
+        self.belief = None
         try:
             grasp = attach_model(config, grip, self._pressures, self.settings.zero_deviation)
             belief = GripBelief(grasp, grip, self.settings, covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
-            self.belief = None
-        else:
-            is_known = belief.squeeze > belief.geometric_deviation
-            self.belief = belief if is_known and belief.hold is HoldStatus.HELD else None
+            return False
+        if belief.squeeze > belief.geometric_deviation and belief.hold is HoldStatus.HELD:
+            self.belief = belief
         return self.belief is not None
 
     @single_threaded
@@ -143,26 +144,27 @@ class StateEstimator:
         """
         (deviation,) = _positive([deviation], 1, 'deviation of the markers [m]').tolist()
         names = self._robot.topology.joint_names
-        for name, place in joints.items():
+        for name, xy in joints.items():
             if name not in names:
                 raise GraspError(f'joint {name!r}: must be one of {", ".join(names)}')
-            finite_array(place, 2, f'marker on joint {name} [m]', GraspError, MAX_MAGNITUDE)
+            finite_array(xy, 2, f'marker on joint {name} [m]', GraspError, MAX_MAGNITUDE)
         if not self._in_time(time):
             return False
-        joints = {name: at for name, at in joints.items() if self._measured.use(name, time, at)}
-        if not joints:
+        markers = {name: xy for name, xy in joints.items() if self._measured.use(name, time, xy)}
+        if not markers:
             return False
-        readings, zeros = self._readings.at(time), self._zeros
         self._roll()
-        belief, before = self.belief, zeros.offsets
+        belief, zeros = self.belief, self._zeros
         if self._record is not None and belief is not None:
             belief.take(self._held)  # for its derivatives
+        readings = self._readings.at(time)
         reach = np.ptp(self._readings.values, axis=0)
-        joints_at = partial(self._place_joints, readings)
-        if not zeros.take_markers(time, joints, deviation, readings, reach, joints_at):
+        model = partial(self._place_joints, readings)
+        offsets_before = zeros.offsets
+        if not zeros.take_markers(time, markers, deviation, readings, reach, model):
             return False
         if belief is not None:
-            belief.correct_zeros(zeros.offsets - before)
+            belief.correct_zeros(zeros.offsets - offsets_before)
             belief.state.prior = zeros.offset_covariance
         return True
 
@@ -174,28 +176,28 @@ class StateEstimator:
         self._roll()
         time, readings = self._readings.last
         zeros, belief, offsets = self._zeros, self.belief, self._zeros.offsets.copy()
-        joints, rates = self._place_joints(readings, offsets)
-        spread = rates @ zeros.offset_covariance @ rates.T
-        joint_covariance = spread + self.settings.joint_error**2 * np.eye(len(joints))
-        travel, places = readings + offsets, joints.reshape(-1, 2)
+        positions, rates = self._place_joints(readings, offsets)
+        by_offsets = rates @ zeros.offset_covariance @ rates.T
+        joint_covariance = by_offsets + self.settings.joint_error**2 * np.eye(len(positions))
+        travel, joints = readings + offsets, positions.reshape(-1, 2)
         findings = {'is_improbable': zeros.is_improbable, **zeros.findings}
         estimate = StateEstimate(
-            time, offsets, zeros.offset_covariance, travel, places, joint_covariance, **findings
+            time, offsets, zeros.offset_covariance, travel, joints, joint_covariance, **findings
         )
         if belief is None:
             return estimate
         grip = belief.estimate if self._record is None else self._record.estimate
-        errors = self.settings.pose_error / np.array([1.0, 1.0, belief.grasp.arm])
-        covariance = grip.pose_covariance + np.diag(errors**2)
+        model_errors = self.settings.pose_error / belief.scale
+        covariance = grip.pose_covariance + np.diag(model_errors**2)
         # If errors that are not in the model move the joints, the squeeze is unknown.
         deviation = math.hypot(grip.squeeze_deviation, zeros.is_improbable * grip.squeeze)
         grip = grip._replace(pose_covariance=covariance, squeeze_deviation=deviation)
         return replace(estimate, **grip._asdict())
 
     def _roll(self) -> None:
-        """Roll the held object to the last encoder reading; without equilibrium, release it."""
+        """Roll the held object to the last encoder reading; discard the belief if it is lost."""
         (time, readings), belief = self._readings.last, self.belief
-        elapsed, self._rolled = time - self._rolled, time
+        elapsed, self._roll_time = time - self._roll_time, time
         if belief is None or elapsed == 0.0 or self._record is not None:
             return
         self._used_offsets = self._zeros.offsets
@@ -214,22 +216,22 @@ class StateEstimator:
         positions, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
         if belief is None:
             return positions, rates
-        # Displacement due to the contact forces, and its derivative with respect to the offsets.
+        # Displacement of the joints by the contact forces, and its derivatives by the offsets.
         grasp = belief.grasp if self._record is None else self._held
-        by_offsets = belief.cache.by_offsets
-        by_shifts = by_offsets.joints_by_shifts @ belief.state.sensitivity[SHIFTS:]
-        beyond = by_offsets.joints + by_shifts - belief.grasp.config.node_jacobian[:count]
-        displaced = held_joints(grasp).ravel() - grasp.config.nodes.ravel()[:count]
-        return positions + displaced + beyond @ (offsets - self._used_offsets), rates + beyond
+        displacement = held_joints(grasp).ravel() - grasp.config.nodes.ravel()[:count]
+        at_rest = belief.cache.by_offsets
+        by_shifts = at_rest.joints_by_shifts @ belief.state.sensitivity[SHIFTS:]
+        displacement_rates = at_rest.joints + by_shifts - belief.grasp.config.node_jacobian[:count]
+        displacement += displacement_rates @ (offsets - self._used_offsets)
+        return positions + displacement, rates + displacement_rates
 
     def _in_time(self, time: float) -> bool:
-        """Return whether there are encoder readings before and after a measurement."""
-        readings = self._readings
-        return bool(readings) and readings.first[0] <= time <= readings.last[0]
+        """Return whether a time is between the first and the last stored encoder reading [s]."""
+        return bool(self._readings) and self._readings.first[0] <= time <= self._readings.last[0]
 
 
 def _positive(deviations: ArrayLike, count: int, what: str) -> Array:
-    """Return standard deviations (count,) as floats, checked to have finite positive squares."""
+    """Return standard deviations (count,); raise GraspError unless finite and positive."""
     checked = finite_array(deviations, count, what, GraspError, MAX_MAGNITUDE)
     if checked.min() <= 0.0:
         raise GraspError(f'{what}: {checked.tolist()}: must be positive')

@@ -48,7 +48,7 @@ class ServoState:
         self.squeeze: SqueezeControl | None = None
         self._history = CommandHistory(len(robot.roller_names))
         self._tracker = ConfigurationTracker(robot.home)
-        self._detected = math.nan  # time of the roller state that was compared last [s]
+        self._detection_time = math.nan  # time of the roller state that was compared last [s]
         self._regulated: float | None = None  # time of the last cycle of the squeeze control
         self._poses = Timeline()  # last pose up to the time of the rollers, and the later ones
         self.apply(settings)
@@ -111,7 +111,8 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
     """
     if not isinstance(given, StampedInput):
         return given
-    words, count, value = name.replace('_', ' '), len(robot.roller_names), given.value
+    words, value = name.replace('_', ' '), given.value
+    rollers = len(robot.roller_names)
     try:
         finite_array([given.time], 1, f'time of {words} [s]', GraspError)
         if name in ('twist', 'pose'):
@@ -121,14 +122,13 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
         elif name == 'pressures':
             tube_pressures(robot.description, value)
         elif name == 'rollers':
-            parts = value if np.ndim(value.offsets) else value[:2]
-            for field, numbers in zip(value._fields, parts, strict=False):
-                finite_array(numbers, count, f'{field} of {words}', GraspError)
+            for field, numbers in value._asdict().items():
+                if field != 'offsets' or np.ndim(numbers):  # offsets may be the number 0
+                    finite_array(numbers, rollers, f'{field} of {words}', GraspError)
         elif name == 'estimate':
-            finite_array(value.offsets, count, 'estimated roller offsets [m]', GraspError)
-            covariance_matrix(
-                value.covariance, count, 'covariance of roller offsets [m^2]', GraspError
-            )
+            finite_array(value.offsets, rollers, 'estimated roller offsets [m]', GraspError)
+            what = 'covariance of roller offsets [m^2]'
+            covariance_matrix(value.covariance, rollers, what, GraspError)
     except IsotrussError as error:
         return RejectedInput(str(error))
     return given

@@ -79,7 +79,7 @@ class SqueezeControl:
         self._rest = 0.0  # remaining time at rest after an oscillation [s]
         self._pressures: tuple[float, ...] | None = None
         self._offsets: Array | float | None = None
-        self._zeros: Array | None = None
+        self._zero_covariance: Array | None = None  # (r, r), see `take_offsets` [m^2]
         self._readings = UsedReadings()
         self.acknowledge()
 
@@ -96,7 +96,7 @@ class SqueezeControl:
         self._since = 0.0  # time since the last pose [s]
         self.slipped = 0.0
         self._start = BeliefStart()
-        self._corrected = np.zeros(3)  # correction in the last command [m/s, rad/s]
+        self._last_correction = np.zeros(3)  # twist of `_correction` in the last command
         self.rest()
 
     def rest(self) -> None:
@@ -104,7 +104,7 @@ class SqueezeControl:
         self.reference, self._velocity = None, np.zeros(3)
 
     def lose(self) -> None:
-        """Discard the grip of a lost object; if it was held before, that is a fault."""
+        """Discard the grip of a lost object; set a fault if the object was held before."""
         if self.belief is not None or self._lost is not None:
             self.fail(Status.HALT_NOT_HELD, 'the object is not between the members')
         self.reset()
@@ -118,11 +118,11 @@ class SqueezeControl:
     ) -> None:
         """Set the offsets (r,) of the rollers [m] and their covariance, stamped at `time` [s]."""
         before, self._offsets, belief = self._offsets, offsets, self.belief
-        self._zeros = covariance
+        self._zero_covariance = covariance
         if belief is None:
             return
-        use = self._readings.use
-        if covariance is not None and (time is None or use('estimate', time, covariance)):
+        is_new = time is None or self._readings.use('estimate', time, covariance)
+        if is_new and covariance is not None:
             belief.state.prior = covariance
         if before is not None and not np.array_equal(offsets, before):
             belief.correct_zeros(offsets - before)
@@ -158,9 +158,9 @@ class SqueezeControl:
         self._choose_gain(belief)
         belief.lag.advance(elapsed, 1.0 / self.gain)
         self._since += elapsed
-        pose, age = (grip.body.pose, 0.0) if sample is None else (sample[0].value, sample[1])
-        if sample is None or self._readings.use('pose', sample[0].time, pose):
-            belief.observe(pose, age)
+        measured, age = sample or (StampedInput(grip.body.pose, math.nan), 0.0)
+        if sample is None or self._readings.use('pose', measured.time, measured.value):
+            belief.observe(measured.value, age)
             self.judge(belief, self._since, self._velocity)
             self._since = 0.0
         return HoldStatus.HELD
@@ -174,8 +174,8 @@ class SqueezeControl:
         """
         belief: GripBelief = self.belief  # type: ignore[assignment]
         if self.fault is Status.HALT_OSCILLATES:
-            still = np.zeros(len(belief.grasp.config.roller_positions))
-            return RollerCommand(still, np.zeros(3), 0.0, self.fault)
+            stopped = np.zeros(len(belief.grasp.config.roller_positions))
+            return RollerCommand(stopped, np.zeros(3), 0.0, self.fault)
         squeeze = float(belief.regulated[3])
         force = self.settings.force
         # While the squeeze would be unknown even with an exact stiffness, the excess of the first
@@ -183,31 +183,31 @@ class SqueezeControl:
         # not show the loss until the object is moved.
         if self._excess > 0.0 and not is_squeeze_known(force, belief.geometric_deviation):
             force += self._excess
-        rate = min(MAX_SQUEEZE_GAIN, self.gain) * (force - squeeze) - belief.cache.drift[3]
-        rate = max(-MAX_FORCE_RATE, min(rate, MAX_FORCE_RATE))
-        opening = rate / belief.grasp.squeeze_stiffness()
+        force_rate = min(MAX_SQUEEZE_GAIN, self.gain) * (force - squeeze) - belief.cache.drift[3]
+        bounded_rate = max(-MAX_FORCE_RATE, min(force_rate, MAX_FORCE_RATE))
+        opening_rate = bounded_rate / belief.grasp.squeeze_stiffness()
         if self.fault is not None:
-            return replace(solve(np.zeros(3), opening), scale=0.0, status=self.fault)
+            return replace(solve(np.zeros(3), opening_rate), scale=0.0, status=self.fault)
         twist = np.asarray(twist)
-        correction = self._corrected = self._correction(belief, period)
-        command = _solve_within_limits(twist + correction, opening, solve)
+        correction = self._last_correction = self._correction(belief, period)
+        command = _solve_within_limits(twist + correction, opening_rate, solve)
         if command.status in CHANGED and not twist.any():
             # Contacts or limits do not admit the correction of the pose.
             command = replace(command, status=Status.OK)
-        free = belief.slip_margin - MIN_RELATIVE_MARGIN * squeeze
-        share = belief.cache.usage.margin_share(command, period, free)
+        excess_margin = belief.slip_margin - MIN_RELATIVE_MARGIN * squeeze
+        share = belief.cache.usage.margin_share(command, period, excess_margin)
         if share < 1.0 and twist.any():
-            slowed = _solve_within_limits(share * twist + correction, opening, solve)
-            scale, limiting = share * slowed.scale, (*slowed.limiting, 'the slip margin')
-            status = Status.SLOWED_SLIP_MARGIN
+            slowed = _solve_within_limits(share * twist + correction, opening_rate, solve)
+            scale, status = share * slowed.scale, Status.SLOWED_SLIP_MARGIN
+            limiting = (*slowed.limiting, 'the slip margin')
             command = replace(slowed, scale=scale, status=status, limiting=limiting)
         return belief.cache.usage.limit_utilisation(command, period, self.settings.max_utilisation)
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
-        """Move the desired pose by the executed twist less `missing`, which limits removed."""
+        """Let the desired pose follow the executed twist less `missing`, which limits removed."""
         if command.status in CHANGED:
             # Where the twist is unreachable, its correction is as well: the desired pose follows.
-            self._velocity = command.achieved_twist - self._corrected - missing
+            self._velocity = command.achieved_twist - self._last_correction - missing
         else:
             self._velocity = command.scale * np.asarray(twist) - missing
 
@@ -225,7 +225,7 @@ class SqueezeControl:
         gripped = gripped and self.fault is None
         try:
             belief = self._start.search(
-                config, grip, self.settings, gripped, self._pressures, self._zeros
+                config, grip, self.settings, gripped, self._pressures, self._zero_covariance
             )
         except NotHeldError as error:
             if self._lost is not None:
@@ -233,26 +233,26 @@ class SqueezeControl:
             self._lost = None
             return error.hold
         self.belief, self._lost = belief, None
-        least = (1.0 - 2.0 * belief.settings.squeeze_error) * belief.squeeze
-        self._excess = max(least - self.settings.force, 0.0)
+        smallest_squeeze = (1.0 - 2.0 * belief.settings.squeeze_error) * belief.squeeze
+        self._excess = max(smallest_squeeze - self.settings.force, 0.0)
         self._choose_gain(belief)
         self.swings = SwingWatch(self.frequency)
         return HoldStatus.HELD
 
     def _choose_gain(self, belief: GripBelief) -> None:
-        """Choose the gain from the settings, or else from the natural frequency."""
+        """Set the pose gain from the settings, or else from the natural frequency."""
         settings = self.settings
         self.frequency = settings.frequency or lowest_frequency(belief.cache.by_offsets.grasp)
-        assumed = GAIN_SHARE * (self.frequency or DEFAULT_FREQUENCY)
-        self.gain = self.softening * (settings.pose_gain or assumed)
+        default_gain = GAIN_SHARE * (self.frequency or DEFAULT_FREQUENCY)
+        self.gain = self.softening * (settings.pose_gain or default_gain)
 
     def fail(self, fault: Status, why: str) -> None:
-        """Store a fault of the grip and its cause, unless there is one that persists."""
+        """Set a fault of the grip and its cause, unless a fault that persists is set already."""
         if self.fault in (None, Status.HALT_OSCILLATES):
             self.fault, self._why = fault, why
 
     def note(self, squeeze: tuple[float, float] | None = None) -> str:
-        """Return a sentence on the fault of the grip and on an unknown squeeze, or nothing."""
+        """Return a sentence on a fault of the grip or on an unknown squeeze, empty if neither."""
         if self.fault is Status.HALT_OSCILLATES:
             return f'the object oscillates: the pose gain is reduced to {self.gain:.3g} 1/s'
         if self.fault is not None:
@@ -271,37 +271,39 @@ class SqueezeControl:
         :param elapsed: time since the previous pose [s].
         :param velocity: (3,) executed part of the twist [m/s, rad/s].
         """
-        state, surface = belief.state, velocity * np.array([1.0, 1.0, belief.grasp.arm])
-        travel = elapsed * float(np.linalg.norm(surface))
         if self.fault is Status.HALT_OSCILLATES:
             self._rest -= elapsed
             if self._rest <= 0.0:
                 self.fault = None
                 self.swings.forget()
+        state = belief.state
         noise = math.sqrt(state.noise.variances.max())
-        swings = self.swings.update(belief.correction, noise, elapsed, travel)
-        if self.fault is None and swings:
+        travel = elapsed * float(np.linalg.norm(belief.scale * velocity))
+        oscillates = self.swings.update(belief.correction, noise, elapsed, travel)
+        if self.fault is None and oscillates:
             self.fault = Status.HALT_OSCILLATES
             self._rest, self.softening = REST_TIME, 0.5 * self.softening
-        walked = state.walk.length
+        slip = state.walk.length
         if state.jump:
-            self.slipped = walked
-        elif walked < 0.5 * self.slipped:
+            self.slipped = slip
+        elif slip < 0.5 * self.slipped:
             self.slipped = 0.0
-        cause = f'the object moved by {1e3 * walked:.0f} mm against the members'
+        cause = f'the object moved by {1e3 * slip:.0f} mm against the members'
         if state.jump > JUMP_LENGTH:
             self.fail(Status.HALT_NOT_HELD, cause)
         elif belief.slipped:
             self.fail(Status.HALT_SLIPPED, cause)
 
 
-def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:
+def _solve_within_limits(twist: Array, opening_rate: float, solve: Solve) -> RollerCommand:
     """Return the command for a twist and an opening rate; limits reduce only the twist."""
-    command = solve(wanted, opening)
+    command = solve(twist, opening_rate)
     if not Status.SLOWED_ROLLER_SPEED <= command.status <= Status.SLOWED_BARRIER:
         return command
+    # The limits have scaled both. The twist alone is scaled by as much, or if limits still act,
+    # to zero.
     for scale in (command.scale, 0.0):
-        slower = solve(scale * wanted, opening)
-        if slower.scale >= 1.0:
+        slowed = solve(scale * twist, opening_rate)
+        if slowed.scale >= 1.0:
             break
-    return replace(slower, scale=scale, status=command.status, limiting=command.limiting)
+    return replace(slowed, scale=scale, status=command.status, limiting=command.limiting)

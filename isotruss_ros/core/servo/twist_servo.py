@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from isotruss_ros.core.errors import IsotrussError
@@ -24,6 +25,7 @@ from isotruss_ros.core.inputs import (
     InputError,
     require_fresh,
     StampedInput,
+    Timeline,
 )
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.acceleration import limit_acceleration, limit_change
@@ -85,10 +87,9 @@ class TwistServo(ServoState):
         try:
             if received.halt is not None:
                 raise HaltError(*received.halt)
-            fresh = require_fresh(now, settings.timeout, **inputs)
-            given, rollers, pose = (*fresh, None)[:3]
-            twist = np.asarray(given.value)
-            command = self._solve(twist, rollers, pose, now)
+            stamped_twist, rollers, *pose = require_fresh(now, settings.timeout, **inputs)
+            twist = np.asarray(stamped_twist.value)
+            command = self._solve(twist, rollers, pose[0] if pose else None, now)
             ok = command.status is Status.OK
             message, is_solved = '' if ok else describe(command, settings.joint is None), True
         except IsotrussError as error:
@@ -106,12 +107,11 @@ class TwistServo(ServoState):
         names = tuple(name for name in self.robot.roller_names if name in failed)
         if squeeze is None or squeeze.belief is None:
             return Decision(command, twist, message, names)
-        belief, frequency = squeeze.belief, squeeze.frequency or 0.0
-        force = belief.squeeze, belief.squeeze_deviation
+        force = squeeze.belief.squeeze, squeeze.belief.squeeze_deviation
         if is_solved:
             message = '; '.join(filter(None, (message, squeeze.note(force))))
-        numbers = frequency, squeeze.gain, force, belief.state.delay
-        return Decision(command, twist, message, names, *numbers)
+        frequency, delay = squeeze.frequency or 0.0, squeeze.belief.state.delay
+        return Decision(command, twist, message, names, frequency, squeeze.gain, force, delay)
 
     def command(self, velocities: Array, now: float) -> Array:
         """
@@ -138,28 +138,30 @@ class TwistServo(ServoState):
         rollers = self.inputs.rollers
         if not isinstance(rollers, StampedInput):
             return
-        elapsed = rollers.time - self._detected
+        elapsed = rollers.time - self._detection_time
         if 0.0 <= elapsed < DETECTION_PERIOD:
             return
-        state, commanded = rollers.value, np.zeros(len(self.robot.roller_names))
+        speeds = np.zeros(len(self.robot.roller_names))
         if elapsed > 0.0:
-            commanded = self._history.travel(self._detected, rollers.time, commanded) / elapsed
-        self._detected = rollers.time
+            speeds = self._history.travel(self._detection_time, rollers.time, speeds) / elapsed
+        self._detection_time = rollers.time
         # A correction of an offset is not travel of a roller.
-        self.detector.update(state.positions - state.offsets, rollers.time, commanded)
+        self.detector.update(rollers.value.positions - rollers.value.offsets, rollers.time, speeds)
 
     def _solve(
         self, twist: Array, rollers: StampedInput, pose: StampedInput | None, now: float
     ) -> RollerCommand:
         """Return the command for the configuration predicted at the cycle's midpoint."""
-        config, grip, last = self._predict(rollers, pose, now)
-        squeeze, contacts = None if grip is None else self.squeeze, grip
+        config, predicted, last_speeds = self._predict(rollers, pose, now)
+        squeeze = None if predicted is None else self.squeeze
+        # The twist is that of `contacts`; `grip` has the object at its estimated pose.
+        contacts = grip = predicted
         if squeeze is not None:
-            hold = self._follow(squeeze, config, grip, (rollers, pose), now, gripped=True)
+            hold = self._follow(squeeze, config, predicted, (rollers, pose), now, gripped=True)
             if squeeze.belief is None:
                 reasons = f'the object is not held: {hold.value}', squeeze.note()
                 raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, reasons)))
-            contacts = squeeze.belief.grip
+            contacts = squeeze.belief.cache.grip
             grip = contacts.moved_to(squeeze.belief.pose)
         watch = None if self._guard is None else self._guard.watch(config, grip)
         period = self.settings.period
@@ -176,13 +178,12 @@ class TwistServo(ServoState):
             desired = solve(twist) if squeeze is None else squeeze.solve(twist, period, solve)
         command = desired
         if desired.status < Status.HALT_NO_TWIST:
-            change, step = self._largest_change(now), self._history.step
+            last_step, largest = self._history.step, self._largest_change(now)
             arm = None if grip is None else grip.body.arm
-            command = limit_acceleration(
-                desired, last, step, change, lambda: stack_rows(config, limits), arm
-            )
+            rows = partial(stack_rows, config, limits)
+            command = limit_acceleration(desired, last_speeds, last_step, largest, rows, arm)
         if watch is not None:
-            command = watch.keep(command, last, period)
+            command = watch.keep(command, last_speeds, period)
         if squeeze is not None:
             squeeze.advance(twist, desired, desired.achieved_twist - command.achieved_twist)
         return command
@@ -207,20 +208,21 @@ class TwistServo(ServoState):
     def _predict(
         self, rollers: StampedInput, pose: StampedInput | None, now: float
     ) -> tuple[Configuration, Grip | None, Array]:
-        """Return the predicted configuration and grip at mid-cycle, and the last command."""
+        """Return configuration and grip predicted at mid-cycle, and the last speeds [m/s]."""
         failed = self.failed
-        still = np.array([name in failed for name in self.robot.roller_names])
-        then, ahead = (pose or rollers).time, 0.5 * self.settings.period
-        before, travel, last = self._history.expected_travel(rollers, then, now, ahead, still)
+        is_failed = np.array([name in failed for name in self.robot.roller_names])
+        stamp, lead = (pose or rollers).time, 0.5 * self.settings.period
+        to_pose, travel, last = self._history.expected_travel(rollers, stamp, now, lead, is_failed)
         measured = self._tracker.configuration(rollers.value.positions)
         config = measured.predict(travel)
         if pose is None:
             return config, None, last
         if self.squeeze is not None and self.squeeze.belief is not None:
-            return config, self.squeeze.belief.grip, last
+            return config, self.squeeze.belief.cache.grip, last
         # The object rolls from its measured pose, at the configuration of that time.
-        start = measured.predict(before) if before.any() else measured
-        return config, roll_object(self.settings.grip.moved_to(pose.value), start, config), last
+        start = measured.predict(to_pose) if to_pose.any() else measured
+        grip = roll_object(self.settings.grip.moved_to(pose.value), start, config)
+        return config, grip, last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
         """Update the belief of the grip while the object rests; discard it on invalid inputs."""
@@ -235,9 +237,9 @@ class TwistServo(ServoState):
                 now, timeout, joint_states=inputs.rollers, object_pose=inputs.pose
             )
             config, grip, _ = self._predict(rollers, pose, now)
-            fault = squeeze.fault
+            had_fault = squeeze.fault is not None
             self._follow(squeeze, config, grip, (rollers, pose), now)
-            if fault is None and squeeze.fault is not None:  # the object was removed at rest
+            if squeeze.fault is not None and not had_fault:  # the object was removed at rest
                 squeeze.acknowledge()
         except IsotrussError:
             squeeze.reset()
@@ -251,7 +253,7 @@ class TwistServo(ServoState):
         now: float,
         gripped: bool = False,
     ) -> HoldStatus:
-        """Propagate the belief of the held object to the midpoint of the cycle."""
+        """Propagate the belief of the grip to mid-cycle, with inputs (rollers, pose)."""
         (rollers, pose), settings = inputs, self.settings
         estimate, pressures = self.inputs.estimate, self.inputs.pressures
         covariance = stamp = None
@@ -263,11 +265,12 @@ class TwistServo(ServoState):
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, settings.timeout)
         if squeeze.belief is None:
-            self._poses.clear()
+            self._poses = Timeline()
         # Poses later than the measured rollers wait until the travel up to them is measured.
         self._poses.add(pose.time, pose)
         self._poses.discard_before(rollers.time)
-        time, measured = self._poses.first
-        middle = now + 0.5 * settings.period
-        travel = rollers.value.positions, middle - rollers.time
-        return squeeze.follow(config, grip, elapsed, (measured, middle - time), gripped, travel)
+        pose_time, measured_pose = self._poses.first
+        mid_cycle = now + 0.5 * settings.period
+        sample = measured_pose, mid_cycle - pose_time
+        readings = rollers.value.positions, mid_cycle - rollers.time
+        return squeeze.follow(config, grip, elapsed, sample, gripped, readings)

@@ -136,7 +136,7 @@ def test_an_object_that_does_not_follow_is_reported_within_20_mm(away, direction
         path += speed * PERIOD
         if hold is not HoldStatus.HELD:
             continue
-        solve = partial(_solve, config, control.belief.grip)
+        solve = partial(_solve, config, control.belief.cache.grip)
         command = control.solve(twist, PERIOD, solve)
         control.advance(twist, command)
         config = config.moved_to(config.roller_positions + PERIOD * command.roller_velocities)

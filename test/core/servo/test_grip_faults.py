@@ -31,7 +31,7 @@ def belief(correction=0.0, walked=0.0, jump=0.0, slipped=False):
     return SimpleNamespace(
         correction=np.array([correction, 0.0, 0.0]),
         state=state,
-        grasp=SimpleNamespace(arm=ARM),
+        scale=np.array([1.0, 1.0, ARM]),
         slipped=slipped,
     )
 
