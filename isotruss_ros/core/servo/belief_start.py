@@ -36,8 +36,8 @@ class BeliefStart:
     """
 
     def __init__(self) -> None:
-        self._missed = False  # no equilibrium near the measured pose
-        self._assuming = False  # assuming an equilibrium
+        self._missed = False  # whether the last search near the measured pose found none
+        self._assuming = False  # whether the last search assumed an equilibrium
         self._depth = PRIOR.zero_deviation  # depth of the assumed object in the members [m]
 
     def search(
@@ -61,14 +61,15 @@ class BeliefStart:
         prior = replace(prior, load=settings.load or PRIOR.load)
         self._assuming = gripped and self._missed and not self._assuming
         try:
-            placed = grip
+            start = grip
             if self._assuming:  # all members have the same indentation
                 shape, angle = grip.body.shape, grip.body.pose.angle
-                between = place_between(config, grip.members, shape, angle, self._depth)
-                placed = grip.moved_to(between.body.pose)
-            grasp = attach_model(config, placed, pressures, prior.zero_deviation)
-            difference = abs(grasp.squeeze - settings.force)
-            if self._assuming and difference > 2.0 * PRIOR.squeeze_error * settings.force:
+                centered = place_between(config, grip.members, shape, angle, self._depth)
+                start = grip.moved_to(centered.body.pose)
+            grasp = attach_model(config, start, pressures, prior.zero_deviation)
+            force_error = abs(grasp.squeeze - settings.force)
+            if self._assuming and force_error > 2.0 * PRIOR.squeeze_error * settings.force:
+                # The next search has the depth for the desired squeeze, if both are proportional.
                 depth = self._depth * settings.force / grasp.squeeze
                 self._depth = min(depth, 4.0 * PRIOR.zero_deviation)
                 raise NotHeldError(HoldStatus.NO_BALANCE)

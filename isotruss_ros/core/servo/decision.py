@@ -64,10 +64,10 @@ def halt_for(error: IsotrussError) -> Status:
     if isinstance(error, HaltError):
         return error.status
     if isinstance(error, InputError):
-        stale_twist = error.name == 'twist' and error.fault is InputFault.STALE
-        # The client has stopped sending twists.
-        absent = error.fault is InputFault.MISSING or stale_twist
-        return Status[f'HALT_{"NO" if absent else error.fault.name}_{error.name.upper()}']
+        # If the twist is stale, the client has stopped sending twists.
+        is_stale_twist = error.name == 'twist' and error.fault is InputFault.STALE
+        is_absent = error.fault is InputFault.MISSING or is_stale_twist
+        return Status[f'HALT_{"NO" if is_absent else error.fault.name}_{error.name.upper()}']
     return Status.HALT_NO_GRASP if isinstance(error, GraspError) else Status.HALT_KINEMATICS
 
 
@@ -80,10 +80,10 @@ def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     parts: list[str] = []
     if command.status >= Status.HALT_NO_TWIST:
         return ''
-    fault, closest = 'is unreachable', 'reachable one'
-    if keeps_contacts:
-        fault, closest = 'is unreachable or would break contacts', 'one that keeps the contacts'
     if command.status is Status.UNREACHABLE:
+        fault, closest = 'is unreachable', 'reachable one'
+        if keeps_contacts:
+            fault, closest = f'{fault} or would break contacts', 'one that keeps the contacts'
         vx, vy, omega = command.achieved_twist
         velocity = f'({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
         parts.append(f'the twist {fault}; the closest {closest} is {velocity}')

@@ -48,7 +48,7 @@ class SqueezeSettings:
     zero_deviation: float | None = None
 
     def __post_init__(self) -> None:
-        """Check the values."""
+        """Raise ConfigurationError if a number is out of its range."""
         _check_numbers(self, ('pose_gain', 'frequency', 'max_utilisation'))
         _check_numbers(self, ('force', 'load', 'zero_deviation'), zero=True)
 
@@ -88,19 +88,17 @@ class ServoSettings:
     pressure_timeout: float = PRESSURE_TIMEOUT
 
     def __post_init__(self) -> None:
-        """Check the times."""
+        """Raise ConfigurationError if a time is out of its range."""
         _check_numbers(self, ('period', 'timeout', 'pressure_timeout', 'failure_time'))
 
 
 def _check_numbers(settings: Any, names: Sequence[str], zero: bool = False) -> None:
-    """Raise ConfigurationError if a setting is neither None nor a positive number, or zero."""
+    """Raise ConfigurationError unless settings are None, positive or, if `zero`, zero."""
     for name in names:
         value = getattr(settings, name)
-        unbounded = name in UNBOUNDED and value == math.inf
-        if value is None or unbounded or (zero and value == 0.0):
+        is_unbounded = name in UNBOUNDED and value == math.inf
+        if value is None or is_unbounded or (zero and value == 0.0):
             continue
         if not 0.0 < value <= MAX_MAGNITUDE:
-            bound = 'zero or positive' if zero else 'positive'
-            raise ConfigurationError(
-                f'{name} {value!r}: must be {bound}, at most {MAX_MAGNITUDE:g}'
-            )
+            bounds = f'{"zero or positive" if zero else "positive"}, at most {MAX_MAGNITUDE:g}'
+            raise ConfigurationError(f'{name} {value!r}: must be {bounds}')

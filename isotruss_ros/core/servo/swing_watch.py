@@ -79,40 +79,43 @@ class SwingWatch:
         :param noise: standard deviation of the measured pose [m].
         :param travel: commanded travel since the previous pose [m].
         """
-        passed = -math.expm1(-elapsed / self._filter_time)
-        self._pose = self._pose + passed * (pose - self._pose)
-        least = max(MIN_SWING, MAX_DEVIATIONS * noise)
+        # Low-pass filter, in which the new pose has this weight.
+        weight = -math.expm1(-elapsed / self._filter_time)
+        self._pose = self._pose + weight * (pose - self._pose)
+        smallest = max(MIN_SWING, MAX_DEVIATIONS * noise)
         pairs = zip(self._swings, self._pose.tolist(), strict=True)
-        growing = [swings.update(value, elapsed, least, travel) for swings, value in pairs]
+        growing = [swings.update(value, elapsed, smallest, travel) for swings, value in pairs]
         return any(growing)
 
 
 class Swings:
-    """Successive maxima and minima of one signal, at most `longest` [s] apart."""
+    """Detector of oscillation in one signal, with extrema at most `longest` [s] apart."""
 
     def __init__(self, longest: float) -> None:
         self._longest = longest
         self._extremum = self._previous = math.nan  # last extremum so far, and the one before
+        # Sign, 1 while the last extremum is a maximum and -1 while it is a minimum; and time,
+        # commanded travel and number of poses since the previous extremum was passed.
         self._sign, self._age, self._travel, self._poses = 1.0, 0.0, 0.0, 0
-        self._sizes: deque[float] = deque(maxlen=SWING_COUNT)
+        self._amplitudes: deque[float] = deque(maxlen=SWING_COUNT)
 
-    def update(self, value: float, elapsed: float, least: float, travel: float) -> bool:
-        """Add a value of the signal; return whether its oscillation does not decay."""
+    def update(self, value: float, elapsed: float, smallest: float, travel: float) -> bool:
+        """Add a value; return whether swings larger than `smallest` do not decay."""
         if math.isnan(self._extremum):
             self._extremum = self._previous = value
         self._age += elapsed
         self._travel += travel
         self._poses += 1
-        decrease = self._sign * (self._extremum - value)
-        if decrease <= 0.0:
+        distance = self._sign * (self._extremum - value)
+        if distance <= 0.0:
             self._extremum = value
-        if decrease <= max(least, TRAVEL_SHARE * self._travel):
+        if distance <= max(smallest, TRAVEL_SHARE * self._travel):
             return False
+        # The extremum has been passed.
         if self._age > self._longest or self._poses < MIN_SWING_POSES:
-            self._sizes.clear()
-        self._sizes.append(abs(self._extremum - self._previous))
+            self._amplitudes.clear()
+        self._amplitudes.append(abs(self._extremum - self._previous))
         self._previous, self._extremum = self._extremum, value
         self._sign, self._age, self._travel, self._poses = -self._sign, 0.0, 0.0, 0
-        return len(self._sizes) == SWING_COUNT and all(
-            size >= MIN_SWING_RATIO * before for before, size in itertools.pairwise(self._sizes)
-        )
+        ratios = [b >= MIN_SWING_RATIO * a for a, b in itertools.pairwise(self._amplitudes)]
+        return len(self._amplitudes) == SWING_COUNT and all(ratios)
