@@ -74,12 +74,12 @@ class BarrierLaw:
         sample [m].
         """
         small = MIN_MARGIN_SHARE * self.safety_margin
-        usable = np.maximum(margins, small)
-        after_decay = usable - 2.0 * duration * self.class_k_bound(usable + self.safety_margin)
-        bounds = np.maximum(np.maximum(MIN_MARGIN_SHARE * usable, after_decay), small)
+        # Larger margins decay by at most twice the class-K rate, and keep a fraction.
+        decay = 2.0 * duration * self.class_k_bound(margins + self.safety_margin)
+        bounds = np.maximum(np.maximum(MIN_MARGIN_SHARE * margins, margins - decay), small)
         second_order = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
-        # A positive margin keeps a remainder, so that the sum of such effects does not cross the
-        # bound.
+        # Smaller margins decrease by effects of second order only. A positive margin keeps a
+        # remainder, so that the sum of such effects does not cross the bound.
         remainder = np.where(margins > 0.0, np.minimum(margins, MIN_MARGIN_SHARE * small), -np.inf)
         bounds_of_small = np.maximum(margins - second_order, remainder - ROUNDING)
         return np.where(margins > small, bounds, bounds_of_small)
@@ -182,13 +182,13 @@ class BarrierLimit:
         end_margins = self.barrier.values(end, grip, self.indices) - law.bound
         longest = max(float(np.abs(travel).max()), duration * float(np.abs(speeds).max()))
         bounds = law.discrete_bound(start_margins, duration, longest)
-        below = np.flatnonzero(end_margins < bounds)
-        if not len(below):
+        violated = np.flatnonzero(end_margins < bounds)
+        if not len(violated):
             return None
-        # Share of the motion after which the room is used up, with quadratic margins.
-        room, slope = start_margins - bounds, self.matrix @ travel
-        curvature = end_margins - start_margins - slope
-        root = np.sqrt(np.maximum(slope**2 - 4.0 * curvature * room, 0.0))
-        shares = np.minimum(2.0 * room / np.maximum(root - slope, EPSILON), 1.0)
-        names = tuple(self.barrier.names(self.indices[below]))
-        return BarrierViolation(float(shares[below].min()), self.status, names)
+        # After a share s of the motion, the excess of a margin over its bound is c + b s + a s^2.
+        c, b = start_margins - bounds, self.matrix @ travel
+        a = end_margins - start_margins - b
+        root = np.sqrt(np.maximum(b**2 - 4.0 * a * c, 0.0))
+        shares = np.minimum(2.0 * c / np.maximum(root - b, EPSILON), 1.0)  # first zeros
+        names = tuple(self.barrier.names(self.indices[violated]))
+        return BarrierViolation(float(shares[violated].min()), self.status, names)

@@ -34,7 +34,7 @@ import numpy as np
 
 
 class EvaluatedState(NamedTuple):
-    """State in which the distances of pairs of parts were last evaluated."""
+    """State of robot and grip in which the distances of pairs of parts were last evaluated."""
 
     config: Configuration  #: configuration of the robot
     grip: Grip | None  #: grip; None if the distances do not depend on it
@@ -46,14 +46,14 @@ class EvaluatedState(NamedTuple):
         return moved + max(moved, _bound_displacement(grip, self.grip)) < self.spare
 
 
-def _bound_displacement(grip: Grip | None, then: Grip | None) -> float:
+def _bound_displacement(grip: Grip | None, previous: Grip | None) -> float:
     """Return an upper bound of the object's displacement [m]; infinite for another object."""
-    if grip is then:
+    if grip is previous:
         return 0.0
-    body, before = grip.body, then.body
-    if grip.members != then.members or body.shape != before.shape:
+    end, start = grip.body, previous.body
+    if grip.members != previous.members or end.shape != start.shape:
         return math.inf
-    return abs(body.center - before.center) + abs(body.turn - before.turn) * body.shape.reach
+    return abs(end.center - start.center) + abs(end.turn - start.turn) * end.shape.reach
 
 
 class NeighborList:
@@ -67,30 +67,33 @@ class NeighborList:
     """
 
     def __init__(self, law: BarrierLaw) -> None:
-        self._near, self._skin = law.active_below, 0.5 * law.band
-        self.listed_below = self._near + self._skin
-        self._pairs: Indices = np.zeros(0, dtype=np.intp)
-        self._others: EvaluatedState | None = None
-        self._listed: EvaluatedState | None = None
+        self._close_below, self._skin = law.active_below, 0.5 * law.band
+        self.listed_below = self._close_below + self._skin
+        self._list: Indices = np.zeros(0, dtype=np.intp)
+        # States in which the distances of all pairs, and those of the list, were last evaluated.
+        self._all_state: EvaluatedState | None = None
+        self._list_state: EvaluatedState | None = None
 
     def find_close(
         self, config: Configuration, grip: Grip | None, measure: Callable[[Selection], Array]
     ) -> tuple[Indices, Array]:
         """Return indices and distances [m] of close pairs; it measures those that may be close."""
-        if self._others is None or not self._others.holds(config, grip):
-            distances = measure(ALL_VALUES)
-            self._pairs = np.flatnonzero(distances < self.listed_below)
-            spare = self._skin if len(self._pairs) else distances.min(initial=np.inf) - self._near
-            self._others = EvaluatedState(config, grip, float(spare))
-            distances = distances[self._pairs]
-        elif self._listed.holds(config, grip):
-            return self._pairs[:0], np.zeros(0)
+        if self._all_state is None or not self._all_state.holds(config, grip):
+            measured = measure(ALL_VALUES)
+            self._list = np.flatnonzero(measured < self.listed_below)
+            distances = measured[self._list]
+            # Pairs outside of the list are farther by at least the skin.
+            smallest = measured.min(initial=np.inf)
+            spare = self._skin if len(self._list) else smallest - self._close_below
+            self._all_state = EvaluatedState(config, grip, float(spare))
+        elif self._list_state.holds(config, grip):
+            return self._list[:0], np.zeros(0)
         else:
-            distances = measure(self._pairs)
-        smallest = float(distances.min(initial=np.inf))
-        self._listed = EvaluatedState(config, grip, smallest - self._near)
-        close = distances < self._near
-        return self._pairs[close], distances[close]
+            distances = measure(self._list)
+        spare = float(distances.min(initial=np.inf)) - self._close_below
+        self._list_state = EvaluatedState(config, grip, spare)
+        is_close = distances < self._close_below
+        return self._list[is_close], distances[is_close]
 
 
 class ClearanceBarrier:
@@ -108,16 +111,16 @@ class ClearanceBarrier:
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """Return the distances that are near the bound; see `Barrier.active`."""
-        moving = grip if self.needs_object else None
+        relevant_grip = grip if self.needs_object else None
         measure = partial(self.values, config, grip)
-        close, distances = self._neighbors.find_close(config, moving, measure)
+        close, distances = self._neighbors.find_close(config, relevant_grip, measure)
         if not len(close):
             return NO_ACTIVE_VALUES
-        if moving is None:
+        if relevant_grip is None:
             return ActiveValues(close, distances, self._model.gradients(config, close))
         # By the nodes for a fixed object, and by roller travel for an object that rolls.
-        _, by_nodes, by_twist = self._model.body_distances(config, moving.body, close)
-        by_travel = by_twist @ grip_jacobian(config, moving)[:3]
+        _, by_nodes, by_twist = self._model.body_distances(config, relevant_grip.body, close)
+        by_travel = by_twist @ grip_jacobian(config, relevant_grip)[:3]
         return ActiveValues(close, distances, by_nodes, by_travel)
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
@@ -154,16 +157,16 @@ class RigidityBarrier:
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """Return the scaled singular values close to the bound; see `Barrier.active`."""
         gradients = config.robot.constraints.gradients(config.points)
-        # Upper bound of the change of the index.
+        # The index has decreased at most by the norm of the change of the scaled gradients.
         if np.linalg.norm((gradients - self._gradients) * self._index.weights) < self._spare:
             return NO_ACTIVE_VALUES
         modes = self._index.modes(config)
         self._gradients, self._spare = gradients, modes.values[0] - self.law.active_below
         if self._spare >= 0.0:
             return NO_ACTIVE_VALUES
-        count = int((modes.values < self.law.active_below).sum())
-        few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
-        return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
+        count = int((modes.values < self.law.active_below).sum())  # they are the first ones
+        active = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
+        return ActiveValues(np.arange(count), active.values, self._index.gradients(config, active))
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """Return the scaled singular values in ascending order; see `Barrier.values`."""

@@ -39,8 +39,8 @@ def shape_margins(config: Configuration) -> ShapeMargins:
         rigidity = 0.0
     model = collision_model(config.robot)
     distances = model.distances(config)
-    least = int(distances.argmin())
-    return ShapeMargins(rigidity, float(distances[least]), *model.names(np.array([least])))
+    closest = int(distances.argmin())
+    return ShapeMargins(rigidity, float(distances[closest]), *model.names(np.array([closest])))
 
 
 def object_distances(
@@ -59,11 +59,11 @@ def object_distances(
     model = collision_model(config.robot)
     starts, ends = model.part_ends(config, parts)
     radii = model.part_radii[parts]
-    # The enclosing circle gives a lower bound.
+    # The object's enclosing circle gives lower bounds. Those below `far` are made exact.
     distances = nearest_on_segment(body.center, starts, ends)[0] - body.shape.reach - radii
-    near = np.flatnonzero(distances < far)
-    if len(near):
-        distances[near] = segment_gaps(body, starts[near], ends[near]).gaps - radii[near]
+    close = np.flatnonzero(distances < far)
+    if len(close):
+        distances[close] = segment_gaps(body, starts[close], ends[close]).gaps - radii[close]
     distances[_mask_grip(config.robot, members)[parts]] = np.inf
     return distances
 
@@ -72,10 +72,11 @@ def object_distances(
 def _mask_grip(robot: Robot, members: tuple[str, ...]) -> Array:
     """Return a mask (3m,) of the parts that `object_distances` excludes."""
     topology, grasping = robot.topology, find_members(robot.topology, members).members
-    held = np.zeros((3, topology.n_modules), dtype=bool)
-    held[0, grasping] = True
-    # The next member begins at the end of a member.
-    meeting = np.intersect1d(topology.following[grasping], grasping)
-    held[1, meeting] = True
-    held[2] = np.isin(topology.joint, topology.joint[meeting])
-    return held.ravel()
+    # The parts are the members, the modules at their starts, and the modules' rods.
+    excludes_member, excludes_module = np.zeros((2, topology.n_modules), dtype=bool)
+    excludes_member[grasping] = True
+    # A grasping member that follows another one starts at the module at which the two meet.
+    modules = np.intersect1d(topology.following[grasping], grasping)
+    excludes_module[modules] = True
+    excludes_rod = np.isin(topology.joint, topology.joint[modules])
+    return np.concatenate([excludes_member, excludes_module, excludes_rod])

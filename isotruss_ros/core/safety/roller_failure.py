@@ -43,13 +43,14 @@ class FailureDetector:
         self.failure_time = failure_time
         self._names = tuple(names)
         self._time = math.nan
-        self._sent = np.zeros(count)  # commanded travel [m]
-        self._active = np.zeros(count)  # time with a command since the roller last moved [s]
+        self._commanded = np.zeros(count)  # commanded travel [m]
+        self._duration = np.zeros(count)  # time with a command since the last restart [s]
         self._path = np.zeros(count)  # commanded path length in that time [m]
-        self._asked = np.full(count, np.nan)  # commanded range to compare with; nan: none [m]
-        self._asked_at = np.zeros(count)  # time at which that range was commanded [s]
+        # Commanded range with which the measured range is compared after the settling time [m],
+        # and time at which it was set [s]; nan: none.
+        self._required, self._required_at = np.full((2, count), np.nan)
         # Minimum and maximum of commanded and measured travel (2, r) since the last restart [m].
-        self._least, self._most = np.zeros((2, 2, count))
+        self._minimum, self._maximum = np.zeros((2, 2, count))
 
     def reset(self, names: Collection[str] | None = None) -> None:
         """Regard some or all rollers as working again, and restart the comparison for all."""
@@ -58,38 +59,39 @@ class FailureDetector:
         self.failed -= cleared
         self._time = math.nan
 
-    def update(self, positions: Array, time: float, commanded: Array) -> None:
-        """Compare measured travel (r,) [m] with speeds since the previous sample [m/s]."""
-        if time == self._time:
+    def update(self, positions: Array, time: float, speeds: Array) -> None:
+        """Compare measured travel (r,) [m] with the mean commanded speeds since the last call."""
+        elapsed, self._time = time - self._time, time
+        if elapsed == 0.0:
             return
-        elapsed = time - self._time
-        self._time = time
         # After samples that are out of order or far apart, the comparison restarts.
         if not 0.0 < elapsed <= FAILURE_TIME:
-            self._restart(slice(None), np.array([self._sent, positions]))
+            self._restart(slice(None), np.array([self._commanded, positions]))
             return
-        has_command = np.abs(commanded) >= MIN_SPEED
-        step = elapsed * np.where(has_command, commanded, 0.0)
-        self._sent += step
+        has_command = np.abs(speeds) >= MIN_SPEED
+        step = elapsed * np.where(has_command, speeds, 0.0)
+        self._commanded += step
         self._path += np.abs(step)
-        self._active += elapsed * has_command
-        travel = np.array([self._sent, positions])
-        self._least, self._most = np.minimum(self._least, travel), np.maximum(self._most, travel)
-        commanded_range, measured_range = self._most - self._least
+        self._duration += elapsed * has_command
+        travel = np.array([self._commanded, positions])
+        self._minimum = np.minimum(self._minimum, travel)
+        self._maximum = np.maximum(self._maximum, travel)
+        commanded_range, measured_range = self._maximum - self._minimum
         # Drives cannot follow oscillations that are faster than their settling time.
-        is_slow = commanded_range * self._active >= 0.5 * SETTLING_TIME * self._path
+        is_slow = commanded_range * self._duration >= 0.5 * SETTLING_TIME * self._path
         is_far = commanded_range >= MIN_SPEED * FAILURE_TIME
-        is_long = self._active >= self.failure_time - SETTLING_TIME
-        ready = is_slow & is_far & is_long & np.isnan(self._asked)
-        self._asked[ready], self._asked_at[ready] = commanded_range[ready], time
-        is_settled = time - self._asked_at >= SETTLING_TIME
-        due = is_settled & (self._active >= self.failure_time) & ~np.isnan(self._asked)
-        stuck = due & (measured_range < MIN_SHARE * self._asked)
-        self.failed |= {self._names[i] for i in np.flatnonzero(stuck)}
-        works = measured_range >= MIN_SHARE * commanded_range
-        self._restart(due | (works & (commanded_range >= EVIDENT_TRAVEL)), travel)
+        is_long = self._duration >= self.failure_time - SETTLING_TIME
+        starts = is_slow & is_far & is_long & np.isnan(self._required_at)
+        self._required[starts], self._required_at[starts] = commanded_range[starts], time
+        is_settled = time - self._required_at >= SETTLING_TIME
+        is_due = is_settled & (self._duration >= self.failure_time)
+        is_stuck = is_due & (measured_range < MIN_SHARE * self._required)
+        self.failed |= {self._names[i] for i in np.flatnonzero(is_stuck)}
+        follows = measured_range >= MIN_SHARE * commanded_range
+        self._restart(is_due | (follows & (commanded_range >= EVIDENT_TRAVEL)), travel)
 
-    def _restart(self, which: Flags | slice, travel: Array) -> None:
-        self._active[which] = self._path[which] = 0.0
-        self._asked[which] = np.nan
-        self._least[:, which] = self._most[:, which] = travel[:, which]
+    def _restart(self, rollers: Flags | slice, travel: Array) -> None:
+        """Restart the comparison of some rollers at commanded and measured travel (2, r) [m]."""
+        self._duration[rollers] = self._path[rollers] = 0.0
+        self._required_at[rollers] = np.nan
+        self._minimum[:, rollers] = self._maximum[:, rollers] = travel[:, rollers]

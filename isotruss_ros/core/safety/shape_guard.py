@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
@@ -59,7 +60,7 @@ class ShapeBounds:
     rate: float = 5.0
 
     def __post_init__(self) -> None:
-        """Check the values."""
+        """Raise ConfigurationError if a bound is out of its range."""
         if not 0.0 <= self.min_rigidity < 1.0:
             raise ConfigurationError(
                 f'min_rigidity {self.min_rigidity!r}: must be a fraction of the index at home, '
@@ -88,14 +89,13 @@ class ShapeGuard:
         self, robot: Mechanism, bounds: ShapeBounds | None = None, barriers: Sequence[Barrier] = ()
     ) -> None:
         bounds = ShapeBounds() if bounds is None else bounds
-        rigidity, clearance = bounds.rigidity_band, bounds.clearance_band
-        rate = min(bounds.rate, robot.description.braking_rate)
+        law = partial(BarrierLaw, rate=min(bounds.rate, robot.description.braking_rate))
+        between_parts = law(bounds.min_clearance, bounds.clearance_band)
+        to_object = law(bounds.min_object_clearance, bounds.clearance_band)
         self._barriers: tuple[Barrier, ...] = (
-            RigidityBarrier(robot, BarrierLaw(bounds.min_rigidity, rigidity, rate)),
-            ClearanceBarrier(robot, BarrierLaw(bounds.min_clearance, clearance, rate), False),
-            ClearanceBarrier(
-                robot, BarrierLaw(bounds.min_object_clearance, clearance, rate), needs_object=True
-            ),
+            RigidityBarrier(robot, law(bounds.min_rigidity, bounds.rigidity_band)),
+            ClearanceBarrier(robot, between_parts, needs_object=False),
+            ClearanceBarrier(robot, to_object, needs_object=True),
             *barriers,
         )
 
@@ -121,14 +121,14 @@ class ShapeGuard:
         """
         barriers = tuple(b for b in self._barriers if grip is not None or not b.needs_object)
         evaluated = [(barrier, barrier.active(config, grip)) for barrier in barriers]
-        bounded = [(barrier, active) for barrier, active in evaluated if len(active.indices)]
-        if not bounded:
+        limiting = [(barrier, active) for barrier, active in evaluated if len(active.indices)]
+        if not limiting:
             return Watch(config, grip, barriers, ())
-        # One solution for the rows of all barriers.
-        rows = config.roller_rows(np.concatenate([active.node_rows for _, active in bounded]))
-        ends = np.cumsum([len(active.indices) for _, active in bounded])
-        pairs = zip(bounded, np.split(rows, ends[:-1]), strict=True)
-        limits = (BarrierLimit(barrier, active, part) for (barrier, active), part in pairs)
+        # One solution for the rows of all barriers, which are then split by barrier.
+        all_rows = config.roller_rows(np.concatenate([active.node_rows for _, active in limiting]))
+        ends = np.cumsum([len(active.indices) for _, active in limiting])
+        parts = zip(limiting, np.split(all_rows, ends[:-1]), strict=True)
+        limits = (BarrierLimit(barrier, active, rows) for (barrier, active), rows in parts)
         return Watch(config, grip, barriers, tuple(limits))
 
 
@@ -150,47 +150,48 @@ class Watch(NamedTuple):
         longest = float(np.abs(travel).max())
         if longest == 0.0 or not (self.limits or longest > BAND_STEP):
             return command
-        share, violation = 1.0, None
+        scale, last_violation = 1.0, None
         for _ in range(4):
-            worst = self._find_violation(share * travel, velocities, duration)
-            if worst is None:
+            violation = self._find_violation(scale * travel, velocities, duration)
+            if violation is None:
                 break
-            # The share is accurate to first order.
-            share, violation = 0.8 * share * worst.share, worst
+            # The admissible share is accurate to first order, so a part of it is used.
+            scale, last_violation = 0.8 * scale * violation.share, violation
         else:
-            share = 0.0
-        if violation is None:
+            scale = 0.0
+        if last_violation is None:
             return command
         changes_direction = command.status in (Status.UNREACHABLE, Status.SLIDING)
-        status = command.status if changes_direction and share > 0.0 else violation.status
-        return command.slowed(share, status, violation.names)
+        status = command.status if changes_direction and scale > 0.0 else last_violation.status
+        return command.slowed(scale, status, last_violation.names)
 
     def _find_violation(
         self, travel: Array, velocities: Array, duration: float
     ) -> BarrierViolation | None:
         """Return the worst violation of a barrier by a roller travel (r,); None if none."""
-        start, grip = self.config, self.grip
+        middle, grip, limits = self.config, self.grip, self.limits
         try:
-            end = start.moved_to(start.roller_positions + travel - 0.5 * duration * velocities)
+            # The velocities have moved the robot to the midpoint of the sample.
+            end = middle.moved_to(middle.roller_positions + travel - 0.5 * duration * velocities)
         except ConfigurationError:
             return BarrierViolation(0.5, Status.SLOWED_RIGIDITY, ())
         is_long = bool(np.abs(travel).max() > BAND_STEP)
-        if grip is not None and (is_long or any(one.barrier.needs_object for one in self.limits)):
+        if grip is not None and (is_long or any(limit.barrier.needs_object for limit in limits)):
             try:
-                grip = roll_object(grip, start, end)
+                grip = roll_object(grip, middle, end)
             except GraspError:  # a contact is lost during the motion
                 return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
         motion = end, grip, travel, velocities, duration
-        limited = [limit.violation(*motion) for limit in self.limits]
-        violations = [violation for violation in limited if violation is not None]
+        checked = [limit.violation(*motion) for limit in limits]
+        violations = [violation for violation in checked if violation is not None]
+        # In a long step, values without a limit may fall from beyond the band to below the bound.
         for barrier in self.barriers if is_long else ():
-            # Values that fell from outside of the band to below the bound.
             margins = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
-            for limit in self.limits:
+            for limit in limits:
                 if limit.barrier is barrier:
                     margins[limit.indices] = np.inf
-            below = np.flatnonzero(margins < 0.0)
-            if len(below):
-                names = tuple(barrier.names(below))
+            crossed = np.flatnonzero(margins < 0.0)
+            if len(crossed):
+                names = tuple(barrier.names(crossed))
                 violations.append(BarrierViolation(0.5, barrier.status, names))
         return min(violations, default=None)

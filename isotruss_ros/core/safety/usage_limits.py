@@ -26,40 +26,40 @@ class UsageLimits:
     """Limits on a command from the predicted slip margin and utilisation."""
 
     def __init__(self, grasp: HeldGrip) -> None:
-        #: Gradients of utilisation and slip margin with respect to roller travel.
+        #: Gradients (2, r) of utilisation and lost slip margin with respect to roller travel.
         self._rates = np.zeros((2, len(grasp.config.roller_positions)))
         self._take(grasp)
 
     def learn(self, grasp: HeldGrip, margin: float, travel: Array) -> None:
-        """Update the gradients from the equilibrium and the change of the margin by a travel."""
-        used = self._used
+        """Update the gradients from an equilibrium and the change `margin` [N] by travel (r,)."""
+        used_before = self._used
         self._take(grasp)
-        missed = np.array([self._used - used, -margin]) - self._rates @ travel
+        increases = np.array([self._used - used_before, -margin])
         step = travel / float(travel @ travel + LMS_REGULARIZATION**2)
-        self._rates = self._rates + np.outer(missed, step)
+        self._rates = self._rates + np.outer(increases - self._rates @ travel, step)
 
-    def margin_share(self, command: RollerCommand, period: float, free: float) -> float:
+    def margin_share(self, command: RollerCommand, period: float, margin: float) -> float:
         """Return the factor (0 to 1) on a command that bounds the loss rate of a margin [N]."""
-        return self._share(1, command, period * MARGIN_RATE * free, period)
+        return self._share(1, command, period * MARGIN_RATE * margin, period)
 
     def limit_utilisation(
-        self, command: RollerCommand, period: float, most: float
+        self, command: RollerCommand, period: float, bound: float
     ) -> RollerCommand:
-        """Return the command, slowed if the utilisation approaches its bound `most` too fast."""
-        room = period * UTILISATION_RATE * (most - self._used)
-        share = self._share(0, command, room, period)
+        """Return the command, slowed if the utilisation approaches its `bound` too fast."""
+        increase = period * UTILISATION_RATE * (bound - self._used)
+        share = self._share(0, command, increase, period)
         if share == 1.0:
             return command
         return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
 
-    def _share(self, quantity: int, command: RollerCommand, room: float, period: float) -> float:
-        """Return the largest factor, 0 to 1, at which a quantity grows by at most `room`."""
-        increase = float(self._rates[quantity] @ (period * command.roller_velocities))
-        return 1.0 if increase <= max(room, 0.0) else max(room, 0.0) / increase
+    def _share(self, row: int, command: RollerCommand, largest: float, period: float) -> float:
+        """Return the factor (0 to 1) at which a quantity (row of `_rates`) grows by `largest`."""
+        increase = float(self._rates[row] @ (period * command.roller_velocities))
+        return 1.0 if increase <= max(largest, 0.0) else max(largest, 0.0) / increase
 
     def _take(self, grasp: HeldGrip) -> None:
-        """Store the name of the member with the largest utilisation, and this utilisation."""
-        used = grasp.sections.used
-        self._member = f'member {grasp.config.robot.member_names[int(used.argmax())]}'
+        """Store the largest utilisation of an equilibrium and the name of its member."""
+        utilisations = grasp.sections.used
+        self._member = f'member {grasp.config.robot.member_names[int(utilisations.argmax())]}'
         # At twice the wrinkling moment a tube folds.
-        self._used = min(float(used.max()), 2.0)
+        self._used = min(float(utilisations.max()), 2.0)
