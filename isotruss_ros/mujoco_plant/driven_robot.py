@@ -112,14 +112,14 @@ class DrivenRobot(DrivenRollers):
         blocked: ConfigurationError | None = None
         try:
             # Rollers without a force limit would tear the robot apart.
-            travel = self.plant.travel + simulated * self._grips * speeds
+            travel = self.plant.travel + simulated * self._travel_ratios * speeds
             self._config = self._config.moved_to(travel)
         except ConfigurationError as error:
             blocked, speeds = error, np.zeros_like(speeds)
-        self.plant.advance(simulated, self._grips * speeds)
+        self.plant.advance(simulated, self._travel_ratios * speeds)
         # Travel of the plant, which advances by whole steps, so that the encoders agree with it.
-        self.roller_positions = self.plant.travel / self._grips
-        self.roller_velocities = self.plant.speeds / self._grips
+        self.roller_positions = self.plant.travel / self._travel_ratios
+        self.roller_velocities = self.plant.speeds / self._travel_ratios
         if blocked is not None:
             raise blocked
 

@@ -94,67 +94,66 @@ class ElasticObject:
         """Move the object with the robot; see `SimulatedObject.follow`."""
         if config is self._followed:
             return
-        before, self._followed = self._followed, config
+        previous, self._followed = self._followed, config
         if self.grasp is None:
-            self._touch(before, config)
+            self._touch(previous, config)
         if self.grasp is not None:
             self._roll(self.grasp, config)
         if self.grasp is None:
             self._body = push_out(config, self._body)
 
-    def _touch(self, before: Configuration | None, config: Configuration) -> None:
-        """Hold the object in the first configuration with force closure."""
-        if not self._pressed(config):
+    def _touch(self, previous: Configuration | None, config: Configuration) -> None:
+        """Hold the object at its first contact with two members, or else in `config`."""
+        if not self._is_pressed(config):
             return
-        touching = config
-        if before is not None:
-            # Approximately the first configuration with two members in contact, by bisection.
-            start, end = before.roller_positions, config.roller_positions
+        first_contact = config
+        if previous is not None:
+            # Bisection of the share of the motion after which two members are in contact.
+            start, end = previous.roller_positions, config.roller_positions
             low, high = 0.0, 1.0
             for _ in range(6):
-                middle = 0.5 * (low + high)
-                halfway = before.moved_to(start + middle * (end - start))
-                if self._pressed(halfway):
-                    high, touching = middle, halfway
+                share = 0.5 * (low + high)
+                tried = previous.moved_to(start + share * (end - start))
+                if self._is_pressed(tried):
+                    high, first_contact = share, tried
                 else:
-                    low = middle
-        for attached in (touching, config):
+                    low = share
+        for tried in (first_contact, config):
             try:
-                grasp = attach_grip(
-                    attached, self._body, None, self._wrench, stiffness=self._scale
-                )
+                grasp = attach_grip(tried, self._body, None, self._wrench, stiffness=self._scale)
             except NotHeldError:
                 continue
             if grasp.hold(self._friction) is HoldStatus.HELD:
                 self.grasp, self.dropped = grasp, None
                 return
 
-    def _pressed(self, config: Configuration) -> bool:
+    def _is_pressed(self, config: Configuration) -> bool:
         """Return whether two members overlap the object; one member alone only pushes it."""
         return bool(np.sort(member_depths(config, self._body))[-2] > ROUNDING)
 
-    def _roll(self, before: HeldGrip, config: Configuration) -> None:
+    def _roll(self, grasp: HeldGrip, config: Configuration) -> None:
         """
         Roll the object to a configuration under the external wrench.
 
         A substep in which contact is lost is halved; if contact is still lost in the smallest
         substep, the object is lost.
         """
-        pulled = before.wrench * (1.0, 1.0, before.arm)
-        start, end = before.config.roller_positions, config.roller_positions
-        done, part = 0.0, 1.0
-        while done < 1.0:
-            share, target = min(1.0, done + part), config
-            if share < 1.0:
-                target = before.config.moved_to(start + share * (end - start))
-            rolled = roll_grip(before, target, pulled + share * (self._wrench - pulled))
+        start, end = grasp.config.roller_positions, config.roller_positions
+        start_wrench = grasp.wrench * (1.0, 1.0, grasp.arm)
+        share, substep = 0.0, 1.0  # share of the motion that is done, and of the next substep
+        while share < 1.0:
+            next_share = min(1.0, share + substep)
+            positions = start + next_share * (end - start)
+            target = config if next_share == 1.0 else grasp.config.moved_to(positions)
+            wrench = start_wrench + next_share * (self._wrench - start_wrench)
+            rolled = roll_grip(grasp, target, wrench)
             hold = HoldStatus.NO_BALANCE if rolled is None else rolled.hold(self._friction)
             if rolled is not None and hold is HoldStatus.HELD:
-                before, done = rolled, share
+                grasp, share = rolled, next_share
                 continue
-            part = 0.5 * part
-            if part < 1.0 / 64.0:
-                self._body = self._body.moved_to(before.pose)
+            substep = 0.5 * substep
+            if substep < 1.0 / 64.0:
+                self._body = self._body.moved_to(grasp.pose)
                 self.grasp, self.dropped = None, hold
                 return
-        self.grasp = before
+        self.grasp = grasp

@@ -38,7 +38,7 @@ class RigidObject:
         #: Configurations of the last step, and of the last check of the hold; both None at first.
         self._followed: Configuration | None = None
         self._checked: Configuration | None = None
-        self._looks = True
+        self._checks_hold = True
         self.rolling: RollingGrip | None = None  #: rolling grip; None while not held
 
     @classmethod
@@ -51,7 +51,7 @@ class RigidObject:
         :param rolling: initial grip.
         """
         held = cls(rolling.grip.body, rolling.grip.friction)
-        held.rolling, held._looks = rolling, False
+        held.rolling, held._checks_hold = rolling, False
         return held
 
     def pose(self, config: Configuration) -> Pose:
@@ -68,29 +68,29 @@ class RigidObject:
 
     def follow(self, config: Configuration) -> None:
         """Remain at rest, or roll in the grip; see `SimulatedObject.follow`."""
-        rests = self._followed is None or self._followed is config
+        are_rollers_at_rest = self._followed is None or self._followed is config
         self._followed = config
         if self.rolling is not None:
             try:
                 self.rolling = self.rolling.moved_to(config)
             except GraspError:
                 self._body, self.rolling = self._body.moved_to(self.rolling.pose), None
-        if self._looks and rests and self._checked is not config:
+        if self._checks_hold and are_rollers_at_rest and self._checked is not config:
             self._checked = config
             self._check_hold(config)
 
     def _check_hold(self, config: Configuration) -> None:
-        """Begin to hold an object that friction can hold; release one that a member has left."""
+        """Release an object that a member has left; begin to hold one that friction can hold."""
         body = self._body.moved_to(self.pose(config))
-        names = pressing_members(config, body)
+        pressing = pressing_members(config, body)
         if self.rolling is not None:
-            if not set(self.rolling.grip.members) <= set(names):
+            if not set(self.rolling.grip.members) <= set(pressing):
                 self._body, self.rolling = body, None
-        elif len(names) in GRIP_SIZES:
+        elif len(pressing) in GRIP_SIZES:
             try:
-                settled = settle_grasp(config, body, self._friction, members=names)
+                settled = settle_grasp(config, body, self._friction, members=pressing)
                 if settled.hold.at_rest:
-                    grip = Grip(names, body.moved_to(settled.pose), self._friction)
+                    grip = Grip(pressing, body.moved_to(settled.pose), self._friction)
                     self.rolling = RollingGrip.attach(config, grip)
             except IsotrussError:
                 return  # contact at the end of a member, or failed computation of forces

@@ -54,12 +54,11 @@ class DrivenRollers:
         if not 0.0 <= faults.slip <= 0.5:
             raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to 0.5')
         self._robot, self._faults = robot, faults
-        self._free = np.array([name not in faults.stuck for name in names])
+        self._is_free = np.array([name not in faults.stuck for name in names])
         self._random = np.random.default_rng(seed)
         # Separate random stream: the noise of a seed is independent of slip.
-        shares = np.random.default_rng([seed, 1]).uniform(0.5, 1.5, len(names))
-        # Ratio of the tube's travel to the roller's travel [-].
-        self._grips = 1.0 - faults.slip * shares
+        slips = faults.slip * np.random.default_rng([seed, 1]).uniform(0.5, 1.5, len(names))
+        self._travel_ratios = 1.0 - slips  # of the tubes' travel to the rollers' travel [-]
         self._command, self.roller_positions, self.roller_velocities = np.zeros((3, len(names)))
 
     def command(self, velocities: ArrayLike) -> None:
@@ -73,11 +72,10 @@ class DrivenRollers:
     def _speeds(self) -> Array:
         """Return the roller speeds (r,) in the next step, exactly zero at rest [m/s]."""
         limit = self._faults.speed_limit
-        speeds = np.clip(self._command, -limit, limit)
-        moving = self._free & (speeds != 0.0)
-        speeds = np.where(moving, speeds, 0.0)
+        speeds = np.where(self._is_free, np.clip(self._command, -limit, limit), 0.0)
         if self._faults.noise > 0.0:
-            speeds = speeds + moving * self._random.normal(0.0, self._faults.noise, len(speeds))
+            noise = self._random.normal(0.0, self._faults.noise, len(speeds))
+            speeds = speeds + (speeds != 0.0) * noise
         return speeds
 
 
@@ -150,7 +148,7 @@ class SimulatedRobot(DrivenRollers):
             self.roller_velocities = np.zeros_like(speeds)
             if speeds.any():
                 travel = duration * speeds
-                goal = self.config.roller_positions + self._grips * travel
+                goal = self.config.roller_positions + self._travel_ratios * travel
                 self.config = self.config.moved_to(goal)
                 self.roller_positions = self.roller_positions + travel
                 self.roller_velocities = speeds
