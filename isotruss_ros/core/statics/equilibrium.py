@@ -179,17 +179,12 @@ def follow_loads(
         motion = np.abs(moved[:, :2]).max()
         bounded_step = MAX_DISPLACEMENT_STEP / motion if motion > 0.0 else np.inf
         step = min(2.0 * step, bounded_step, last_factor - factor)
-        smallest = LIMIT_TOLERANCE * factor
-        while (bent := _step(tangent, (factor + step) * loads)) is None and step > smallest:
+        bent = bend(tangent, (factor + step) * loads)
+        while bent is None or not bent.is_stable:
+            if step <= LIMIT_TOLERANCE * factor:
+                return path._replace(limit=factor + step)
             step *= 0.5
-        if bent is None:
-            return path._replace(limit=factor + step)
+            bent = bend(tangent, (factor + step) * loads)
         path.factors.append(factor + step)
         path.tangents.append(bent)
     return path
-
-
-def _step(tangent: Tangent, loads: Array) -> Tangent | None:
-    """Return the next stable equilibrium on a load path; None if none exists nearby."""
-    bent = bend(tangent, loads)
-    return bent if bent is not None and bent.is_stable else None
