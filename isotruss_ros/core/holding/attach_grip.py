@@ -28,7 +28,7 @@ from isotruss_ros.core.holding.contact_statics import (
     FRICTION_COMPLIANCE,
 )
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, scaled_wrench
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, find_pressed, POSE
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, find_pressed, POSE, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
@@ -151,37 +151,27 @@ def least_friction_conditions(
     - If an end of a face grazes (its index is `grazing`), its N is zero. This takes the place of
       the measured angle; apart from that, the conditions are those without a face contact.
     """
-    indices, body = statics.places, statics.body
-    by_member, owners = statics.contacts.by_member, statics.contacts.owners
+    indices, body, owners = statics.places, statics.body, statics.contacts.owners
     count = len(owners)
-    faces = [contacts for contacts in by_member if len(contacts) == 2]
-    is_face_pressed = bool(faces) and grazing is None
-    has_two_members = len(by_member) == 2
-    # Two groups of contacts with equal |T| / N, and -1 if T / N has the same sign in both, else 1.
-    pairs = [(ends[:1], ends[1:], -1.0) for ends in faces]
-    if is_face_pressed and has_two_members:
-        pairs.append((by_member[0], by_member[1], 1.0))
-    # Quadratic forms f Q f / 2 = T_one N_other + sign T_other N_one in the forces f = (N, T),
-    # which are zero if |T| / N is equal.
-    ratio_forms = np.zeros((len(pairs), 2 * count, 2 * count))
-    for form, (one, other, sign) in zip(ratio_forms, pairs, strict=True):
-        form[np.ix_(count + one, other)] = 1.0
-        form[np.ix_(count + other, one)] = sign
-    ratio_forms += ratio_forms.transpose(0, 2, 1)
+    member_count = int(owners[-1]) + 1
+    has_two_members = member_count == 2
+    has_faces = count > member_count
+    is_face_pressed = has_faces and grazing is None
+    ratio_forms = _ratio_forms(statics.contacts, is_face_pressed and has_two_members)
     # Rows: equal ratios, then the position between two members, then linear conditions.
-    position_row = len(pairs)
+    position_row = len(ratio_forms)
     linear_row = position_row + has_two_members
     # The chord is the mean of the first member's normals minus that of the second member's.
     chord_shares = np.where(owners == 0, 1.0, -1.0) / np.bincount(owners)[owners]
     coefficients, constants = np.zeros((count, indices.size)), np.zeros(count)
     if grazing is not None:
         coefficients[linear_row, indices.normal.start + grazing] = 1.0
-    elif not faces:
+    elif not has_faces:
         coefficients[linear_row, ANGLE] = body.arm
         constants[linear_row] = body.arm * body.pose.angle
     if not has_two_members:
         # The friction of each member is zero, or else the differences between the members.
-        friction_sums = np.eye(len(by_member))
+        friction_sums = np.eye(member_count)
         if not is_face_pressed:
             friction_sums = (friction_sums - np.roll(friction_sums, 1, axis=1))[:-1]
         by_friction = FRICTION_COMPLIANCE * friction_sums[:, owners]
@@ -190,7 +180,7 @@ def least_friction_conditions(
     def conditions(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         residual = coefficients @ unknowns - constants
         derivative = coefficients.copy()
-        if faces:
+        if has_faces:
             forces = unknowns[indices.forces]
             squeeze = max(float(np.abs(forces[:count]).sum()), 1e-3)
             ratio_slopes = ratio_forms @ forces * FRICTION_COMPLIANCE / squeeze
@@ -213,3 +203,22 @@ def least_friction_conditions(
         return residual, derivative
 
     return conditions
+
+
+def _ratio_forms(contacts: PressedContacts, compares_members: bool) -> Array:
+    """
+    Return quadratic forms Q (q, 2k, 2k) of contact forces f that are zero if |T| / N are equal.
+
+    The first ones compare both ends of each face; the last one compares two members. The value f Q
+    f / 2 is the sum of T_one N_other + sign T_other N_one over pairs of contacts, with f = (N, T).
+    """
+    # Two groups of contacts; the sign is -1 if T / N has the same sign in both, else 1.
+    pairs = [(ends[:1], ends[1:], -1.0) for ends in contacts.by_member if len(ends) == 2]
+    if compares_members:
+        pairs.append((contacts.by_member[0], contacts.by_member[1], 1.0))
+    count = len(contacts.members)
+    forms = np.zeros((len(pairs), 2 * count, 2 * count))
+    for form, (one, other, sign) in zip(forms, pairs, strict=True):
+        form[np.ix_(count + one, other)] = 1.0
+        form[np.ix_(count + other, one)] = sign
+    return forms + forms.transpose(0, 2, 1)
