@@ -158,7 +158,7 @@ def linearize(
     axial: Array | None = None,
     kept: Sequence[UnloadedBlocks] = (),
 ) -> Tangent:
-    """Linearise a frame about unknowns (u,), near axial forces (p,) of its parts [N] or NaN."""
+    """Return a frame linearised about unknowns (u,), near axial forces (p,) [N] or NaN."""
     layout, constraints = frame.layout, frame.layout.numbering.constraints
     count = layout.numbering.rows
     multipliers, displacements = unknowns[:count], unknowns[count:].reshape(-1, 3)
@@ -169,8 +169,8 @@ def linearize(
     chord = frame.length + difference
     length = np.abs(chord)
     # (l^2 - l0^2) / (l + l0), because l - l0 has large rounding errors.
-    squares = 2.0 * frame.length * difference.real + difference.real**2 + difference.imag**2
-    elongations = squares / (length + frame.length)
+    square_growth = 2.0 * frame.length * difference.real + difference.real**2 + difference.imag**2
+    elongations = square_growth / (length + frame.length)
     start_turns, end_turns = turns[layout.start], turns[layout.end]
     rotations = np.array([start_turns + end_turns, start_turns - end_turns])
     rotations *= 0.5
@@ -182,21 +182,21 @@ def linearize(
     forces = evaluated.values.real.copy()
     axis = frame.axis * chord / length
     motions = chord_motions(axis, length)
-    at_ends = (motions[:, :3].swapaxes(1, 2) @ forces[:, :, None])[..., 0]
-    carried = np.bincount(layout.places.ravel(), at_ends.ravel(), len(unknowns))
+    node_forces = (motions[:, :3].swapaxes(1, 2) @ forces[:, :, None])[..., 0]
+    carried = np.bincount(layout.places.ravel(), node_forces.ravel(), len(unknowns))
     scaled_motions = motions * frame.scale[layout.places][:, None]
-    members = scaled_motions.swapaxes(1, 2) @ stiffness @ scaled_motions
+    member_matrices = scaled_motions.swapaxes(1, 2) @ stiffness @ scaled_motions
 
     # Constraints, with multipliers as forces: symmetric matrices of the multiplier, and then the
     # displacements, of each constraint.
-    slopes, gaps, geometric = constraints.linearize(
+    slopes, gaps, geometric_stiffness = constraints.linearize(
         frame.points, displacements, multipliers, layout.rows
     )
-    rows = np.zeros((len(slopes), slopes.shape[1] + 1, slopes.shape[1] + 1))
-    rows[:, 0, 1:] = rows[:, 1:, 0] = slopes
-    rows[:, 1:, 1:] = geometric
+    row_matrices = np.zeros((len(slopes), slopes.shape[1] + 1, slopes.shape[1] + 1))
+    row_matrices[:, 0, 1:] = row_matrices[:, 1:, 0] = slopes
+    row_matrices[:, 1:, 1:] = geometric_stiffness
     scale = frame.scale[layout.row_places]
-    rows *= scale[:, :, None] * scale[:, None]
+    row_matrices *= scale[:, :, None] * scale[:, None]
     row_forces = slopes * multipliers[layout.rows, None]
     carried += np.bincount(layout.row_places[:, 1:].ravel(), row_forces.ravel(), len(unknowns))
     carried[layout.rows] = gaps
@@ -219,6 +219,6 @@ def linearize(
         length_rates=evaluated.values.imag / EPSILON,
         motions=motions,
         carried=carried,
-        matrices=[group.assemble(members, rows) for group in layout.groups],
+        matrices=[group.assemble(member_matrices, row_matrices) for group in layout.groups],
         kept=(kept, kept_forces, kept_stiffnesses),
     )
