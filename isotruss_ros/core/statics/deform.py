@@ -154,7 +154,7 @@ def deform(
 
 def _unloaded(structure: Structure, frame: Frame) -> Tangent:
     """Return a frame of a structure, which may have cuts, linearised without loads."""
-    straight = structure.unloaded
+    straight, _ = structure.unloaded
     return straight if frame is structure.frame else linearize(frame, np.zeros(len(frame.scale)))
 
 

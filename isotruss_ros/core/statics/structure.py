@@ -99,21 +99,16 @@ class Structure:
         self.frame = Frame.of(points, sections.reshape(3, -1), numbering)
 
     @functools.cached_property
-    def _unloaded(self) -> tuple[Tangent, Condensed]:
+    def unloaded(self) -> tuple[Tangent, Condensed]:
         """Return the frame linearised without loads, and its condensed matrix."""
         no_loads = np.zeros((3 * len(self.frame.points), 0))
         tangent, condensed, _ = solve_unloaded(self.frame, no_loads)
         return tangent, condensed
 
-    @property
-    def unloaded(self) -> Tangent:
-        """Return the structure's frame, linearised without loads."""
-        return self._unloaded[0]
-
     @functools.cached_property
     def blocks(self) -> list[UnloadedBlocks | None]:
         """Return the unloaded blocks of each group; None for blocks without own unknowns."""
-        _, condensed = self._unloaded
+        _, condensed = self.unloaded
         groups = self.frame.layout.groups, condensed.schur, condensed.spread
         return [
             UnloadedBlocks.of(self.frame, group, schur, spread) if spread.size else None
