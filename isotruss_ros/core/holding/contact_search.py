@@ -145,19 +145,14 @@ def find_free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[Free
     A corner that is nearer to a contact than a tube radius belongs to the dent of the contact; it
     penetrates the tube if it is higher than the corner in contact.
     """
-    statics, body, radius = grip.statics, grip.body, grip.statics.tube_radius
+    body, radius = grip.body, grip.statics.tube_radius
     free_corners: list[FreeCorner] = []
     *positions, circumference = _corner_positions(body.shape)
     along_outline = np.array(positions)
     for contacts in grip.contacts.by_member if positions else ():
-        # Corners without contact that the tube can reach when it bends.
         touching = grip.contacts.corners[contacts]
-        normal = complex(statics.straight_normals[contacts[0]])
-        start = complex(statics.bent.lines.start[contacts[0]])
-        line_height = ((start - body.center) / normal).real
-        least_height = line_height - (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
-        is_high = _heights(body, np.arange(len(positions)), normal) > least_height
-        corners = np.setdiff1d(np.flatnonzero(is_high), touching)
+        reachable = _reachable_corners(grip, int(contacts[0]), len(positions))
+        corners = np.setdiff1d(reachable, touching)
         # From each contact (column) to each corner (row) by the shorter way around the outline.
         distances = along_outline[corners, None] - along_outline[touching]
         distances -= circumference * np.round(distances / circumference)
@@ -174,6 +169,15 @@ def find_free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[Free
         columns = depths, contacts[nearest], corners, face_distances
         free_corners += map(FreeCorner, *(values[is_deep].tolist() for values in columns))
     return free_corners
+
+
+def _reachable_corners(grip: HeldGrip, contact: int, count: int) -> Indices:
+    """Return those of the first `count` corners that a contact's tube can reach when it bends."""
+    normal = complex(grip.statics.straight_normals[contact])
+    start = complex(grip.statics.bent.lines.start[contact])
+    line_height = ((start - grip.body.center) / normal).real
+    least_height = line_height - (1.0 + 2.0 * MAX_DISPLACEMENT) * grip.statics.tube_radius
+    return np.flatnonzero(_heights(grip.body, np.arange(count), normal) > least_height)
 
 
 def _corner_positions(shape: Shape) -> list[float]:
