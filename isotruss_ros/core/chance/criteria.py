@@ -65,13 +65,13 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
 
 
 def find_unknown_rates(grip: HeldGrip) -> tuple[Array, LoadedTubes]:
-    """Return the derivatives (3 + 4k, p) of an equilibrium's unknowns, and tubes with theirs."""
+    """Return the derivatives (3 + 4k, p) of an equilibrium's unknowns, and its `LoadedTubes`."""
     rates, tubes = _equation_rates(grip)
     return -np.linalg.solve(grip.state.jacobian, rates), tubes
 
 
 def _equation_rates(grip: HeldGrip, rolls: bool = False) -> tuple[Array, LoadedTubes]:
-    """Return the derivatives (3 + 4k, p) of the equilibrium equations, and tubes with theirs."""
+    """Return the derivatives (3 + 4k, p) of the equilibrium equations, and the `LoadedTubes`."""
     state, body, balance = grip.state, grip.body, grip.state.places.balance.start
     columns, reach = GraspParameters.of(grip.config), FOLLOWED_MOTION if rolls else ROUNDING
     tubes = LoadedTubes.of(grip, np.eye(columns.size, columns.size + 1), columns, reach)

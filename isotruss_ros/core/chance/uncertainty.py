@@ -67,7 +67,7 @@ class Uncertainty:
     offset_covariance: Array | None = None
 
     def __post_init__(self) -> None:
-        """Check the values."""
+        """Raise GraspError if a value is out of range."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         offsets = values.pop('offset_covariance')
         for fault in find_faults(values, 'uncertainty'):

@@ -58,6 +58,7 @@ def limit_acceleration(
     """
     motion, contacts = command.motion, command.contact_rows
     velocities = desired = command.roller_velocities
+    # Rows of the velocity of the object's surface; zero if no object is moved.
     surface_rows = motion * (0.0 if arm is None else np.array([[1.0], [1.0], [arm]]))
     surface_speed = float(np.linalg.norm(surface_rows.dot(previous)))
     max_surface_speed = surface_speed + SURFACE_ACCELERATION * max_change
@@ -68,7 +69,8 @@ def limit_acceleration(
     rows = find_rows()
     moving = (desired != 0.0) | (previous != 0.0)  # failed rollers stand still
     if limited:
-        # The line from the start to the desired speeds, and its largest admissible share.
+        # The line from the start, which fulfils the constraints of contacts and limits, to the
+        # desired speeds; and its largest share that no roller's change forbids.
         projected = previous - np.linalg.pinv(contacts).dot(contacts.dot(previous))
         start = _nearest(projected, contacts, moving, rows, 0.0 * projected)
         line, differs = desired - start, desired != start
@@ -78,18 +80,9 @@ def limit_acceleration(
             surface_start, surface_desired = surface_rows.dot(start), surface_rows.dot(desired)
             share = min(share, _surface_share(surface_start, surface_desired, max_surface_speed))
         velocities = limit_change(start + share * line, previous, max_change)
-    change = velocities - previous
-    if _reverses(previous_change, change, max_change):
+    if _reverses(previous_change, velocities - previous, max_change):
         # The closest roller speeds with the same twist and without reversals, if there are any.
-        small = REVERSAL_SHARE * max_change
-        lower = np.where(previous_change > small, -small, np.minimum(change, -max_change))
-        upper = np.where(previous_change < -small, small, np.maximum(change, max_change))
-        rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
-        bounds = Rows(
-            np.concatenate([rows.matrix, np.eye(len(change))]),
-            np.concatenate([np.minimum(rows.lower, rates), previous + lower]),
-            np.concatenate([np.maximum(rows.upper, rates), previous + upper]),
-        )
+        bounds = _reversal_rows(rows, velocities, previous, previous_change, max_change)
         fixed = np.concatenate([motion, contacts])
         velocities = _nearest(velocities, fixed, moving, bounds, velocities)
     twist = motion.dot(velocities)  # may be the velocity of a joint, which is two components
@@ -104,6 +97,21 @@ def _reverses(previous_change: Array, change: Array, max_change: float) -> bool:
     smaller = np.minimum(np.abs(previous_change), np.abs(change))
     is_opposite = previous_change * change < 0.0
     return bool((is_opposite & (smaller > REVERSAL_SHARE * max_change)).any())
+
+
+def _reversal_rows(
+    rows: Rows, velocities: Array, previous: Array, previous_change: Array, max_change: float
+) -> Rows:
+    """Return the rows of the limits, and of roller speeds without reversals."""
+    change, small = velocities - previous, REVERSAL_SHARE * max_change
+    lower = np.where(previous_change > small, -small, np.minimum(change, -max_change))
+    upper = np.where(previous_change < -small, small, np.maximum(change, max_change))
+    rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
+    return Rows(
+        np.concatenate([rows.matrix, np.eye(len(change))]),
+        np.concatenate([np.minimum(rows.lower, rates), previous + lower]),
+        np.concatenate([np.maximum(rows.upper, rates), previous + upper]),
+    )
 
 
 def _nearest(speeds: Array, fixed: Array, moving: Flags, rows: Rows, otherwise: Array) -> Array:

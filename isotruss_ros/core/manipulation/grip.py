@@ -141,7 +141,7 @@ def find_members(topology: Topology, names: tuple[str, ...]) -> MemberNodes:
     check_names('members', names, topology.member_names, topology.robot)
     members = np.array([topology.member_names.index(name) for name in names], dtype=np.intp)
     driven = np.flatnonzero(np.isin(members, topology.driven))
-    lines = np.stack([topology.b[members], topology.c[topology.following[members]]], axis=1)
+    lines = np.stack([topology.b[members], topology.end[members]], axis=1)
     rollers = topology.driven.searchsorted(members[driven])
     nodes = MemberNodes(members, lines, driven, rollers)
     for array in nodes:
@@ -171,6 +171,7 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     for owner, (start, end) in enumerate(config.points.take(nodes.lines).tolist()):
         span = end - start
         axis = span / abs(span)
+        # +1 if the object is on the left of the member, -1 on the right.
         side = math.copysign(1.0, (axis.conjugate() * (centroid - start)).imag)
         normal = -1j * side * axis
         local_normal = normal * body.turn.conjugate()

@@ -44,8 +44,7 @@ def place_between(
     require_configuration(config)
     direction, depth = finite_array([angle, indentation], 2, 'angle, indentation', GraspError)
     names = Grip(tuple(members), ConvexObject(shape)).members
-    nodes = find_members(config.robot.topology, names)
-    starts, ends = config.points[nodes.lines.T]
+    starts, ends = config.points[find_members(config.robot.topology, names).lines.T]
     spans = ends - starts
     middle = complex((starts + 0.5 * spans).mean())
     turn = complex(math.cos(direction), math.sin(direction))

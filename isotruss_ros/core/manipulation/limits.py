@@ -127,10 +127,9 @@ class MemberLengthLimit:
 def default_limits(robot: Robot) -> tuple[Limit, ...]:
     """Return the limits that the robot file contains."""
     file = robot.description
-    return (
-        RollerSpeedLimit(file.max_speed),
-        MemberLengthLimit(file.min_length, file.max_length, min(APPROACH_RATE, file.braking_rate)),
-    )
+    rate = min(APPROACH_RATE, file.braking_rate)
+    lengths = MemberLengthLimit(file.min_length, file.max_length, rate)
+    return RollerSpeedLimit(file.max_speed), lengths
 
 
 def stack_rows(config: Configuration, limits: Sequence[Limit]) -> Rows:

@@ -207,7 +207,7 @@ class RollingGrip:
 
 
 class _Lines(NamedTuple):
-    """The m members of a grip in one configuration."""
+    """Centre lines of the m members of a grip in one configuration."""
 
     starts: Points  #: starts of the members, x + iy [m]
     axes: Points  #: unit vectors along the members, x + iy

@@ -55,16 +55,16 @@ class WorkingRollers:
             working_cost = working_cost * (np.trace(self.cost) / np.trace(working_cost))
         return WorkingRollers(self.count, self.indices, working_cost)
 
-    def spread(self, columns: Array) -> Array:
-        """Return columns of all rollers (..., r) from those of working rollers, others zero."""
-        spread = np.zeros((*columns.shape[:-1], self.count))
-        spread[..., self.indices] = columns
+    def spread(self, values: Array) -> Array:
+        """Return values of all rollers (..., r) from those of working rollers; others are zero."""
+        spread = np.zeros((*values.shape[:-1], self.count))
+        spread[..., self.indices] = values
         return spread
 
 
 @functools.lru_cache(maxsize=16)
 def working_rollers(topology: Topology, failed: frozenset[str]) -> WorkingRollers:
-    """Return the working rollers of a robot."""
+    """Return the rollers of a robot that have not failed, with the cost of their speeds."""
     check_names('failed rollers', failed, topology.roller_names, topology.robot)
     indices = np.flatnonzero([name not in failed for name in topology.roller_names])
     # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).

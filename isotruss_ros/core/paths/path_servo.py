@@ -70,9 +70,8 @@ class PathServo:
     def __init__(self, period: float, timeout: float, inputs: LatestInputs) -> None:
         self.period, self.timeout, self.inputs = period, timeout, inputs
         self.tracker: PathTracker | None = None
-        self._last_cycle = 0.0
-        #: Stamp of the last valid feedback, at least the start of the path [s].
-        self._feedback_time = 0.0
+        # The stamp of the last valid feedback is at least the start of the path [s].
+        self._last_cycle = self._feedback_time = 0.0
 
     def measured(self, now: float) -> Pose:
         """Return the measured pose of the object."""

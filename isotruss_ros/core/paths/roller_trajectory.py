@@ -224,7 +224,7 @@ class RollerTrajectoryServo:
         return self._advance(measured._replace(value=state), now, elapsed)
 
     def _advance(self, measured: StampedInput, now: float, elapsed: float) -> RollerStep:
-        """Advance trajectory time unless a roller lags; end on arrival or after a timeout."""
+        """Return the step of a cycle; trajectory time advances unless a roller lags."""
         trajectory, state, names = self.trajectory, measured.value, self._robot.roller_names
         next_time = min(self.time + elapsed, trajectory.duration)
         is_at_end = next_time >= trajectory.duration

@@ -149,13 +149,13 @@ def _find_errors(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
     return np.append(errors, 3.0 * force * sines / sines.sum() - grasp.normal_forces)
 
 
-def close_in_place(touch: Configuration, closing: Closing) -> Iterator[ClosedGrip]:
-    """Yield grips with increasing squeeze until a requirement would be violated."""
-    needs, diameter = closing.needs, touch.robot.description.tube_diameter
+def close_in_place(start: Configuration, closing: Closing) -> Iterator[ClosedGrip]:
+    """Yield grips with increasing squeeze, from first contact until a requirement is violated."""
+    needs, diameter = closing.needs, start.robot.description.tube_diameter
     depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
     # A grip may use a part of the friction angle while it closes.
     usable_friction = math.tan(CONE_SHARE * math.atan(needs.friction))
-    grasp = _require_hold(hold_between(press(touch, closing, depths), closing), usable_friction)
+    grasp = _require_hold(hold_between(press(start, closing, depths), closing), usable_friction)
     # A grip of two members is assessed after the first step, which moves the object to its pose.
     if len(closing.members) > 2:
         with closing.tally.recording():
@@ -174,7 +174,7 @@ def close_in_place(touch: Configuration, closing: Closing) -> Iterator[ClosedGri
 
 def _judge(grasp: HeldGrip, closing: Closing) -> ClosedGrip:
     """
-    Return a grip; raise RequirementError if it violates a bound of its forces.
+    Return a closed grip with its slip margin; raise RequirementError if its forces are too large.
 
     Slip margin and chance are those under the required wrench.
     """
