@@ -170,7 +170,9 @@ class Polygon(PolygonalShape):
         """Return the normals' angles (k,) in the middles of arcs, and arc lengths (k,) there."""
         middle_angles = np.angle(self.normals[0]) + self._directions - 0.5 * self.turns
         half_arcs = 0.5 * self.radii * self.turns
-        face_lengths = np.array([following.length for _, following in self._faces])
+        # A face is shorter than the distance of the centres of arcs with different radii.
+        between_centers = np.roll(self.arc_centers, -1) - self.arc_centers
+        face_lengths = (between_centers * (1j * self.normals).conj()).real
         between_middles = half_arcs[:-1] + face_lengths[:-1] + half_arcs[1:]
         return middle_angles, np.append(0.0, np.cumsum(between_middles))
 
