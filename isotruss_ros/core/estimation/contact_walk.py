@@ -88,9 +88,10 @@ class ContactWalk:
         by_rate_changes = rate_changes @ offsets @ rate_changes.transpose(0, 2, 1)
         # Covariances of the sums without slip.
         covariances = np.array([start.prior for start in starts]) + walks + noise + by_rate_changes
-        weighted = np.linalg.solve(covariances, sums[:, :, None])[:, :, 0]
         self.length = float(np.hypot.reduce(sums, axis=1).max())
-        self.deviations = math.sqrt((sums * weighted).sum(axis=1).max())
+        weighted = np.linalg.solve(covariances, sums[:, :, None])[:, :, 0]  # sums are columns
+        squared_distances = (sums * weighted).sum(axis=1)
+        self.deviations = math.sqrt(squared_distances.max())
 
 
 class PoseNoise:
@@ -105,13 +106,14 @@ class PoseNoise:
         self._previous: Array | None = None
         self._weight = 0.2  # of the next pose; the prior weighs as much as four poses
 
-    def add(self, pose: Array) -> None:
+    def add(self, difference: Array) -> None:
         """Update the variances with a pose (3,) minus the pose by roller travel alone [m]."""
-        previous, self._previous = self._previous, pose
+        previous, self._previous = self._previous, difference
         if previous is None:
             return
         # Half of the square, because both poses have noise.
-        squares = np.minimum(0.5 * (pose - previous) ** 2, MAX_STEP_SIGMAS**2 * self.variances)
+        largest = MAX_STEP_SIGMAS**2 * self.variances
+        squares = np.minimum(0.5 * (difference - previous) ** 2, largest)
         averages = self.variances + self._weight * (squares - self.variances)
         self.variances = np.maximum(averages, MODEL_ERROR**2)
         # The weights 1/5, 1/6, 1/7, ... give the arithmetic mean, until they are the smallest.

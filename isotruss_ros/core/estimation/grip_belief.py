@@ -203,12 +203,12 @@ class GripBelief:
         interval = lag.time - self._equilibrium_time
         has_corrections = cache.zero_corrections.any()
         travel, is_predictable = cache.predict(config)
-        motion = cache.predicted[:3]
+        predicted_motion = cache.predicted[:3]
         measured, age = rollers or (config.roller_positions, 0.0)
         motion_since_reading = cache.travel_rates[:3] @ (config.roller_positions - measured)
         is_early = interval < EQUILIBRIUM_PERIOD - ROUNDING
         if is_early and is_predictable and not has_corrections:
-            lag.record(lag.pose_at_equilibrium + motion, motion_since_reading, age)
+            lag.record(lag.pose_at_equilibrium + predicted_motion, motion_since_reading, age)
             return HoldStatus.HELD
         rolled = cache.roll(config, pressures)
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
@@ -216,11 +216,11 @@ class GripBelief:
             lag.rolled_poses.add(lag.time, lag.pose_at_equilibrium)  # the object has not moved
             return HoldStatus.HELD if self.attach(config, pressures) else hold
         change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)
+        motion = predicted_motion if has_corrections else change[:3]
         if has_corrections:
             # Corrections of offsets do not move the object; the unexplained pose changes instead.
             state.bias = state.bias - self.scale * (change[:3] - motion)
         else:
-            motion = change[:3]
             cache.learn(rolled, travel, change, interval)
         lag.pose_at_equilibrium = lag.pose_at_equilibrium + motion
         lag.record(lag.pose_at_equilibrium, motion_since_reading, age)

@@ -85,9 +85,8 @@ def state_rates(grasp: HeldGrip, by_shifts: Array) -> Array:
     unknowns = np.hstack([grasp.response.change, by_shifts])
     squeeze = unknowns[grasp.state.places.normal].sum(axis=0) / members
     outputs = output_scale(grasp)[:, None] * np.vstack([unknowns[:3], squeeze])
-    by_load, by_shifts = outputs[:, :3], outputs[:, 3:]
-    by_bias, by_delay = np.eye(4, 3), np.zeros(4)
-    return np.column_stack([by_load, by_bias, by_delay, by_shifts])
+    # Columns: derivatives by load, unexplained pose, delay, and shifts.
+    return np.column_stack([outputs[:, :3], np.eye(4, 3), np.zeros(4), outputs[:, 3:]])
 
 
 class OffsetRates(NamedTuple):

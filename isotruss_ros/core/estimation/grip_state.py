@@ -99,9 +99,8 @@ class GripState(SchmidtFilter):
         walk_covariance = walk_rates @ self.covariance @ walk_rates.T
         covariance = rates @ self.covariance @ rates.T + noise
         self.innovation = float(error @ np.linalg.solve(covariance, error))
-        self.jump = 0.0
-        if self.innovation > MAX_DEVIATIONS**2:  # contacts and unexplained pose may be anywhere
-            self.jump = math.hypot(*error)
+        self.jump = math.hypot(*error) if self.innovation > MAX_DEVIATIONS**2 else 0.0
+        if self.jump > 0.0:  # contacts and unexplained pose may be anywhere
             added = np.zeros(len(self.covariance))
             added[BIAS] = added[SHIFTS:] = self.jump**2
             self.covariance = self.covariance + np.diag(added)

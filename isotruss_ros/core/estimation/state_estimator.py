@@ -44,14 +44,14 @@ class StateEstimator:
         self.settings = settings or EstimatorSettings()
         self.grip: Grip | None = None
         self._robot, self._tracker = robot, ConfigurationTracker(robot.home)
-        self._zeros = OffsetFilter(robot, self.settings)
+        self._filter = OffsetFilter(robot, self.settings)
         self.belief: GripBelief | None = None
         self._record: GripRecord | None = None  # last grip of the control loop
         self._held: HeldGrip | None = None  # its equilibrium
         self._readings, self._measured = Timeline(), UsedReadings()
         self._pressures: Pressures = None
         self._roll_time = 0.0  # time of the readings to which the grip was rolled [s]
-        self._used_offsets = self._zeros.offsets  # roller offsets in the equilibrium of the grip
+        self._used_offsets = self._filter.offsets  # roller offsets in the equilibrium of the grip
 
     def set_grip(self, grip: Grip) -> None:
         """Set the grip that may hold an object, with the object at any pose."""
@@ -66,7 +66,7 @@ class StateEstimator:
             previous_time, previous = self._readings.last
             if time <= previous_time:
                 return
-            self._zeros.predict(time - previous_time, np.abs(readings - previous))
+            self._filter.predict(time - previous_time, np.abs(readings - previous))
         self._readings.add(time, readings)
         self._readings.discard_before(time - HISTORY_DURATION)
 
@@ -93,9 +93,9 @@ class StateEstimator:
             return
         config = self._tracker.configuration(record.travel)
         held = self._held = record.restore(config, self.grip.body)
-        self._used_offsets = self._zeros.offsets
+        self._used_offsets = self._filter.offsets
         if previous is None:  # this belief is for derivatives only
-            grip, covariance = self.grip.moved_to(held.pose), self._zeros.offset_covariance
+            grip, covariance = self.grip.moved_to(held.pose), self._filter.offset_covariance
             self.belief = GripBelief(held, grip, self.settings, covariance, is_assumed=True)
 
     @single_threaded
@@ -120,9 +120,9 @@ class StateEstimator:
             if self.belief.state.jump <= JUMP_LENGTH and not self.belief.slipped:
                 return True
         # Without a belief, and after a jump or slip, a belief starts at the measured pose.
-        self._used_offsets = self._zeros.offsets
+        self._used_offsets = self._filter.offsets
         config = self._tracker.configuration(self._readings.last[1] + self._used_offsets)
-        grip, covariance = self.grip.moved_to(pose), self._zeros.offset_covariance
+        grip, covariance = self.grip.moved_to(pose), self._filter.offset_covariance
         self.belief = None
         try:
             grasp = attach_model(config, grip, self._pressures, self.settings.zero_deviation)
@@ -154,18 +154,18 @@ class StateEstimator:
         if not markers:
             return False
         self._roll()
-        belief, zeros = self.belief, self._zeros
+        belief, offset_filter = self.belief, self._filter
         if self._record is not None and belief is not None:
             belief.take(self._held)  # for its derivatives
         readings = self._readings.at(time)
         reach = np.ptp(self._readings.values, axis=0)
         model = partial(self._place_joints, readings)
-        offsets_before = zeros.offsets
-        if not zeros.take_markers(time, markers, deviation, readings, reach, model):
+        offsets_before = offset_filter.offsets
+        if not offset_filter.take_markers(time, markers, deviation, readings, reach, model):
             return False
         if belief is not None:
-            belief.correct_zeros(zeros.offsets - offsets_before)
-            belief.state.prior = zeros.offset_covariance
+            belief.correct_zeros(offset_filter.offsets - offsets_before)
+            belief.state.prior = offset_filter.offset_covariance
         return True
 
     @single_threaded
@@ -175,24 +175,25 @@ class StateEstimator:
             return None
         self._roll()
         time, readings = self._readings.last
-        zeros, belief, offsets = self._zeros, self.belief, self._zeros.offsets.copy()
+        offset_filter, belief = self._filter, self.belief
+        offsets, covariance = offset_filter.offsets.copy(), offset_filter.offset_covariance
         positions, rates = self._place_joints(readings, offsets)
-        by_offsets = rates @ zeros.offset_covariance @ rates.T
+        by_offsets = rates @ covariance @ rates.T
         joint_covariance = by_offsets + self.settings.joint_error**2 * np.eye(len(positions))
         travel, joints = readings + offsets, positions.reshape(-1, 2)
-        findings = {'is_improbable': zeros.is_improbable, **zeros.findings}
+        findings = {'is_improbable': offset_filter.is_improbable, **offset_filter.findings}
         estimate = StateEstimate(
-            time, offsets, zeros.offset_covariance, travel, joints, joint_covariance, **findings
+            time, offsets, covariance, travel, joints, joint_covariance, **findings
         )
         if belief is None:
             return estimate
         grip = belief.estimate if self._record is None else self._record.estimate
         model_errors = self.settings.pose_error / belief.scale
-        covariance = grip.pose_covariance + np.diag(model_errors**2)
+        pose_covariance = grip.pose_covariance + np.diag(model_errors**2)
         # If errors that are not in the model move the joints, the squeeze is unknown.
-        deviation = math.hypot(grip.squeeze_deviation, zeros.is_improbable * grip.squeeze)
-        grip = grip._replace(pose_covariance=covariance, squeeze_deviation=deviation)
-        return replace(estimate, **grip._asdict())
+        deviation = math.hypot(grip.squeeze_deviation, offset_filter.is_improbable * grip.squeeze)
+        widened = grip._replace(pose_covariance=pose_covariance, squeeze_deviation=deviation)
+        return replace(estimate, **widened._asdict())
 
     def _roll(self) -> None:
         """Roll the held object to the last encoder reading; discard the belief if it is lost."""
@@ -200,7 +201,7 @@ class StateEstimator:
         elapsed, self._roll_time = time - self._roll_time, time
         if belief is None or elapsed == 0.0 or self._record is not None:
             return
-        self._used_offsets = self._zeros.offsets
+        self._used_offsets = self._filter.offsets
         travel = readings + self._used_offsets
         try:
             config = belief.grasp.config.moved_to(travel)

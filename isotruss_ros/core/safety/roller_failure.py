@@ -81,8 +81,9 @@ class FailureDetector:
         is_slow = commanded_range * self._duration >= 0.5 * SETTLING_TIME * self._path
         is_far = commanded_range >= MIN_SPEED * FAILURE_TIME
         is_long = self._duration >= self.failure_time - SETTLING_TIME
-        starts = is_slow & is_far & is_long & np.isnan(self._required_at)
-        self._required[starts], self._required_at[starts] = commanded_range[starts], time
+        # The present commanded range is compared with the measured one after the settling time.
+        is_new = is_slow & is_far & is_long & np.isnan(self._required_at)
+        self._required[is_new], self._required_at[is_new] = commanded_range[is_new], time
         is_settled = time - self._required_at >= SETTLING_TIME
         is_due = is_settled & (self._duration >= self.failure_time)
         is_stuck = is_due & (measured_range < MIN_SHARE * self._required)

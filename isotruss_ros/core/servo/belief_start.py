@@ -57,8 +57,8 @@ class BeliefStart:
 
         :raises NotHeldError: this search has not found an equilibrium.
         """
-        prior = PRIOR.calibrated(config.robot.description, settings.zero_deviation)
-        prior = replace(prior, load=settings.load or PRIOR.load)
+        calibrated = PRIOR.calibrated(config.robot.description, settings.zero_deviation)
+        prior = replace(calibrated, load=settings.load or PRIOR.load)
         self._assuming = gripped and self._missed and not self._assuming
         try:
             start = grip

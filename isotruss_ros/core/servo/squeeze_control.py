@@ -158,6 +158,7 @@ class SqueezeControl:
         self._choose_gain(belief)
         belief.lag.advance(elapsed, 1.0 / self.gain)
         self._since += elapsed
+        # Without a sample, the pose of the grip is new.
         measured, age = sample or (StampedInput(grip.body.pose, math.nan), 0.0)
         if sample is None or self._readings.use('pose', measured.time, measured.value):
             belief.observe(measured.value, age)

@@ -113,14 +113,14 @@ class ElasticObject:
             low, high = 0.0, 1.0
             for _ in range(6):
                 share = 0.5 * (low + high)
-                tried = previous.moved_to(start + share * (end - start))
-                if self._is_pressed(tried):
-                    high, first_contact = share, tried
+                trial = previous.moved_to(start + share * (end - start))
+                if self._is_pressed(trial):
+                    high, first_contact = share, trial
                 else:
                     low = share
-        for tried in (first_contact, config):
+        for trial in (first_contact, config):
             try:
-                grasp = attach_grip(tried, self._body, None, self._wrench, stiffness=self._scale)
+                grasp = attach_grip(trial, self._body, None, self._wrench, stiffness=self._scale)
             except NotHeldError:
                 continue
             if grasp.hold(self._friction) is HoldStatus.HELD:
