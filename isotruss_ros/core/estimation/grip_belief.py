@@ -115,7 +115,7 @@ class GripBelief:
     @property
     def geometric_deviation(self) -> float:
         """
-        Return the deviation of the squeeze for the stiffness of the robot file [N].
+        Return the standard deviation of the squeeze without the error of the stiffness [N].
 
         Poses confirm neither an assumed squeeze nor that of an object that has slipped.
         """
@@ -132,7 +132,7 @@ class GripBelief:
     @property
     def hold(self) -> HoldStatus:
         """
-        Return the hold status of the object at the measured pose of the start.
+        Return the hold status at the start, `FAR` if the measured pose is not explained.
 
         The required friction has the relative error of the squeeze, but does not depend on the
         stiffness.

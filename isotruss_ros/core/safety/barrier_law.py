@@ -66,7 +66,7 @@ class BarrierLaw:
 
     def discrete_bound(self, margins: Array, duration: float, travel: float) -> Array:
         """
-        Return the smallest distances (k,) that k values may have from their bound after a sample.
+        Return the smallest admissible margins (k,) after a sample that begins with `margins` (k,).
 
         A margin below `MIN_MARGIN_SHARE` times the safety margin must not decrease, except by
         effects of second order, because otherwise the robot would stop in every other sample. A

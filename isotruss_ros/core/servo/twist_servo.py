@@ -133,7 +133,7 @@ class TwistServo(ServoState):
         return velocities
 
     def _begin_cycle(self, now: float) -> None:
-        """Discard old commands, and compare the remaining commands with the measured travel."""
+        """Discard old commands, and update the failed rollers by commands and measured travel."""
         self._history.discard_old(now, self.settings.timeout)
         rollers = self.inputs.rollers
         if not isinstance(rollers, StampedInput):
@@ -253,7 +253,7 @@ class TwistServo(ServoState):
         now: float,
         gripped: bool = False,
     ) -> HoldStatus:
-        """Propagate the belief of the grip to mid-cycle, with inputs (rollers, pose)."""
+        """Propagate the belief to mid-cycle by inputs (rollers, pose); return the hold status."""
         (rollers, pose), settings = inputs, self.settings
         estimate, pressures = self.inputs.estimate, self.inputs.pressures
         covariance = stamp = None
