@@ -24,6 +24,7 @@ from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.statics.bent_tubes import BentTubes
+from nightly import some_now
 import numpy as np
 import pytest
 from shapes import random_polygon
@@ -32,12 +33,13 @@ from skin_depths import corner_depths
 ROBOTS = [load_robot(name) for name in ('nine_member', 'triangle', 'ring_of_four')]
 #: Largest numbers of evaluated equations and of linearised tubes in one call.
 MOST_EQUATIONS, MOST_LINEARISATIONS = 650, 100
+TURNED = ROBOTS[1].configuration([0.051, 0.069])
 
 
-def deep_objects(count):
+def deep_objects(numbers):
     """Yield objects of 0.2 to 3 m anywhere in a robot, discs to polygons of many corners."""
     rng = np.random.default_rng(3)
-    for number in range(count):
+    for number in range(max(numbers) + 1):
         robot = ROBOTS[number % len(ROBOTS)]
         low, high = robot.home.nodes.min(axis=0), robot.home.nodes.max(axis=0)
         size = 10.0 ** rng.uniform(np.log10(0.1), np.log10(1.5))
@@ -47,11 +49,17 @@ def deep_objects(count):
             random_polygon(rng, size),
             random_polygon(rng, size, corners=int(rng.integers(9, 40))),
         )[number % 4]
-        yield robot.home, ConvexObject(shape, (*rng.uniform(low, high), rng.uniform(-3.0, 3.0)))
+        pose = *rng.uniform(low, high), rng.uniform(-3.0, 3.0)
+        if number in numbers:
+            yield robot.home, ConvexObject(shape, pose)
 
 
-@pytest.mark.parametrize('by_name', [False, True])
-def test_refusals_of_deep_objects_take_bounded_work(monkeypatch, by_name):
+# First those objects of the 60 that take the most equations and linearisations.
+@pytest.mark.parametrize(
+    ('by_name', 'numbers'),
+    some_now([(False, (7,)), (True, (55,)), (False, range(60)), (True, range(60))], 2),
+)
+def test_refusals_of_deep_objects_take_bounded_work(monkeypatch, by_name, numbers):
     counted = {'equations': 0, 'update': 0}
 
     def watch(kind, name):
@@ -66,13 +74,13 @@ def test_refusals_of_deep_objects_take_bounded_work(monkeypatch, by_name):
     watch(ContactStatics, 'equations')
     watch(BentTubes, 'update')
     refused = 0
-    for config, body in deep_objects(60):
+    for config, body in deep_objects(numbers):
         counted.update(equations=0, update=0)
         members = config.robot.member_names[:2] if by_name else None
         refused += settle_grasp(config, body, 0.5, members=members).hold is not HoldStatus.HELD
         assert counted['equations'] <= MOST_EQUATIONS
         assert counted['update'] <= MOST_LINEARISATIONS
-    assert refused > 40
+    assert refused > 2 * len(numbers) / 3
 
 
 def test_a_search_without_end_solves_a_bounded_number_of_sets(monkeypatch):
@@ -139,11 +147,10 @@ def test_the_equilibrium_nearest_to_the_measured_pose_is_chosen(monkeypatch, ord
 
 def grip_with_turned_face(turn):
     """Return the equilibrium of a polygon whose face turns toward a tube [rad]."""
-    config = load_robot('triangle').configuration([0.051, 0.069])
     corners = [(0.068, -0.12), (0.011, 0.281), (-0.235, 0.176), (-0.19, -0.083), (-0.079, -0.192)]
     shape = Polygon(corners, (0.0, 0.09, 0.14, 0.0, 0.09))
     body = ConvexObject(shape, (0.8462, 0.7344, 0.5733 + turn))
-    return attach_grip(config, body, np.array([1, 2]))
+    return attach_grip(TURNED, body, np.array([1, 2]))
 
 
 def test_contact_patches_are_finite_with_a_contact_without_force():
@@ -166,9 +173,10 @@ def test_the_response_with_a_contact_without_force_is_that_without_the_contact()
     assert grip.slip_margin(0.9) == pytest.approx(alone.slip_margin(0.9), rel=1e-3)
 
 
-def test_an_end_of_a_face_that_grazes_touches_without_force():
+@pytest.mark.parametrize(('first', 'last'), some_now([(-0.018, -0.006), (-0.03, 0.03)]))
+def test_an_end_of_a_face_that_grazes_touches_without_force(first, last):
     kinds, poses = [], []
-    for turn in np.arange(-0.03, 0.031, 1e-3):
+    for turn in np.arange(first, last + 5e-4, 1e-3):
         grip = grip_with_turned_face(turn)
         config = grip.config
         normal, count = grip.state.normal_forces, len(grip.contacts.members)

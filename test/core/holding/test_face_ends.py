@@ -17,8 +17,8 @@ OFFSETS = 0.01 * np.random.default_rng(0).normal(size=(7, 6))[[5, 6]]
 
 
 def test_a_face_closes_where_the_gap_of_its_far_end_does():
-    grip, counts = held(BOX, -0.12), []
-    for _ in range(20):
+    grip, counts = held(BOX, -0.05), []
+    for _ in range(10):
         command = solve_twist(grip.config, grip.touching(FRICTION), np.array([0.0, 0.0, 0.01]))
         travel = grip.config.roller_positions + command.roller_velocities
         grip = roll_grip(grip, grip.config.moved_to(travel))

@@ -30,6 +30,7 @@ from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip, rolling_conditions, with_pressures
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.statics.bent_tubes import BentTubes
+from nightly import some_now
 import numpy as np
 import pytest
 from robots import with_round_tubes
@@ -238,8 +239,8 @@ def test_squeeze_stiffness_agrees_with_opening_members(shape, angle, members):
 
 @pytest.mark.parametrize(
     ('shape', 'angle', 'friction'),
-    [(BOX, 1.0, 0.8), (Disc(0.4), 0.4, 5.0), (BOX, 0.0, 0.8), (BOX, 0.0, 5.0)],
-    ids=['slips', 'lets go', 'on a face', 'an end of a face opens first'],
+    some_now([(BOX, 1.0, 0.8), (BOX, 0.0, 5.0), (BOX, 0.0, 0.8), (Disc(0.4), 0.4, 5.0)], 2),
+    ids=['slips', 'an end of a face opens first', 'on a face', 'lets go'],
 )
 def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction):
     grip = held(shape, angle)
