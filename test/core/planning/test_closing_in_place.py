@@ -58,7 +58,7 @@ def close(**values):
 
 
 @pytest.mark.parametrize(
-    ('squeeze', 'parts'), some_now([(8.0, 20), (15.0, 5), (None, 20), (15.0, 40)], 2)
+    ('squeeze', 'parts'), some_now([(15.0, 5), (8.0, 20), (None, 20), (15.0, 40)])
 )
 def test_on_the_elastic_plant_the_object_stays_and_the_squeeze_is_as_planned(squeeze, parts):
     grasp = planned(squeeze=squeeze)
@@ -82,7 +82,7 @@ def test_a_closing_grip_leaves_a_reserve_of_friction():
     simulated, used = ElasticObject(BODY, FRICTION), []
     robot = SimulatedRobot(path[0], simulated, RollerFaults())
     for piece in itertools.pairwise(config.roller_positions for config in path):
-        closings.drive(robot, piece, 20)
+        closings.drive(robot, piece, 10)
         used.append(simulated.grasp.required_friction)
     _, grip, tally = close(squeeze=15.0, friction=1.1 * max(used))
     assert (grip, tally.closest.requirement) == (None, 'force_closure')
@@ -117,13 +117,15 @@ def test_the_squeeze_rises_from_waypoint_to_waypoint_in_place():
     ('values', 'name'),
     [
         ({'squeeze': 200.0}, 'max_utilisation'),
-        ({'squeeze': 200.0, 'max_utilisation': math.inf}, None),
         ({'min_slip_margin': 50.0, 'max_utilisation': math.inf}, 'min_slip_margin'),
         ({'max_contact_force': 1e-3}, 'max_contact_force'),
         # This wedge opens by more than such friction holds: seeds for it are narrower.
         ({'friction': 0.28}, 'force_closure'),
-        ({'external_wrench': (0.0, 60.0, 0.0)}, None),
         ({'external_wrench': (0.0, 1e4, 0.0), 'max_utilisation': math.inf}, 'held'),
+        pytest.param(
+            {'squeeze': 200.0, 'max_utilisation': math.inf}, None, marks=pytest.mark.nightly
+        ),
+        pytest.param({'external_wrench': (0.0, 60.0, 0.0)}, None, marks=pytest.mark.nightly),
     ],
 )
 def test_what_cannot_be_reached_says_what_is_violated(values, name):

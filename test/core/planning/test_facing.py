@@ -6,7 +6,12 @@
 import math
 
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
-from isotruss_ros.core.planning.facing import contact_ends, find_facing, friction_angles
+from isotruss_ros.core.planning.facing import (
+    balance_angles,
+    contact_ends,
+    find_facing,
+    friction_angles,
+)
 import numpy as np
 import pytest
 
@@ -50,11 +55,13 @@ def price_of(body, found, normals, angle):
 def test_found_directions_are_nearly_the_nearest(shape):
     angle, rng = 0.3, np.random.default_rng(3)
     body = ConvexObject(shape, (1.0, -0.5, 0.6))
-    # Several times as many as the search tries.
-    firsts, wedges = np.meshgrid(np.arange(360) * math.pi / 180.0, np.linspace(-0.8, 0.8, 81))
-    firsts = np.exp(1j * firsts.ravel())
-    others = -firsts * np.exp(1j * wedges.ravel())
-    used = friction_angles(body, firsts, others, RADIUS)
+    # Several times as many as the search tries: pairs of directions in steps of a degree.
+    directions = np.exp(1j * np.radians(np.arange(360)))
+    first, wedge = (grid.ravel() for grid in np.meshgrid(np.arange(360), np.arange(-46, 47)))
+    other = (first + 180 + wedge) % 360
+    firsts, others = directions[first], directions[other]
+    ends = np.array(contact_ends(body, directions, RADIUS))
+    used = balance_angles(firsts, others, ends[:, first], ends[:, other])
     for _ in range(10):
         normals = np.exp(1j * rng.uniform(0.0, 2.0 * math.pi, 2))
         turned = np.abs(np.angle(firsts / normals[0])) + np.abs(np.angle(others / normals[1]))

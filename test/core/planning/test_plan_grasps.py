@@ -5,6 +5,7 @@
 
 from concurrent.futures import Future
 from dataclasses import replace
+import functools
 import itertools
 
 import closings
@@ -50,6 +51,8 @@ BRICK = ConvexObject(
     Pose(0.716, 0.43, 0.2),
 )
 NEEDS = GraspRequirements(min_slip_margin=0.5, count=2)
+#: Criteria of ranking; the fixture `plans` has the last one.
+MEASURES = Measure.STIFFNESS, Measure.TOTAL_FORCE, Measure.TRAVEL, Measure.SLIP_MARGIN
 
 
 @pytest.fixture(scope='module')
@@ -76,6 +79,8 @@ def along(path, pieces=5):
 def test_grasps_are_found_in_every_loop(plans):
     for plan in plans.values():
         assert len(plan) == 2
+        assert plan[0].score >= plan[1].score
+        assert [grasp.score for grasp in plan] == [grasp.slip_margin for grasp in plan]
         assert plan.complete
         assert plan.closest_violation is None
         assert 0 < plan.analyses < plan.evaluations
@@ -134,7 +139,7 @@ def test_the_way_stays_within_all_bounds(plans):
         assert grasp.travel == pytest.approx(ways.max())
 
 
-@pytest.mark.parametrize('discs', some_now([SMALL[::2], SMALL]))
+@pytest.mark.parametrize('discs', some_now([SMALL[::3], SMALL]))
 def test_every_small_disc_is_found_with_few_evaluations(discs):
     evaluations = []
     for x, y, diameter in discs:
@@ -146,7 +151,7 @@ def test_every_small_disc_is_found_with_few_evaluations(discs):
     assert np.mean(evaluations) <= 80
 
 
-@pytest.mark.parametrize('measure', Measure)
+@pytest.mark.parametrize('measure', some_now(MEASURES))
 def test_best_comes_first_by_every_measure(measure):
     along = np.array([1.0, 2.0, 0.5])
     unit = along / np.linalg.norm(along)
@@ -176,8 +181,9 @@ def test_random_postures_find_a_grasp_that_the_current_posture_does_not():
     robot = Robot(replace(ROBOT.description, local_stiffness=1e4))
     disc = ConvexObject.disc((0.6, 0.3), 0.2)
     needs = GraspRequirements(friction=0.5, module='north/Z', squeeze=22.0, count=1)
-    first = plan_grasps(robot.home, disc, needs, thorough=False, max_rounds=1)
-    later = plan_grasps(robot.home, disc, needs, thorough=False)
+    # With this seed, an early posture is suitable.
+    first = plan_grasps(robot.home, disc, needs, thorough=False, max_rounds=1, seed=5)
+    later = plan_grasps(robot.home, disc, needs, thorough=False, seed=5)
     assert (len(first.grasps), len(later.grasps)) == (0, 1)
 
 
@@ -274,12 +280,19 @@ def test_a_search_that_waits_for_others_stops_when_it_is_told_to(monkeypatch):
     assert all(future.cancelled() for future in executor.futures)
 
 
+@functools.cache
+def is_brick_grasped(needs):
+    """Return whether a grasp of the brick is found."""
+    return bool(plan_grasps(ROBOT.home, BRICK, needs, thorough=False).grasps)
+
+
 @pytest.mark.parametrize(('turn', 'found'), [(0.15, True), (2.5, False)])
 def test_a_grasp_carries_the_object_along_the_path_asked_for(turn, found):
     needs = GraspRequirements(module='north/P', friction=0.6, count=1)
     path = ((0.0, 0.0, 0.0), (0.0, 0.0, turn))
-    assert plan_grasps(ROBOT.home, BRICK, needs, thorough=False).grasps
-    plan = plan_grasps(ROBOT.home, BRICK, replace(needs, carry=path), max_rounds=1)
+    assert is_brick_grasped(needs)
+    needs = replace(needs, carry=path)
+    plan = plan_grasps(ROBOT.home, BRICK, needs, max_rounds=1, thorough=False)
     assert bool(plan.grasps) == found
     for grasp in plan:
         ahead = foresee_grip(grasp.config, grasp.grip.body, 0.6, np.array(path))

@@ -53,8 +53,9 @@ def test_a_length_that_ends_the_way_is_named_with_the_place():
 
 
 def test_a_barrier_ends_the_way():
-    grip = disc_grip(ROBOT.home, 'east/Q')
-    found = reach_pose(ROBOT.home, grip, np.add(grip.body.pose, (0.9, 0.0, 0.0)))
+    config = ROBOT.configuration([0.065, 0.509, 0.0, 0.0, 0.197, 0.099])
+    grip = disc_grip(config, 'east/Q')
+    found = reach_pose(config, grip, np.add(grip.body.pose, (0.4, 0.0, 0.0)))
     assert found.status is Status.SLOWED_SELF_COLLISION
     assert found.why == 'limits of module south/P and member south/Q-X'
     assert 0.0 < found.share < 1.0
