@@ -123,8 +123,8 @@ def test_what_a_barrier_saw_before_changes_nothing(kind):
     config = robot.home
     way = rng.uniform(-1.0, 1.0, 6)
     counts = set()
-    for step in range(180):
-        if step % 60 == 0:
+    for step in range(120):
+        if step % 40 == 0:
             way = 0.006 * rng.uniform(-1.0, 1.0, 6) - 0.003 * config.roller_positions
         try:
             config = config.moved_to(config.roller_positions + way)

@@ -35,8 +35,7 @@ def pushed(seed, slide=False):
             (0, [(Status.SLOWED_SELF_COLLISION, ('module east/R and member east/Y-Q',))]),
             (9, [(Status.SLOWED_OBJECT, ('module east/Q and the object',))]),
             (15, []),
-        ],
-        2,
+        ]
     ),
 )
 def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed, named):
@@ -68,15 +67,14 @@ def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed, named):
 def test_weak_shapes_are_named_and_not_entered():
     robot = walks.ROBOT
     held, bounds = held_at(robot.home, 'north/Z', 0.3), ShapeBounds(0.9)
-    for angle in np.linspace(0.0, 2.0 * np.pi, 9):
-        weak = Driven(held, PERIOD, bounds=bounds, slide_along_limits=False)
-        for _ in range(300):
-            command = weak.step([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
-            assert walks.margins(weak.held)[0] + walks.BOUNDS.min_rigidity > 0.9
-            if command.status is Status.SLOWED_RIGIDITY:
-                assert 'the rigidity index' in command.limiting
-                return
-    pytest.fail('no shape was weak')
+    weak = Driven(held, PERIOD, bounds=bounds, slide_along_limits=False)
+    commands = []
+    for _ in range(220):
+        commands.append(weak.step((0.0, 0.1, 0.0)))
+        assert walks.margins(weak.held)[0] + walks.BOUNDS.min_rigidity > 0.9
+    slowed = [command for command in commands if command.status is Status.SLOWED_RIGIDITY]
+    assert slowed
+    assert 'the rigidity index' in slowed[0].limiting
 
 
 @pytest.mark.parametrize('seed', some_now(range(4)))
@@ -92,7 +90,7 @@ def test_leaving_is_always_allowed(seed):
         np.array([bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance]) - own
     )
     moved, before = 0, walks.margins(robot.held)
-    for step in range(300):
+    for step in range(160):
         if step % 20 == 0:
             twist = 0.05 * rng.standard_normal(3)
         command = robot.step(twist)
@@ -154,10 +152,12 @@ def test_rollers_do_not_swing_at_a_bound(seed, slide):
     assert turns < 6
 
 
-@pytest.mark.parametrize('guarded', [True, False])
 @pytest.mark.parametrize('period', some_now([0.05, 0.1, 0.02]))
-@pytest.mark.parametrize(('seed', 'size'), [(12, 2.0), (13, 0.2)])
-def test_rollers_do_not_swing_in_slow_loops(seed, size, period, guarded):
+@pytest.mark.parametrize(
+    ('seed', 'size', 'guarded'),
+    some_now([(12, 2.0, True), (13, 0.2, False), (12, 2.0, False), (13, 0.2, True)], 2),
+)
+def test_rollers_do_not_swing_in_slow_loops(seed, size, guarded, period):
     """A step at full speed goes further there than what is the best way of rolling changes in."""
     rng = np.random.default_rng(seed)
     held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
@@ -236,7 +236,7 @@ def test_without_an_object_all_but_its_barrier_is_watched():
         assert one.rows(config).matrix == pytest.approx(other.rows(config).matrix, abs=0.0)
 
 
-@pytest.mark.parametrize('turn', some_now(range(12), 2))
+@pytest.mark.parametrize('turn', some_now(range(12)))
 def test_a_loop_with_the_limits_of_the_guard_has_no_overlap(turn):
     angle = np.deg2rad(30.0 * turn)
     held, twist = (
