@@ -243,7 +243,7 @@ def test_repeated_readings_are_used_once():
     """Each reading is handed over in five cycles, by the second servo as an equal new object."""
     (once, positions, pose), (often, _, _) = held_servo(), held_servo()
     period, rng, spread = 0.01, np.random.default_rng(0), 2e-3**2 * np.eye(len(positions))
-    for number in range(90):
+    for number in range(45):
         now = NOW + period * number
         if number % 5 == 0:
             seen, stamp = pose + rng.normal(size=3) * [1e-3, 1e-3, math.radians(0.5)], now

@@ -3,7 +3,9 @@
 
 """What the control of the squeeze asks for in a single cycle, and what that leads to."""
 
+from copy import deepcopy
 from dataclasses import replace
+from functools import cache
 import math
 
 from grips import gripped, MASSLESS
@@ -182,8 +184,13 @@ def test_squeeze_changes_by_the_commanded_rate(missing):
 
 def slipped(away, speed=np.inf):
     """Return a control whose object leaves its contacts by so much [m], at a speed [m/s]."""
+    return deepcopy(_slipped(away, speed))
+
+
+@cache
+def _slipped(away, speed):
     control = at_rest(1.0, load=0.0)
-    for k in range(150):
+    for k in range(110):
         off = np.array([0.0, min(away, speed * max(0.02 * k - 1.0, 0.0)), 0.0])
         control.solve(np.zeros(3), 0.02, solve_at_rest)
         grip = replace(AT_REST, body=MODEL.body.moved_to(np.array(MODEL.pose) + off))

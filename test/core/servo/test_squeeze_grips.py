@@ -32,7 +32,7 @@ def loop_of(shape, angle, members, more=1.0, config=HOME, **settings):
 
 @pytest.mark.parametrize(
     ('shape', 'angle', 'members'),
-    [(BOX, 0.2, APART), (Ellipse((0.25, 0.2)), 1.0, APART), (BOX, 0.2, AROUND[:2])],
+    some_now([(BOX, 0.2, APART), (Ellipse((0.25, 0.2)), 1.0, APART), (BOX, 0.2, AROUND[:2])]),
 )
 def test_pose_and_squeeze_of_a_grip_follow_their_references(shape, angle, members):
     loop = loop_of(shape, angle, members)
@@ -49,7 +49,7 @@ def test_a_box_that_lies_on_a_face_stays_held(noise):
     loop = loop_of(shape, 2.1, CORNER, 1.05)
     assert len(loop.object.grasp.contacts.members) == 3
     loop.noise = noise
-    loop.run((0.01, 0.01, 0.05), 1.3)
+    loop.run((0.01, 0.01, 0.05), 0.8)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=0.03 + 10.0 * noise)
     assert loop.errors[-1] < 1e-3 + noise
 
@@ -60,7 +60,7 @@ def test_a_box_that_lies_on_a_face_stays_held(noise):
 )
 def test_a_rising_target_closes_in_place(shape, angle, members, config):
     loop = loop_of(shape, angle, members, 1.2, config)
-    loop.run((0.0, 0.0, 0.0), 1.5)
+    loop.run((0.0, 0.0, 0.0), 1.3)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
     assert loop.errors[-1] < 2e-4
 

@@ -252,7 +252,7 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
     made = servo({'failure_time': FAILURE_TIME, 'period': 0.01})
     stuck = int(np.abs(made.decide(NOW).command.roller_velocities).argmax())
     name, robot = ROBOT.roller_names[stuck], simulated(ROBOT.roller_names[stuck])
-    decisions = run(made, robot, 3.0)
+    decisions = run(made, robot, 2.2)
     found = [k for k, decision in enumerate(decisions) if decision.failed == (name,)]
     first = found[0]
     assert 1.0 <= first * made.settings.period < 2.0
@@ -262,7 +262,7 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
         assert decision.command.roller_velocities[stuck] == 0.0
     # With the failure known the object does again what the command says.
     before = robot.object_pose
-    decision = run(made, robot, 0.1, begin=NOW + 3.0)[-1]
+    decision = run(made, robot, 0.1, begin=NOW + 2.2)[-1]
     moved = (np.subtract(robot.object_pose, before))[:2] / 0.1
     assert moved == pytest.approx(decision.command.achieved_twist[:2], abs=2e-4)
     # It stays failed until somebody says otherwise.
@@ -273,9 +273,9 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
 def test_rollers_that_are_held_by_a_halt_are_not_flagged():
     made, robot = servo({'failure_time': 0.5}), simulated(*ROBOT.roller_names)
     made.receive(halt=(Status.HALT_EMERGENCY_STOP, 'stopped'))
-    assert not any(decision.failed for decision in run(made, robot, 2.0))
+    assert not any(decision.failed for decision in run(made, robot, 1.2))
     made.receive(halt=None)
-    assert run(made, robot, 2.0, begin=NOW + 2.0)[-1].failed
+    assert run(made, robot, 1.2, begin=NOW + 1.2)[-1].failed
 
 
 def test_squeeze_control_without_fault_continues_with_another_force():
