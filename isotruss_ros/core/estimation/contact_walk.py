@@ -90,8 +90,8 @@ class ContactWalk:
         covariances = np.array([start.prior for start in starts]) + walks + noise + by_rate_changes
         self.length = float(np.hypot.reduce(sums, axis=1).max())
         weighted = np.linalg.solve(covariances, sums[:, :, None])[:, :, 0]  # sums are columns
-        squared_distances = (sums * weighted).sum(axis=1)
-        self.deviations = math.sqrt(squared_distances.max())
+        # The largest Mahalanobis distance of a sum from zero.
+        self.deviations = math.sqrt((sums * weighted).sum(axis=1).max())
 
 
 class PoseNoise:
@@ -106,14 +106,13 @@ class PoseNoise:
         self._previous: Array | None = None
         self._weight = 0.2  # of the next pose; the prior weighs as much as four poses
 
-    def add(self, difference: Array) -> None:
+    def add(self, residual: Array) -> None:
         """Update the variances with a pose (3,) minus the pose by roller travel alone [m]."""
-        previous, self._previous = self._previous, difference
+        previous, self._previous = self._previous, residual
         if previous is None:
             return
-        # Half of the square, because both poses have noise.
-        largest = MAX_STEP_SIGMAS**2 * self.variances
-        squares = np.minimum(0.5 * (difference - previous) ** 2, largest)
+        # Half of the square, because both residuals have noise.
+        squares = np.minimum(0.5 * (residual - previous) ** 2, MAX_STEP_SIGMAS**2 * self.variances)
         averages = self.variances + self._weight * (squares - self.variances)
         self.variances = np.maximum(averages, MODEL_ERROR**2)
         # The weights 1/5, 1/6, 1/7, ... give the arithmetic mean, until they are the smallest.

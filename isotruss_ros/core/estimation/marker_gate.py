@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 import itertools
+import math
 
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
@@ -44,12 +45,7 @@ def judge_markers(
     all_markers = np.ones(count, dtype=bool)
     if passes_gate(coordinates, covariance):
         return all_markers, np.zeros_like(reach)
-
-    def select(markers: Flags) -> tuple[Array, Array]:
-        rows = np.flatnonzero(np.repeat(markers, 2))
-        return coordinates[rows], covariance[np.ix_(rows, rows)]
-
-    # First hypothesis: each roller's slip by weighted least squares, and the best of these slips.
+    # The slip of each roller by weighted least squares, and the roller whose slip explains most.
     weighted = np.linalg.solve(covariance, by_rollers)
     information = np.maximum(np.einsum('ij,ij->j', by_rollers, weighted), 1e-12)
     slips = np.diag(np.clip(weighted.T @ coordinates / information, -reach, reach))
@@ -57,19 +53,29 @@ def judge_markers(
     distances = [_squared_distance(residual, covariance) for residual in residuals]
     best = int(np.argmin(distances))
     is_slip = passes_gate(residuals[best], covariance)
-    # Second hypothesis: masks of the consistent markers without one of them, and the best mask.
-    consistent = all_markers
-    while consistent.any() and not passes_gate(*select(consistent)):
-        masks = consistent & ~np.eye(count, dtype=bool)[consistent]
-        consistent = min(masks, key=lambda markers: _squared_distance(*select(markers)))
-    if 2 * consistent.sum() < count:
-        consistent = np.zeros_like(consistent)
-    # A slip that explains all markers is more probable than two simultaneous wrong markers. It is
-    # compared with one wrong marker by the mean squares per degree of freedom.
-    if is_slip and count - consistent.sum() == 1 and consistent.any():
-        mean_square = _squared_distance(*select(consistent)) / (2 * consistent.sum())
-        is_slip = distances[best] / (2 * count - 1) < mean_square
+    consistent, mean_square = _reject_markers(coordinates, covariance)
+    # A slip that explains all markers is more probable than two simultaneous wrong markers. With
+    # one wrong marker, the mean squares per degree of freedom decide; the slip uses one degree.
+    if count - consistent.sum() == 1:
+        is_slip = is_slip and distances[best] / (2 * count - 1) < mean_square
     return (all_markers, slips[best]) if is_slip else (consistent, np.zeros_like(reach))
+
+
+def _reject_markers(coordinates: Array, covariance: Array) -> tuple[Flags, float]:
+    """Return the mask (k,) of consistent markers, and their mean square; none: infinite [-]."""
+
+    def select(markers: Flags) -> tuple[Array, Array]:
+        rows = np.flatnonzero(np.repeat(markers, 2))
+        return coordinates[rows], covariance[np.ix_(rows, rows)]
+
+    consistent = np.ones(len(coordinates) // 2, dtype=bool)
+    while consistent.any() and not passes_gate(*select(consistent)):
+        # Masks of the present markers without one of them; the best mask lacks the worst marker.
+        masks = consistent & ~np.eye(len(consistent), dtype=bool)[consistent]
+        consistent = min(masks, key=lambda markers: _squared_distance(*select(markers)))
+    if 2 * consistent.sum() < len(consistent):
+        return np.zeros_like(consistent), math.inf
+    return consistent, _squared_distance(*select(consistent)) / (2 * consistent.sum())
 
 
 def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int, int] | None:
