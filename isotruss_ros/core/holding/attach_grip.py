@@ -175,7 +175,8 @@ def least_friction_conditions(
         if not is_face_pressed:
             friction_sums = (friction_sums - np.roll(friction_sums, 1, axis=1))[:-1]
         by_friction = FRICTION_COMPLIANCE * friction_sums[:, owners]
-        coefficients[-len(friction_sums) :, indices.friction] = by_friction
+        last_rows = slice(-len(friction_sums), None)
+        coefficients[last_rows, indices.friction] = by_friction
 
     def conditions(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         residual = coefficients @ unknowns - constants

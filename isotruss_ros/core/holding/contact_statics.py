@@ -80,7 +80,7 @@ class Pushes(NamedTuple):
         """Return the changes (k, 3, c) of the loads for c changes of the unknowns."""
         count = len(self.skin)
         angle = np.repeat(change[None, None, ANGLE], count, axis=1)
-        causes = np.concatenate([change[POSE + count :].reshape(3, count, -1), angle])
+        causes = np.concatenate([change[Places.of(count).causes].reshape(3, count, -1), angle])
         # Axes: cause l as in `rates`, component n of the load, contact k, change c.
         return np.einsum('lnk,lkc->knc', self.rates, causes)
 
@@ -123,7 +123,7 @@ class ContactStatics:
 
     def pushes(self, unknowns: Array) -> Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
-        inclination, normal, friction = unknowns[self.places.inclinations.start :].reshape(3, -1)
+        inclination, normal, friction = unknowns[self.places.causes].reshape(3, -1)
         # Vectors in member axes are complex numbers, along + i across.
         normals = 1j * self.sides * np.exp(1j * inclination)
         angles = object_angles(unknowns, self.bent.lines.axis * normals)
@@ -177,7 +177,7 @@ class ContactStatics:
         residual[affine] = by_loads.reshape(affine.stop, -1) @ pushes.loads.ravel()
         # Axes: equation r, cause n as in `Pushes.rates`, contact k, component c of its load.
         by_cause = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
-        jacobian[affine, indices.inclinations.start :] = by_cause[:, :3].reshape(affine.stop, -1)
+        jacobian[affine, indices.causes] = by_cause[:, :3].reshape(affine.stop, -1)
         jacobian[affine, ANGLE] = by_cause[:, 3].sum(axis=1)
 
         # Gaps (along + i across) at straight tubes, and displacements by the contacts' positions.

@@ -141,7 +141,8 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         # The unit gap is normal to the tube, and turns with the tube relative to the member.
         gap = grip.statics.bent.lines.axis[end].conj() * grip.state.normals[end]
         gap_rates = 1j * gap * self._unknown_rates[indices.inclinations][end]
-        residual_rates[3 * end : 3 * end + 2] -= gap_rates.real, gap_rates.imag
+        along = 3 * end
+        residual_rates[[along, along + 1]] -= gap_rates.real, gap_rates.imag
         force_rates = grip.respond(residual_rates)[indices.forces]
         # A row is the quotient -(all forces) / (force of the end).
         quotient_rates = force_rates + np.outer(response.by_release[number], force_rates[end])

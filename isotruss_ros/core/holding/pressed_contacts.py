@@ -66,6 +66,7 @@ class Places(NamedTuple):
     normal: slice  #: normal forces
     friction: slice  #: friction forces
     forces: slice  #: normal and friction forces
+    causes: slice  #: inclinations, normal and friction forces
     balance: slice  #: equations for the balance of fx, fy and m
     conditions: slice  #: equations of friction or rolling, see `ContactConditions`
     size: int  #: number of unknowns
@@ -75,10 +76,10 @@ class Places(NamedTuple):
     def of(cls, count: int) -> Places:
         """Return the indices of unknowns and equations for a number of contacts."""
         begins = [POSE + i * count for i in range(5)]
-        unknowns = [slice(begins[i], begins[i + 1]) for i in range(4)]
-        forces = slice(begins[2], begins[4])
+        bounds = (0, 1), (1, 2), (2, 3), (3, 4), (2, 4), (1, 4)
+        unknowns = [slice(begins[first], begins[end]) for first, end in bounds]
         rows = slice(3 * count, 3 * count + 3), slice(3 * count + 3, None)
-        return cls(*unknowns, forces, *rows, 4 * count + 3)  # type: ignore[call-arg, arg-type]
+        return cls(*unknowns, *rows, 4 * count + 3)  # type: ignore[call-arg, arg-type]
 
 
 @dataclass(frozen=True, eq=False)

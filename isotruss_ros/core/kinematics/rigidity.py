@@ -52,7 +52,8 @@ class RigidityIndex:
     def __init__(self, robot: Robot) -> None:
         m, rod = robot.topology.n_modules, robot.description.module.rod_length
         self._row_scale = np.ones((robot.constraints.n_rows, 1))
-        self._row_scale[4 * m : 5 * m] = rod  # bisections
+        bisections = slice(4 * m, 5 * m)
+        self._row_scale[bisections] = rod
         size = robot.constraints.n_columns
         noise = np.random.default_rng(0).standard_normal((size, min(BLOCK_SIZE, size)))
         # Iterations from random vectors, once for each robot, give the divisor of `modes`.

@@ -242,7 +242,8 @@ class BentTubes:
         relative = absolute.copy()
         # The displacement is relative to the place, which moves along its member.
         motions = self.lines.axis * factors[self._motion_columns]
-        at_points = relative[-3 * len(motions) :].reshape(-1, 3)
+        last_rows = slice(-3 * len(motions), None)
+        at_points = relative[last_rows].reshape(-1, 3)
         at_points[:, :2] -= motions.view(np.float64).reshape(-1, 2)
         return relative, absolute
 

@@ -64,17 +64,18 @@ def solve_unloaded(frame: Frame, loads: Array) -> tuple[Tangent, Condensed, Arra
     the frame is a mechanism.
     """
     tangent = linearize(frame, np.zeros(len(frame.scale)))
-    right = np.zeros((len(frame.scale), loads.shape[1] + 1))
-    right[frame.layout.numbering.rows :, :-1] = loads
+    rows, columns = frame.layout.numbering.rows, loads.shape[1]
+    right = np.zeros((len(frame.scale), columns + 1))
+    right[rows:, :columns] = loads
     # The response to an irregular load is a lower bound of the condition number.
-    right[:, -1] = np.cos(np.arange(len(frame.scale)) ** 2) / frame.scale
+    right[:, columns] = np.cos(np.arange(len(frame.scale)) ** 2) / frame.scale
     try:
         condensed, solution = tangent.solve(right)
-        condition = np.abs(solution[:, -1] / frame.scale).max()
+        condition = np.abs(solution[:, columns] / frame.scale).max()
     except StructureError:
         condition = np.inf
     if condition < MAX_CONDITION:  # the stiffness matrix (4) is regular
-        return tangent, condensed, solution[:, :-1]
+        return tangent, condensed, solution[:, :columns]
     raise StructureError(
         f'the structure is a mechanism: {", ".join(_find_loose_nodes(tangent))} can move '
         'without resistance; support it or connect it'
