@@ -107,9 +107,10 @@ class EquilibriumCache:
         self, config: Configuration, pressures: Pressures, shifts: Array | float = 0.0
     ) -> HeldGrip | None:
         """
-        Return the corrected equilibrium, rolled to a configuration; None if none exists.
+        Return the equilibrium, rolled to a configuration; None if none exists.
 
-        The k contacts are shifted along their members by further `shifts` (k,) [m].
+        Before that, the k contacts are shifted along their members by all corrections of this
+        cache and by further `shifts` (k,) [m].
         """
         inflated = with_pressures(self.grasp, pressures)
         return roll_grip(replace(inflated, anchors=self._anchors + shifts), config)

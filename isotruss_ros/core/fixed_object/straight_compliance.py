@@ -133,6 +133,8 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     # loads on the pieces with points.
     equivalent = np.concatenate([forces.real, forces.imag]) @ tubes.shapes
     changes, _ = tubes.tangent.force_changes((tubes.response @ equivalent).reshape(-1, 3, 1))
+    # Columns: along, across and moment at the start, then at the end; compression is positive at
+    # the start, tension at the end.
     at_ends = end_forces(changes[first_piece:, :, 0], frame.length[first_piece:])
     x, y, couple = equivalent.reshape(-1, 2, 3).transpose(2, 0, 1)
     load, loaded = axis[:, None].conj() * (x + 1j * y), tubes.pieces - first_piece
@@ -142,7 +144,7 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     # Contact forces, along + i across their pieces, and the arms of those before each of them.
     pressed = np.flatnonzero(forces)
     number, within = tubes.number[pressed], tubes.within[pressed]
-    piece, push = loaded[number], axis[number].conj() * forces[pressed]
+    piece, push = loaded[number], axis[number].conj() * forces[pressed]  # among all tube pieces
     beyond = np.maximum(within[:, None] - within, 0.0)
     arms = np.where(number[:, None] == number, beyond, 0.0)
     # Smaller tensions and moments at contact forces, at starts and at ends of pieces.

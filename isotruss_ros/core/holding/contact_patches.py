@@ -52,6 +52,7 @@ def find_patches(
         slopes = np.diff(skin.heights) / skin.spacing
         slope_changes = np.append(slopes, slopes[-1]) - np.append(slopes[0], slopes)
         curvature = np.maximum(slope_changes / skin.spacing, 0.0)  # of the object's surface
+        # Pressures of a round section, by the equilibrium of its wall.
         round_pressures = gauge[k] + tension[k] * curvature[is_pressed]
         loads = skin.forces[is_pressed] / skin.spacing
         # The pressures at which a contact over half of the circumference carries the loads.
@@ -67,9 +68,9 @@ def find_patches(
     starts = contacts.member_starts
     spans = [np.minimum.reduceat(begins, starts), np.maximum.reduceat(ends, starts)]
     lengths, areas, forces = contacts.sum_by_member(sums).T
-    widths, peaks, flattened = np.maximum.reduceat(maxima, starts).T
+    max_widths, peaks, flattened = np.maximum.reduceat(maxima, starts).T
     return ContactPatches(
-        np.stack(spans, axis=1), lengths, widths, areas, forces / areas, peaks, flattened > 0.0
+        np.stack(spans, axis=1), lengths, max_widths, areas, forces / areas, peaks, flattened > 0.0
     )
 
 

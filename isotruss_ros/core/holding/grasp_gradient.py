@@ -84,7 +84,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         by_wrench = grip.respond(self._response_rates(grip.response.change))
         # (C^-1)' = -C^-1 C' C^-1 for the compliance C; p are the parameters.
         rates = -np.einsum('ia,apb,bj->ijp', inverse, by_wrench[:POSE], inverse)
-        rates[2] *= grip.arm
+        rates[2] *= grip.arm  # moments in `HeldGrip.wrench` are divided by it, angles are not
         return rates
 
     @functools.cached_property

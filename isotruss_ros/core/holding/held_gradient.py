@@ -41,15 +41,15 @@ class GraspParameters(NamedTuple):
     def of(cls, config: Configuration) -> GraspParameters:
         """Return the column indices of all parameters of grasps by a robot."""
         rollers = len(config.roller_positions)
-        tubes = rollers + 3 + len(config.robot.description.pressures)
+        pressures_end = rollers + 3 + len(config.robot.description.pressures)
         return cls(
             rollers=slice(0, rollers),
             place=slice(rollers, rollers + 3),
-            pressures=slice(rollers + 3, tubes),
-            friction=tubes,
-            wrench=slice(tubes + 1, tubes + 4),
-            stiffness=tubes + 4,
-            size=tubes + 5,
+            pressures=slice(rollers + 3, pressures_end),
+            friction=pressures_end,
+            wrench=slice(pressures_end + 1, pressures_end + 4),
+            stiffness=pressures_end + 4,
+            size=pressures_end + 5,
         )
 
 

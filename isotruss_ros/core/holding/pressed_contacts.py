@@ -46,7 +46,7 @@ class PressedContacts:
 
     @property
     def at_faces(self) -> Flags:
-        """Return a mask (k,) that is true for contacts at an end of a face."""
+        """Return a mask (k,) of the contacts whose member lies on a flat face of the object."""
         return np.bincount(self.owners)[self.owners] > 1
 
     def sum_by_member(self, values: Array) -> Array:

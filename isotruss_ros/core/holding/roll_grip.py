@@ -56,6 +56,7 @@ def roll_contacts(
     travel = config.roller_positions - grip.config.roller_positions
     are_same_contacts = chosen.contacts is grip.contacts
     new_contacts = np.flatnonzero(chosen.origins < 0)
+    # New contacts have the origin -1; their anchors and angles are replaced below.
     anchors = grip.anchors[chosen.origins]
     previous_angles = grip.angles[chosen.origins]
     if are_same_contacts:

@@ -74,7 +74,8 @@ class BarrierLaw:
         sample [m].
         """
         small = MIN_MARGIN_SHARE * self.safety_margin
-        # Larger margins decay by at most twice the class-K rate, and keep a fraction.
+        # Larger margins decay toward zero, without the safety margin, by at most twice the class-K
+        # rate, and keep a fraction.
         decay = 2.0 * duration * self.class_k_bound(margins + self.safety_margin)
         bounds = np.maximum(np.maximum(MIN_MARGIN_SHARE * margins, margins - decay), small)
         second_order = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2

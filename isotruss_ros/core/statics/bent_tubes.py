@@ -221,7 +221,7 @@ class BentTubes:
         return slice(3 * len(self.members), 4 * len(self.members))
 
     def respond(self, loads: Array, positions: Array) -> Array:
-        """Return the responses (k, 3) of the tubes to loads (k, 3) at positions (k,)."""
+        """Return displacements and inclinations (k, 3) by loads (k, 3) at positions (k,)."""
         return self.responses.at_points @ self._factors(loads, positions)
 
     def distance(self, loads: Array, positions: Array) -> float:

@@ -128,8 +128,9 @@ class Tangent:
         by_forces = np.zeros((len(parts), 3))
         by_forces[:, 0], by_forces[:, 1] = by_transverse * slope, by_transverse / length
         # By length, s, b and rotation of the chord: due to the forces, and at constant forces.
-        by_chord = np.ones((len(parts), 1, 4))
+        by_chord = np.empty((len(parts), 1, 4))
         by_chord[:, :, :3] = by_forces[:, None] @ self.forces.stiffness[parts]
+        by_chord[:, 0, 3] = 1.0
         by_chord[:, 0, 0] -= by_transverse * transverse / length
         by_chord[:, 0, 1] += reduction
         by_chord[:, 0, 2] += signs * reduction
@@ -137,11 +138,12 @@ class Tangent:
             values=np.arctan2(chord_turn.imag, chord_turn.real) + slope,
             by_ends=by_chord @ self.motions[parts],
             by_forces=by_forces,
+            # By ln GA: the change of 1/GA is -(1/GA) times that of ln GA.
             by_shear=-by_transverse * (transverse + axial * slope),
         )
 
     def force_changes(self, moved: Array) -> tuple[Array, Array]:
-        """Return changes (p, 3, c) of `EndForces`, and of chords (p, c), by nodes (n, 3, c)."""
+        """Return changes of forces (p, 3, c) and elongations (p, c) by c motions (n, 3, c)."""
         chords = self.motions @ moved.reshape(-1, moved.shape[2])[self.frame.layout.ends]
         return self.forces.stiffness @ chords[:, :3], chords[:, 0]
 
