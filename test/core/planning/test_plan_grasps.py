@@ -58,7 +58,10 @@ MEASURES = Measure.STIFFNESS, Measure.TOTAL_FORCE, Measure.TRAVEL, Measure.SLIP_
 @pytest.fixture(scope='module')
 def plans():
     """Plan grasps of all objects once."""
-    return {name: plan_grasps(ROBOT.home, one, NEEDS) for name, one in OBJECTS.items()}
+    return {
+        name: plan_grasps(ROBOT.home, one, NEEDS, thorough=name == 'north')
+        for name, one in OBJECTS.items()
+    }
 
 
 def each(plans):
@@ -139,7 +142,7 @@ def test_the_way_stays_within_all_bounds(plans):
         assert grasp.travel == pytest.approx(ways.max())
 
 
-@pytest.mark.parametrize('discs', some_now([SMALL[::3], SMALL]))
+@pytest.mark.parametrize('discs', some_now([SMALL[1::4], SMALL]))
 def test_every_small_disc_is_found_with_few_evaluations(discs):
     evaluations = []
     for x, y, diameter in discs:

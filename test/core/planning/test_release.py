@@ -24,6 +24,7 @@ from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.safety.margins import object_distances
+from nightly import some_now
 import numpy as np
 import pytest
 
@@ -39,10 +40,6 @@ ARMS = np.array([1.0, 1.0, 0.2])
 SMALL = ConvexObject.disc(CENTER, 0.2)
 
 
-#: Let a simulated robot follow a path in steps that are finer than those of the path.
-drive = functools.partial(closings.drive, parts=8)
-
-
 @functools.lru_cache(maxsize=8)
 def grasped(body, members=MEMBERS):
     """Return a planned grasp."""
@@ -56,24 +53,23 @@ def disc(diameter, angle):
 
 
 @pytest.mark.parametrize(
-    ('body', 'members', 'moved'),
-    [
-        pytest.param(disc(0.2, 0.0), MEMBERS, 3e-4, marks=pytest.mark.nightly),
-        pytest.param(
-            disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 3e-4, marks=pytest.mark.nightly
-        ),
-        (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3),
-        pytest.param(disc(0.3, 2.5), MEMBERS, 3e-4, marks=pytest.mark.nightly),
-        pytest.param(
-            disc(0.2, -3.1), members_at(HOME.robot, 'north/P'), 3e-4, marks=pytest.mark.nightly
-        ),
-        pytest.param(
-            ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2)), THREE, 3e-3, marks=pytest.mark.nightly
-        ),
-    ],
+    ('body', 'members', 'moved', 'parts'),
+    some_now(
+        [
+            (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 8),
+            (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 30),
+            (disc(0.2, 0.0), MEMBERS, 3e-4, 30),
+            (disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 3e-4, 30),
+            (disc(0.3, 2.5), MEMBERS, 3e-4, 30),
+            (disc(0.2, -3.1), members_at(HOME.robot, 'north/P'), 3e-4, 30),
+            (ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2)), THREE, 3e-3, 30),
+        ]
+    ),
 )
-def test_a_released_object_stays_at_its_pose(body, members, moved):
+def test_a_released_object_stays_at_its_pose(body, members, moved, parts):
+    """A simulated robot follows the path in so many parts of each of its steps."""
     grasp, thing = grasped(body, members), ElasticObject(body, 0.5)
+    drive = functools.partial(closings.drive, parts=parts)
     robot = SimulatedRobot(HOME, thing, RollerFaults())
     drive(robot, grasp.path)
     assert set(thing.grasp.member_names) == set(grasp.grip.members)
@@ -108,16 +104,16 @@ def test_contacts_that_share_a_face_do_not_slip_in_the_release():
     plan = plan_grasps(HOME, body, needs, max_rounds=1, thorough=False)
     grasp, thing = plan[0], ElasticObject(body, 0.8)
     robot = SimulatedRobot(HOME, thing, RollerFaults())
-    drive(robot, grasp.path)
+    closings.drive(robot, grasp.path, 3)
     held, friction = robot.object_pose, thing.grasp.required_friction
     record = GripRecord.of(thing.grasp)
     release = plan_release(robot.config, body.moved_to(held), MEMBERS, CLEARANCE, record)
     for piece in itertools.pairwise(release.path[: release.apart - 1]):
-        drive(robot, piece)
+        closings.drive(robot, piece, 8)
         assert thing.grasp.required_friction < friction + 0.2
         assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=2e-3)
     first = release.apart - 2
-    drive(robot, release.path[first:])
+    closings.drive(robot, release.path[first:], 8)
     assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=2e-3)
 
 
