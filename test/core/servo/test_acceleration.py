@@ -162,10 +162,10 @@ def test_a_late_command_may_change_by_more_and_an_early_one_by_that_of_a_period(
 
 
 def test_a_robot_of_little_acceleration_stops_before_its_limits():
-    near = ROBOT.home.member_lengths.max() + 0.05
+    near = ROBOT.home.member_lengths.max() + 0.03
     slow = Robot(replace(ROBOT.description, max_acceleration=0.05, max_length=near))
     robot, file = driven('north/R', slow), slow.description
-    for _ in range(200):
+    for _ in range(140):
         robot.step(heading(30.0), 4.0 * PERIOD)
         assert robot.change <= 0.05 * 4.0 * PERIOD * (1.0 + 1e-6)
         lengths = robot.held.config.member_lengths

@@ -64,7 +64,7 @@ def test_the_joint_moves_as_solved_and_no_pose_is_needed(joint):
 @pytest.mark.parametrize(
     ('joint', 'twist', 'cycles'),
     some_now(
-        [('Q', (0.2, 0.0, 0.0), 350), ('Q', (-0.1, -0.2, 0.0), 600), ('Z', (0.0, -0.2, 0.0), 750)]
+        [('Q', (0.2, 0.0, 0.0), 310), ('Q', (-0.1, -0.2, 0.0), 600), ('Z', (0.0, -0.2, 0.0), 750)]
     ),
 )
 def test_barriers_and_limits_stop_the_joint(joint, twist, cycles):

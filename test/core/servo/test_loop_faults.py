@@ -31,6 +31,8 @@ ROBOT = load_robot('nine_member')
 GRIP = disc_grip(ROBOT.home, 'north/Z')
 HOME = np.zeros(len(ROBOT.roller_names))
 NOW, PERIOD, TIMEOUT = 1000.0, 0.005, 0.2
+CONFIG, BODY = gripped(35.0, squeeze=0.1)
+HELD_POSE = attach_grip(CONFIG, BODY).pose
 
 
 def test_corrected_offsets_are_no_roller_travel(monkeypatch):
@@ -78,12 +80,10 @@ def test_commanded_travel_is_compared_from_measurement_to_measurement(monkeypatc
 
 def held_servo():
     """Return a servo that squeezes an object that it holds, and its pose."""
-    config, body = gripped(35.0, squeeze=0.1)
-    grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
+    grip = Grip.at_module(CONFIG.robot, 'north/Z', BODY, 0.5)
     squeeze = SqueezeSettings(30.0)
     settings = ServoSettings(grip, PERIOD, TIMEOUT, squeeze=squeeze, bounds=None)
-    found = TwistServo(config.robot, settings)
-    return found, config.roller_positions, attach_grip(config, body).pose
+    return TwistServo(CONFIG.robot, settings), CONFIG.roller_positions, HELD_POSE
 
 
 def decide(made, positions, pose, now, twist=None):

@@ -190,7 +190,7 @@ def slipped(away, speed=np.inf):
 @cache
 def _slipped(away, speed):
     control = at_rest(1.0, load=0.0)
-    for k in range(110):
+    for k in range(75):
         off = np.array([0.0, min(away, speed * max(0.02 * k - 1.0, 0.0)), 0.0])
         control.solve(np.zeros(3), 0.02, solve_at_rest)
         grip = replace(AT_REST, body=MODEL.body.moved_to(np.array(MODEL.pose) + off))

@@ -36,7 +36,7 @@ def loop_of(shape, angle, members, more=1.0, config=HOME, **settings):
 )
 def test_pose_and_squeeze_of_a_grip_follow_their_references(shape, angle, members):
     loop = loop_of(shape, angle, members)
-    loop.run((0.01, -0.01, 0.03), 1.0)
+    loop.run((0.01, -0.01, 0.03), 0.6)
     assert max(loop.errors) < 2e-4
     assert max(loop.turned) < math.radians(0.1)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
@@ -83,7 +83,7 @@ def test_a_step_of_the_pose_by_new_contacts_is_not_fed_forward():
     assert drifts[-1] == 0.0 < drifts[-2]
 
 
-@pytest.mark.parametrize('away', [-0.02, -0.03, 0.03])
+@pytest.mark.parametrize('away', some_now([-0.03, -0.02, 0.03]))
 @pytest.mark.parametrize(
     ('zeros', 'gripped', 'held'), [(1e-2, True, True), (1e-2, False, False), (1e-3, True, False)]
 )

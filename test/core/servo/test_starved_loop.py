@@ -3,6 +3,7 @@
 
 """A loop that is starved of processor time states no fault of the grip."""
 
+from itertools import product
 import math
 
 from held_grips import HOME, numbers
@@ -52,7 +53,7 @@ def turn(now):
     return 0.0, 0.01, 0.1 * math.sin(2.0 * now)
 
 
-def starve(held, twist, duration=2.5, mean=0.033, noise=0.0, seed=0):
+def starve(held, twist, duration, mean, noise, seed=0):
     """
     Run a servo whose cycles, readings and commands are late at random; return it and its messages.
 
@@ -95,9 +96,12 @@ MORE = [(held, twist) for held in (DISC, ELLIPSE, CORNERS, TURNED) for twist in 
 
 @pytest.mark.parametrize(('held', 'twist'), some_now([*CASES, *MORE]))
 @pytest.mark.parametrize(
-    ('mean', 'noise'), some_now([(0.033, 0.0), (0.1, 0.0), (0.033, 1e-3), (0.1, 1e-3)])
+    ('duration', 'mean', 'noise'),
+    some_now([(1.5, 0.033, 0.0), *product((2.5,), (0.033, 0.1), (0.0, 1e-3))]),
 )
-def test_a_loop_starved_of_processor_time_states_no_fault_of_the_grip(held, twist, mean, noise):
-    servo, messages = starve(held, twist, mean=mean, noise=noise)
+def test_a_loop_starved_of_processor_time_states_no_fault_of_the_grip(
+    held, twist, duration, mean, noise
+):
+    servo, messages = starve(held, twist, duration, mean, noise)
     assert messages == {''}
     assert servo.squeeze.softening == 1.0
