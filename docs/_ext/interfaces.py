@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+import gc
 from typing import Any
 
 from isotruss_ros.executables import NODES
@@ -82,6 +83,10 @@ def _running(kind: Callable[..., Node], overrides: Sequence[Parameter]) -> Itera
     finally:
         if begun:
             rclpy.shutdown()
+    # A participant of DDS lives as long as its node, which is in reference cycles. Fast DDS can
+    # wait forever when one participant ends while others of the process discover it.
+    del node
+    gc.collect()
 
 
 def _interface(
