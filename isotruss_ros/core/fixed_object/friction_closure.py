@@ -134,7 +134,9 @@ def _facets(segments: Array) -> tuple[Array, Array]:
     support = np.concatenate([np.abs(batch @ segments.T).sum(axis=1) for batch in batches])
     if (support > ROUNDING * lengths.sum()).any():
         return normals, support
-    return _flat_facets(segments, min(len(segments), 2 if len(normals) else 1))
+    # All segments are in one plane, on one line, or there is none.
+    rank = min(len(segments), 2 if len(normals) else 1)
+    return _flat_facets(segments, rank)
 
 
 def _flat_facets(segments: Array, rank: int) -> tuple[Array, Array]:

@@ -271,7 +271,8 @@ class ContactStatics:
         """
         Find the equilibrium by Newton's method; return its equations and state, or None.
 
-        Tubes are linearised again if a node has moved by more than `reach` [m].
+        Tubes are linearised again if a node has moved by more than `reach` [m], and if the error
+        is smaller than at the last time, so that the iteration does not alternate.
         """
         statics, unknowns, indices = self, start, self.places
         least_error, moves_by_rounding = np.inf, False

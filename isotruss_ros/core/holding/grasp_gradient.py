@@ -207,14 +207,15 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     friction_rates = grip.contacts.sum_by_member(unknown_rates[indices.friction])
     ratios = grip.friction_forces / grip.normal_forces
     slipping = int(np.abs(ratios).argmax())  # member
-    ratio_rates = friction_rates[slipping] - ratios[slipping] * normal_rates[slipping]
+    scaled_rates = friction_rates[slipping] - ratios[slipping] * normal_rates[slipping]
+    ratio_rates = scaled_rates / grip.normal_forces[slipping]
     return GraspGradient(
         parameters=parameters,
         settled=settled,
         pose=unknown_rates[:POSE],
         normal_forces=normal_rates,
         friction_forces=-friction_rates,  # on the object
-        required_friction=np.sign(ratios[slipping]) * ratio_rates / grip.normal_forces[slipping],
+        required_friction=np.sign(ratios[slipping]) * ratio_rates,
         utilisation=utilisation_rates,
         _tubes=tubes,
         _unknown_rates=unknown_rates,

@@ -90,7 +90,7 @@ class SlipPlanes(NamedTuple):
 
     @property
     def margin(self) -> float:
-        """Return the smallest wrench that causes slip, with its moment about the centroid [N]."""
+        """Return the norm of the smallest wrench about the centroid that causes slip [N]."""
         return float((self.reserve / self.size).min())
 
     @property

@@ -201,6 +201,8 @@ class RollingGrip:
         arcs = shape.unroll(self._unwrapped(lines.normals, angle)[owners], corners)
         gaps = sides * from_starts.imag
         anchors = from_starts.real - lines.travel[owners] - sides * arcs
+        # The motion of a contact along the surface is parallel to the member and changes no gap;
+        # it changes the arcs as much, so the rates are those of points fixed to the object.
         gap_rates = np.stack([-axes.imag, axes.real, local_arms.real], axis=1) * sides[:, None]
         anchor_rates = np.stack([axes.real, axes.imag, -local_arms.imag], axis=1)
         return np.array([gaps, anchors]), np.concatenate([gap_rates, anchor_rates])

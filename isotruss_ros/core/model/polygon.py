@@ -86,7 +86,7 @@ class Polygon(PolygonalShape):
         polygon = polygon_moments(np.stack([starts, centers, ends], axis=1).ravel())
         areas = half_turns * radii**2
         centroids = centers + self._outward * radii * 2.0 * np.sin(half_turns) / (3.0 * half_turns)
-        # Means of |z|^2 by the parallel-axis theorem, from the arcs' centres to the origin.
+        # Means of |z|^2 = |z - c|^2 + 2 Re(z conj(c)) - |c|^2 with the arcs' centres c.
         squares = 0.5 * radii**2 + 2.0 * (centroids * centers.conj()).real - np.abs(centers) ** 2
         return (
             polygon[0] + float(areas.sum()),

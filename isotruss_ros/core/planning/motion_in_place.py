@@ -183,7 +183,7 @@ def _judge(grasp: HeldGrip, closing: Closing) -> ClosedGrip:
     needs.check_bounds(max_contact_force=forces.max(), max_total_force=forces.sum())
     needs.check_bounds(max_utilisation=grasp.sections.used.max())
     if grasp.squeeze >= MIN_SQUEEZE_SHARE * (needs.squeeze or 0.0):
-        with closing.tally.recording():
+        with closing.tally.recording():  # a violated requirement ends this block
             loaded, chance = grasp, None
             if any(needs.external_wrench):
                 rolled = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))

@@ -337,7 +337,7 @@ class BentTubes:
         return self.stiffness * ends, forces[:, 0]
 
     def _force_changes(self, factors: Array, unknowns: Array) -> tuple[Array, Array]:
-        """Return the changes of `EndForces.values` (p, 3), and of the chords' lengths (p,)."""
+        """Return changes of end forces (p, 3) and elongations (p,) since the linearisation."""
         moved = self.frame.displacements(unknowns)[..., None]
         by_nodes, chords = self.tangent.force_changes(moved)
         lengths = (self._length_by_motions @ factors[self._motion_columns])[:, None]
