@@ -24,7 +24,6 @@ from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.equilibrium import solve_unloaded
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.tangent import Tangent
 import numpy as np
 
 
@@ -32,7 +31,6 @@ class StraightPoints(NamedTuple):
     """Points on straight tubes, with the pieces of tube in which they are."""
 
     structure: Structure  #: structural model of the robot
-    tangent: Tangent  #: its frame, linearised without loads
     pieces: Indices  #: (p,) indices of the pieces with points among the frame's members
     number: Indices  #: (c,) piece of each point, as index of `pieces`
     within: Array  #: (c,) distance of each point from the start of its piece [m]
@@ -58,7 +56,7 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
     )
     by_piece = np.zeros((2, count, len(pieces), 6))
     by_piece[:, np.arange(count), number] = motions.real.T, motions.imag.T
-    tangent, ends, response = _respond(structure, tuple(pieces.tolist()))
+    ends, response = _respond(structure, tuple(pieces.tolist()))
     shapes = by_piece.reshape(2 * count, len(ends))
     compliance = shapes @ response[ends] @ shapes.T
     same_piece = number[:, None] == number
@@ -68,23 +66,19 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
     compliance += along_axes.reshape(2 * count, 2 * count)
     compliance[:count, :count] += across
     compliance[count:, count:] += across
-    return StraightPoints(structure, tangent, pieces, number, within, shapes, response, compliance)
+    return StraightPoints(structure, pieces, number, within, shapes, response, compliance)
 
 
 @functools.lru_cache(maxsize=16)
-def _respond(structure: Structure, pieces: tuple[int, ...]) -> tuple[Tangent, Indices, Array]:
-    """
-    Return the frame without loads and its response to loads on the ends of pieces.
-
-    Indices (6 p,) are those of the ends' motions; the response is all motions (3 n, 6 p).
-    """
+def _respond(structure: Structure, pieces: tuple[int, ...]) -> tuple[Indices, Array]:
+    """Return indices (6 p,) of motions of pieces' ends; all motions (3 n, 6 p) by loads there."""
     frame, rows = structure.frame, structure.frame.layout.numbering.rows
     nodes = np.stack([frame.layout.start[list(pieces)], frame.layout.end[list(pieces)]], axis=1)
     ends = (3 * nodes[:, :, None] + np.arange(3)).ravel()
     loads = np.zeros((3 * len(frame.points), len(ends)))
     loads[ends, np.arange(len(ends))] = 1.0
-    tangent, _, response = solve_unloaded(frame, loads)
-    return tangent, ends, response[rows:]
+    _, response = solve_unloaded(structure.straight, loads)
+    return ends, response[rows:]
 
 
 def clamped_pieces(
@@ -132,7 +126,7 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     # Forces of the nodes on all tube pieces are those of the ends' motions, less the equivalent
     # loads on the pieces with points.
     equivalent = np.concatenate([forces.real, forces.imag]) @ tubes.shapes
-    changes, _ = tubes.tangent.force_changes((tubes.response @ equivalent).reshape(-1, 3, 1))
+    changes, _ = structure.straight.force_changes((tubes.response @ equivalent).reshape(-1, 3, 1))
     # Columns: along, across and moment at the start, then at the end; compression is positive at
     # the start, tension at the end.
     at_ends = end_forces(changes[first_piece:, :, 0], frame.length[first_piece:])

@@ -52,18 +52,19 @@ class FrameState:
 
 def unloaded(frame: Frame) -> Tangent:
     """Return a frame linearised without loads; raise StructureError if it is a mechanism."""
-    tangent, _, _ = solve_unloaded(frame, np.zeros((3 * len(frame.points), 0)))
+    tangent = linearize(frame, np.zeros(len(frame.scale)))
+    solve_unloaded(tangent, np.zeros((3 * len(frame.points), 0)))
     return tangent
 
 
-def solve_unloaded(frame: Frame, loads: Array) -> tuple[Tangent, Condensed, Array]:
+def solve_unloaded(tangent: Tangent, loads: Array) -> tuple[Condensed, Array]:
     """
-    Return a frame linearised without loads, its condensed matrix, and its linear responses.
+    Return the condensed matrix and the linear responses of a frame linearised without loads.
 
     The responses (u, p) are the unknowns by loads (3 n, p) on the nodes. Raise StructureError if
     the frame is a mechanism.
     """
-    tangent = linearize(frame, np.zeros(len(frame.scale)))
+    frame = tangent.frame
     rows, columns = frame.layout.numbering.rows, loads.shape[1]
     right = np.zeros((len(frame.scale), columns + 1))
     right[rows:, :columns] = loads
@@ -75,7 +76,7 @@ def solve_unloaded(frame: Frame, loads: Array) -> tuple[Tangent, Condensed, Arra
     except StructureError:
         condition = np.inf
     if condition < MAX_CONDITION:  # the stiffness matrix (4) is regular
-        return tangent, condensed, solution[:, :columns]
+        return condensed, solution[:, :columns]
     raise StructureError(
         f'the structure is a mechanism: {", ".join(_find_loose_nodes(tangent))} can move '
         'without resistance; support it or connect it'

@@ -24,7 +24,7 @@ from isotruss_ros.core.statics.blocks import Condensed, Numbering
 from isotruss_ros.core.statics.equilibrium import solve_unloaded
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
-from isotruss_ros.core.statics.tangent import Tangent
+from isotruss_ros.core.statics.tangent import linearize, Tangent
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeSections
 from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
 import numpy as np
@@ -99,11 +99,16 @@ class Structure:
         self.frame = Frame.of(points, sections.reshape(3, -1), numbering)
 
     @functools.cached_property
+    def straight(self) -> Tangent:
+        """Return the frame linearised without loads; it may be a mechanism."""
+        return linearize(self.frame, np.zeros(len(self.frame.scale)))
+
+    @functools.cached_property
     def unloaded(self) -> tuple[Tangent, Condensed]:
         """Return the frame linearised without loads, and its condensed matrix."""
         no_loads = np.zeros((3 * len(self.frame.points), 0))
-        tangent, condensed, _ = solve_unloaded(self.frame, no_loads)
-        return tangent, condensed
+        condensed, _ = solve_unloaded(self.straight, no_loads)
+        return self.straight, condensed
 
     @functools.cached_property
     def blocks(self) -> list[UnloadedBlocks | None]:
