@@ -121,8 +121,8 @@ class SqueezeControl:
         self._zero_covariance = covariance
         if belief is None:
             return
-        is_new = time is None or self._readings.use('estimate', time, covariance)
-        if is_new and covariance is not None:
+        use = self._readings.use
+        if covariance is not None and (time is None or use('estimate', time, covariance)):
             belief.state.prior = covariance
         if before is not None and not np.array_equal(offsets, before):
             belief.correct_zeros(offsets - before)
