@@ -129,24 +129,27 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
                 f'robot {robot.name}: roller positions {goal.tolist()} m make member '
                 f'{robot.member_names[member]} {goal_lengths[member]:.6g} m long; must be positive'
             )
-        cause = f'near a singular one, none found in {MAX_NEWTON_ITERATIONS} steps'
+
+        # Continuation along the line from start to goal, with an adaptive step.
+        fraction, step = 0.0, 1.0  # of the line
         points = self.points
         factor = self.__dict__.get('factor')  # at `points`; None if not factorised yet
-        fraction, step = 0.0, 1.0  # of the line from start to goal
         for _ in range(MAX_NEWTON_ITERATIONS):
             next_fraction = min(fraction + step, 1.0)
             lengths = _span_lengths(robot, start + next_fraction * (goal - start))
             next_points = follow_branch(robot.constraints, points, lengths, factor)
             if next_points is None:
                 step *= 0.25
-            elif next_fraction == 1.0:
+                if step < NEGLIGIBLE_SHARE:
+                    cause = 'no configuration exists'
+                    break
+                continue
+            if next_fraction == 1.0:
                 return Configuration(robot, goal, next_points)
-            else:
-                points, factor = next_points, None
-                fraction, step = next_fraction, 2.0 * step
-            if step < NEGLIGIBLE_SHARE:
-                cause = 'no configuration exists'
-                break
+            fraction, points, factor = next_fraction, next_points, None
+            step *= 2.0
+        else:
+            cause = f'near a singular one, none found in {MAX_NEWTON_ITERATIONS} steps'
         raise ConfigurationError(
             f'robot {robot.name}: roller positions {goal.tolist()} m: {cause} '
             f'beyond {100 * fraction:.6g} % of the way from {start.tolist()} m'
@@ -167,7 +170,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             return self
         if np.abs(travel).max() > MAX_FIRST_ORDER_TRAVEL:
             return self.moved_to(self.roller_positions + travel)
-        # (12) with Ldot = C phidot.
+        # (12) with dL = C dphi.
         length_changes = np.zeros(self.robot.constraints.n_rows)
         length_changes[: self.robot.topology.n_modules] = self.robot.topology.incidence @ travel
         displacements = self.factor.solve(length_changes).view(np.complex128)
@@ -184,11 +187,12 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         :return: (k, r) coefficients of the roller speeds.
         :raises ConfigurationError: the configuration is singular.
         """
-        driven, previous = self.robot.topology.driven, self.robot.topology.previous
+        # Coefficients of the constraints' rates in (12); only the lengths of members change.
         length_rows = self.factor.solve(node_rows.T, transposed=True).T
-        # Since dL_i = dphi_i - dphi_following(i), roller i lengthens member i and shortens the
-        # previous member.
-        return length_rows.take(driven, 1) - length_rows.take(previous[driven], 1)
+        # A roller lengthens the member of its module by its travel, and shortens the previous one.
+        lengthened = self.robot.topology.driven
+        shortened = self.robot.topology.previous[lengthened]
+        return length_rows.take(lengthened, 1) - length_rows.take(shortened, 1)
 
 
 def _span_lengths(robot: Mechanism, roller_positions: Array) -> Array:
@@ -205,7 +209,7 @@ class ConfigurationTracker:
         self._home = self._last = home
 
     def configuration(self, roller_positions: Array) -> Configuration:
-        """Return the configuration at measured travel; the previous one if it is unchanged."""
+        """Return the configuration at measured roller travel (r,) [m]."""
         if not np.array_equal(roller_positions, self._last.roller_positions):
             try:
                 self._last = self._last.moved_to(roller_positions)
