@@ -26,7 +26,7 @@ MAX_REUSE_CONTRACTION = 0.1
 
 
 class Constraints:
-    """Constraints on 4m lengths of members and modules, m bisections and g fixed coordinates."""
+    """Kinematic constraints: 4m lengths, m bisections (3) and g fixed coordinates."""
 
     def __init__(self, topology: Topology) -> None:
         self._topology = topology
@@ -37,17 +37,18 @@ class Constraints:
         # End and start nodes of the spans: members, AB, AC and BC.
         self._heads = np.concatenate([topology.end, b, c, c])
         self._tails = np.concatenate([b, a, a, b])
-        # Row and node of each entry of `gradients`.
-        length_rows = np.arange(4 * m)
-        bisection_rows = 4 * m + np.arange(m)
-        rows = np.concatenate([length_rows, length_rows, *5 * [bisection_rows]])
+        # Constraint (row of the matrix) and node of each entry of `gradients`.
+        lengths, bisections = np.arange(4 * m), np.arange(4 * m, 5 * m)
         bisection_nodes = [topology.end, b, c, a, b[topology.previous]]
+        rows = np.concatenate([lengths, lengths, *5 * [bisections]])
         nodes = np.concatenate([self._heads, self._tails, *bisection_nodes])
+        # Places of the entries in a dense matrix with one complex column for each node.
         self._flat_indices = rows * n + nodes
-        self._ground_rows = 5 * m + np.arange(len(topology.grounded))
+        self._ground_rows = np.arange(5 * m, self.n_rows)
+        # Sparsity pattern of the real matrix. Its data are the numbers of the entries: each
+        # gradient's x and y, then the fixed coordinates.
         self._pattern: csc_matrix | None = None
         if self.n_columns > MAX_DENSE_COORDINATES:
-            # The data of the sparsity pattern are the numbers of the entries, see `matrix`.
             columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
             all_rows = np.concatenate([np.repeat(rows, 2), self._ground_rows])
             all_columns = np.concatenate([columns, topology.grounded])
@@ -56,18 +57,18 @@ class Constraints:
             self._pattern = coo_matrix((numbers, (all_rows, all_columns)), shape=shape).tocsc()
 
     def residual(self, points: Points, lengths: Array) -> Array:
-        """Return errors (5m + g,) of lengths (4m,) [m], bisections [rad], coordinates [m]."""
+        """Return the violations (5m + g,) of all constraints for given lengths (4m,) [m, rad]."""
         spans = self.spans(points)
         support_errors = points.view(np.float64)[self._topology.grounded] - self._topology.ground
         return np.concatenate([np.abs(spans) - lengths, self.bisection(spans), support_errors])
 
     def bisection(self, spans: Points) -> Array:
-        """Return the rod's angle (m,) from one side minus that from the other, by (3) [rad]."""
-        side, to_b, to_c, _ = spans.reshape(4, -1)
+        """Return the violations (m,) of the bisection of sides by rods, by (3) [rad]."""
+        member, to_b, to_c, _ = spans.reshape(4, -1)
         rod = to_b + to_c
-        # The previous side ends at the module, so the directions are `side` and -previous_side.
-        previous_side = side[self._topology.previous]
-        turn = -side * previous_side * rod.conj() ** 2
+        # The angles of the module's member and of the previous one, which ends at the module and
+        # so points to it, minus twice the angle of the rod.
+        turn = member * -member[self._topology.previous] * rod.conj() ** 2
         return np.arctan2(turn.imag, turn.real)
 
     def spans(self, points: Points) -> Points:
@@ -77,13 +78,12 @@ class Constraints:
     def matrix(self, points: Points) -> Array | csc_matrix:
         """Return the Jacobian (5m + g, 2n) of `residual` by nodes; sparse for a large robot."""
         gradients = self.gradients(points)
-        if self._pattern is not None:
+        pattern = self._pattern
+        if pattern is not None:
             entries = np.concatenate([gradients.view(np.float64), np.ones(len(self._ground_rows))])
-            pattern = self._pattern
-            return csc_matrix(
-                (entries[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape
-            )
-        # A complex entry for each row and node; its parts are the columns of x and y.
+            data = entries[pattern.data - 1]
+            return csc_matrix((data, pattern.indices, pattern.indptr), shape=pattern.shape)
+        # The real and imaginary parts of an entry are in the columns of x and y.
         complex_matrix = np.zeros(self.n_rows * len(points), dtype=np.complex128)
         complex_matrix[self._flat_indices] = gradients
         matrix = complex_matrix.view(np.float64).reshape(self.n_rows, self.n_columns)
@@ -98,50 +98,56 @@ class Constraints:
         the 4m lengths of `spans` by their end nodes [-], then by their start nodes, and last those
         of the m bisections by the next C, own B, own C, joint A and previous B [1/m].
         """
-        m = self._topology.n_modules
-        spans = self.spans(points).reshape(4, m)
+        spans = self.spans(points)
         lengths = np.abs(spans)
-        directions = spans / lengths
-        # Gradients of angles: of the two sides by their ends, and of the rod, whose angle counts
-        # twice in a bisection, by B or C; AB + AC is twice the rod.
-        side = 1j * directions[0] / lengths[0]
-        previous_side = side[self._topology.previous]
-        rod = 2j / (spans[1] + spans[2]).conj()
-        bisections = side, -side - rod, previous_side - rod, 2.0 * rod, -previous_side
-        by_ends = directions.ravel()
+        by_ends = spans / lengths
+        # Gradients i v/|v|^2 = i/conj(v) of the angles of the members, and of the rods along
+        # v = AB + AC, whose angles count twice in `bisection`.
+        members = slice(self._topology.n_modules)
+        member = 1j * by_ends[members] / lengths[members]
+        _, to_b, to_c, _ = spans.reshape(4, -1)
+        previous_member = member[self._topology.previous]
+        rod = 2j / (to_b + to_c).conj()
+        bisections = member, -member - rod, previous_member - rod, 2.0 * rod, -previous_member
         return np.concatenate([by_ends, -by_ends, *bisections])
 
     def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:
         """
         Return the gradients (2n, p) of p scalars weights^T J motion by the node coordinates.
 
-        J is the Jacobian (5m + g, 2n) of (12), weights are (5m + g, p) and motions (2n, p). For
-        changes a and b of a vector v between two nodes, the second derivatives are d2|v|[a, b] =
-        (n . a) (n . b) / |v| and d2t[a, b] = -Im(a b / v^2), with the unit normal n and the
-        direction angle t of v.
+        J is the Jacobian (5m + g, 2n) of (12), weights are (5m + g, p) and motions (2n, p). If a
+        vector v changes by dv, its length changes by d|v| and its direction angle by dt =
+        Im(dv / v). Their gradients by v are (n . dv) n / |v|, with the unit normal n, and
+        conj(i dv / v^2).
         """
         m = self._topology.n_modules
-        members, rod_sides, bisections = slice(m), slice(m, 3 * m), slice(4 * m, 5 * m)
-        # Complex arrays: vectors (4m, 1), motions of nodes (n, p) and changes of vectors (4m, p).
+        members, ab, ac = slice(m), slice(m, 2 * m), slice(2 * m, 3 * m)
+        length_weights, bisection_weights = weights[: 4 * m], weights[4 * m : 5 * m]
+        # Complex vectors v (4m, 1) between nodes, and their changes (4m, p) by the motions.
         spans = self.spans(points)[:, None]
         node_motions = np.ascontiguousarray(motions.T).view(np.complex128).T
         changes = node_motions[self._heads] - node_motions[self._tails]
+
+        # Lengths.
         lengths = np.abs(spans)
         normals = 1j * spans / lengths
-        # Gradients (4m, p) by the vectors, first of their lengths, then of the bisections: the
-        # angle of a member is in the bisections at both of its ends.
-        gradients = weights[: 4 * m] * ((normals.conj() * changes).real / lengths) * normals
-        angle_weights = weights[bisections]
-        member_weights = angle_weights + angle_weights[self._topology.following]
-        gradients[members] += member_weights * (1j * changes[members] / spans[members] ** 2).conj()
-        # Twice the rod is AB + AC, and its angle counts twice.
-        rods = spans[rod_sides].reshape(2, m, 1).sum(axis=0)
-        rod_changes = changes[rod_sides].reshape(2, m, -1).sum(axis=0)
-        rod_gradients = -2.0 * angle_weights * (1j * rod_changes / rods**2).conj()
-        gradients[rod_sides] += np.concatenate([rod_gradients, rod_gradients])
+        by_spans = length_weights * ((normals.conj() * changes).real / lengths) * normals
+
+        # Bisections: the angle of each member counts at both of its ends, and that of each rod,
+        # along AB + AC, twice with the opposite sign.
+        member_weights = bisection_weights + bisection_weights[self._topology.following]
+        angle_weights = np.concatenate([member_weights, -2.0 * bisection_weights])
+        vectors = np.concatenate([spans[members], spans[ab] + spans[ac]])
+        vector_changes = np.concatenate([changes[members], changes[ab] + changes[ac]])
+        by_vectors = angle_weights * (1j * vector_changes / vectors**2).conj()
+        by_members, by_rods = np.split(by_vectors, 2)
+        by_spans[members] += by_members
+        by_spans[ab] += by_rods
+        by_spans[ac] += by_rods
+        # Chain rule: a vector is its head minus its tail.
         by_nodes = np.zeros_like(node_motions)
-        np.add.at(by_nodes, self._heads, gradients)
-        np.subtract.at(by_nodes, self._tails, gradients)
+        np.add.at(by_nodes, self._heads, by_spans)
+        np.subtract.at(by_nodes, self._tails, by_spans)
         return np.ascontiguousarray(by_nodes.T).view(np.float64).T
 
 
@@ -151,18 +157,20 @@ def follow_branch(
     """
     Return the nodes at new lengths on the same branch of solutions; None if the step is too long.
 
-    A tangent step (12) is the predictor, modified Newton steps are the corrector. The `factor` is
-    that of the matrix at `points`.
+    A tangent step (12) is the predictor, modified Newton steps are the corrector: they use the
+    `factor` of the matrix at `points`, or at a later iterate if the residual decreases slowly.
     """
     # Largest residual [m, rad], not less than the rounding error of the coordinates.
     tolerance = max(COINCIDENCE, 64.0 * EPSILON * float(np.abs(points).max()))
     residual = constraints.residual(points, lengths)
     error = np.abs(residual).max()
-    predictor, max_correction = None, np.inf
+    predictor = None
     for _ in range(MAX_NEWTON_ITERATIONS):
         if error <= tolerance:
             return points
-        is_full_newton = factor is None
+
+        # Newton step.
+        is_new_factor = factor is None
         try:
             factor = factor or factorize(constraints.matrix(points))
         except np.linalg.LinAlgError:
@@ -170,19 +178,22 @@ def follow_branch(
         moved = points - factor.solve(residual).view(np.complex128)
         residual = constraints.residual(moved, lengths)
         previous_error, error = error, np.abs(residual).max()
-        if not error < np.inf or (is_full_newton and error > previous_error):
+
+        # A divergent iteration, or a correction longer than half of the predictor's step, may
+        # leave the branch.
+        if not error < np.inf or (is_new_factor and error > previous_error):
             return None
         if predictor is None:
             predictor = moved
             max_correction = 0.5 * np.abs(moved - points).max() + tolerance
-        elif np.abs(moved - predictor).max() > max_correction:  # it may leave the branch
+        elif np.abs(moved - predictor).max() > max_correction:
             return None
         points = moved
+
+        # The next step with the same factor would multiply the residual by the same contraction.
         contraction = error / previous_error
         if contraction > MAX_REUSE_CONTRACTION:
             factor = None
-        elif contraction * error < MAX_REUSE_CONTRACTION**2 * tolerance:
-            # A step with the same factor multiplies the residual by the same contraction, so the
-            # next step is the last.
+        elif contraction * error < MAX_REUSE_CONTRACTION**2 * tolerance:  # it is the last step
             return points - factor.solve(residual).view(np.complex128)
     return points if error <= tolerance else None

@@ -34,7 +34,7 @@ ITERATIONS = 3
 
 
 class Modes(NamedTuple):
-    """The p smallest singular values of the constraint matrix, ascending, with their vectors."""
+    """The p smallest singular values of the scaled matrix of (12), ascending, with vectors."""
 
     values: Array  #: (p,) singular values, divided by the smallest one at home
     rows: Array  #: (5m + g, p) left singular vectors, one entry for each row of (12)
@@ -54,22 +54,23 @@ class RigidityIndex:
         self._row_scale = np.ones((robot.constraints.n_rows, 1))
         bisections = slice(4 * m, 5 * m)
         self._row_scale[bisections] = rod
+        # The singular value at home, from random vectors and many iterations.
         size = robot.constraints.n_columns
         noise = np.random.default_rng(0).standard_normal((size, min(BLOCK_SIZE, size)))
-        # Iterations from random vectors, once for each robot, give the divisor of `modes`.
         self._home_value, self._start_vectors = 1.0, noise
         home_modes = self.modes(robot.home, 60)
         self._home_value = float(home_modes.values[0])
-        # Random components find weakest modes that are orthogonal to those at home.
+        # Other configurations need few iterations from the modes at home. Random components
+        # contribute modes that are orthogonal to these.
         self._start_vectors = home_modes.nodes + 0.3 * noise / np.sqrt(size)
-        # Of the 8m gradients of lengths and the 5m gradients of bisections.
+        # Weights of the 8m gradients of lengths and the 5m gradients of bisections.
         self.weights = np.repeat([1.0, rod], [8 * m, 5 * m]) / self._home_value
 
     def modes(self, config: Configuration, iterations: int = ITERATIONS) -> Modes:
-        """Return the smallest singular values and vectors of a configuration's matrix."""
+        """Return the smallest singular values and vectors of the matrix of (12), rows scaled."""
         factor, scale, vectors = config.factor, self._row_scale, self._start_vectors
-        # Inverse iteration with M^T M, where M = D A is the matrix A with rows scaled by D, so
-        # M^-T = D^-1 A^-T and M^-1 = A^-1 D^-1.
+        # Inverse iteration V <- qr(M^-1 M^-T V). The matrix is M = D A with the scale D of the
+        # rows, so M^-T = D^-1 A^-T and M^-1 = A^-1 D^-1.
         for _ in range(iterations):
             solved = factor.solve(vectors, transposed=True) / scale
             vectors = np.linalg.qr(factor.solve(solved / scale))[0]
