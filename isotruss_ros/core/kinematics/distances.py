@@ -35,13 +35,13 @@ import numpy as np
 
 
 def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
-    """Return points' distances (k,) from segments [m], unit vectors to them, positions 0 to 1."""
+    """Return distances (k,) [m] and unit vectors from segments to points, and positions 0 to 1."""
     from_start, span = point - start, end - start
     squared_length = np.maximum(span.real**2 + span.imag**2, COINCIDENCE**2)
     shares = np.clip((span.conj() * from_start).real / squared_length, 0.0, 1.0)
     from_segment = from_start - shares * span
     distances = np.abs(from_segment)
-    # A point on its segment has no direction from there; the segment's normal is used instead.
+    # The unit vector to a point on its segment is the segment's normal.
     normals = np.where(
         distances > COINCIDENCE,
         from_segment / np.maximum(distances, COINCIDENCE),
@@ -56,24 +56,24 @@ def _middles(points: Points, nodes: Indices) -> Points:
 
 
 def _add_midpoint_gradients(rows: Points, nodes: Indices, gradients: Points) -> None:
-    """Add gradients (k,) by the midpoints of k node pairs to k rows, half for each node."""
+    """Add gradients (k,) by midpoints of node pairs (2, k) to k rows, half for each node."""
     row = np.arange(len(rows))
     for ends in nodes:
         rows[row, ends] += 0.5 * gradients
 
 
 class CollisionModel:
-    """Parts of a robot with radii (3m,) [m], and the pairs of parts that must not collide."""
+    """Model of a robot's parts and of the pairs of parts that must not collide."""
 
     def __init__(self, robot: Mechanism) -> None:
         self._robot = robot
         topology, file = robot.topology, robot.description
         m, joints = topology.n_modules, np.arange(len(topology.joint_names))
+        a, b, c, member_end = topology.joint, topology.b, topology.c, topology.end
         tube_radius = 0.5 * file.tube_diameter
         module_radius = 0.5 * file.module.pinch_separation + tube_radius
-        # Parts are members, modules (of no length) and rods. Each end of a part is the midpoint of
-        # two nodes, which may be the same; nodes (2, 3m) of the starts and of the ends.
-        a, b, c, member_end = topology.joint, topology.b, topology.c, topology.end
+        # Parts are the segments of members, modules (of no length) and rods. A start or an end is
+        # the midpoint of two nodes (2, 3m), which are the same at a joint or a member's end.
         self._start_nodes = np.array([[b, b, a], [b, c, a]]).reshape(2, -1)
         self._end_nodes = np.array([[member_end, b, b], [member_end, c, c]]).reshape(2, -1)
         self.part_radii = np.repeat([tube_radius, module_radius, 0.0], m)
@@ -86,7 +86,7 @@ class CollisionModel:
         self._pair_radii = point_radii[self._pair_points] + self.part_radii[self._pair_parts]
 
     def names(self, pairs: Indices) -> list[str]:
-        """Return a name for each of the given pairs of parts."""
+        """Return the names of pairs of parts, by the indices of the pairs."""
         modules, joints = self._robot.module_names, self._robot.topology.joint_names
         points = [f'module {name}' for name in modules] + [f'joint {name}' for name in joints]
         parts = self.part_names()
@@ -114,15 +114,17 @@ class CollisionModel:
     def body_distances(
         self, config: Configuration, body: ConvexObject, parts: Indices | slice = slice(None)
     ) -> tuple[Array, Array, Array]:
-        """Return parts' distances (k,) from an object [m], gradients by nodes and by its twist."""
+        """Return distances (k,) of parts from an object [m], derivatives by nodes and twist."""
         starts, ends = self.part_ends(config, parts)
-        nearest = segment_gaps(body, starts, ends)
+        nearest = segment_gaps(
+            body, starts, ends
+        )  # its normals point from the object to the parts
         rows = self.part_rows(config, parts, nearest.shares, -nearest.normals)
-        # The moment arm is that of the nearest point of the segment; the surface point is on the
-        # same line of action.
+        # Moments of the normals about the object's origin; the nearest points of the segment and
+        # of the surface are on the same line of action.
         arms = starts + nearest.shares * (ends - starts) - body.center
         moments = (nearest.normals.conj() * 1j * arms).real
-        # Motion of the object along the normal, toward the part, shortens the distance.
+        # Motion of the object along the normal shortens the distance.
         twist_rows = -np.column_stack([as_xy(nearest.normals), moments])
         return nearest.gaps - self.part_radii[parts], rows.view(np.float64), twist_rows
 
@@ -143,7 +145,7 @@ class CollisionModel:
     def part_rows(
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
-        """Return derivatives (k, n) of parts' distances from fixed points by the nodes [-]."""
+        """Return derivatives (k, n) of the distances of parts from fixed points by the nodes."""
         rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
         _add_midpoint_gradients(rows, self._start_nodes[:, parts], -(1.0 - shares) * normals)
         _add_midpoint_gradients(rows, self._end_nodes[:, parts], -shares * normals)
@@ -151,24 +153,27 @@ class CollisionModel:
 
 
 def _pair_mask(robot: Mechanism) -> Array:
-    """Return the mask (m + j, 3m) of unconnected pairs of modules and joints (rows) with parts."""
+    """Return the mask (m + j, 3m) of modules and joints with parts not connected to them."""
     topology = robot.topology
-    m, joints = topology.n_modules, np.arange(len(topology.joint_names))
-    point = np.arange(m + len(joints))[:, None]
-    is_module = point < m
-    joint_of_point = np.concatenate([topology.joint, joints])[:, None]
-    # Parts of each kind have the numbers and joints of their modules.
-    number, start_joint = np.arange(m), topology.joint
-    end_joint = start_joint[topology.following]
-    # A member is fixed to the modules and joints at its ends, but not to other tubes there.
-    with_members = np.where(
-        is_module,
-        (point != number) & (point != topology.following),
-        (joint_of_point != start_joint) & (joint_of_point != end_joint),
-    )
-    with_modules = is_module & (point < number)  # each pair once
-    with_rods = joint_of_point != start_joint
-    return np.hstack([with_members, with_modules, with_rods])
+    m, j = topology.n_modules, len(topology.joint_names)
+    # Columns: members, modules and rods, each numbered like its module.
+    column = np.arange(m)
+    start_joint = topology.joint
+
+    # A member is connected to the modules at its ends, and a rod to the modules at its joint.
+    module, joint_of_module = np.arange(m)[:, None], start_joint[:, None]
+    with_members = (module != column) & (module != topology.following)
+    with_modules = module < column  # each pair once
+    with_rods = joint_of_module != start_joint
+    module_rows = np.hstack([with_members, with_modules, with_rods])
+
+    # A member and a rod are connected to the joints at their ends. The distance of a joint from a
+    # module is not needed, because its rods end at the joint.
+    joint = np.arange(j)[:, None]
+    with_members = (joint != start_joint) & (joint != start_joint[topology.following])
+    with_rods = joint != start_joint
+    joint_rows = np.hstack([with_members, np.zeros((j, m), dtype=bool), with_rods])
+    return np.concatenate([module_rows, joint_rows])
 
 
 @functools.lru_cache(maxsize=16)
