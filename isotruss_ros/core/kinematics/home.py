@@ -136,7 +136,8 @@ def require_determinate(robot: Mechanism, points: Points) -> None:
     source, topology = robot.description.source, robot.topology
     matrix = robot.constraints.matrix(points)
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
-    needed = 2 * joints - m  # grounded coordinates
+    # In a square matrix, members and supports have as many rows as the joints have coordinates.
+    needed = 2 * joints - m
     if grounded == needed and estimate_condition(matrix) < MAX_CONDITION:
         return
     if needed < 3:
@@ -163,7 +164,7 @@ def _movable_joints(topology: Topology, matrix: Array | csc_matrix) -> list[str]
     dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
     _, values, vectors = np.linalg.svd(dense)
     rank = int((values > values[0] / MAX_CONDITION).sum())
-    # Motions without a change of the constraints, or the one with the smallest change, (f, n, 2).
+    # Node motions (f, n, 2) in the null space, or that of the smallest singular value.
     first_free = min(rank, dense.shape[1] - 1)
     motions = vectors[first_free:].reshape(-1, len(topology.node_names), 2)
     amplitudes = np.linalg.norm(motions[:, : len(topology.joint_names)], axis=2).max(axis=0)
