@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import copy
 from dataclasses import dataclass
 import functools
+import itertools
 import math
 from typing import NamedTuple
 
@@ -169,32 +170,45 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     centroid = body.center + body.turn * shape.centroid
     contacts: list[GripContact] = []
     for owner, (start, end) in enumerate(config.points.take(nodes.lines).tolist()):
-        span = end - start
-        axis = span / abs(span)
+        axis = (end - start) / abs(end - start)
         # +1 if the object is on the left of the member, -1 on the right.
         side = math.copysign(1.0, (axis.conjugate() * (centroid - start)).imag)
         normal = -1j * side * axis
+        # Corners and points in contact, in the object's frame.
         local_normal = normal * body.turn.conjugate()
         if grip.corners is None:
             patch = shape.contact_patch(local_normal, 0.5 * tube)
             touched = [(patch_end.corner, patch_end.point) for patch_end in patch]
         else:
             touched = [(k, shape.point_at(k, local_normal)) for k in grip.corners[owner]]
-        points = [body.center + body.turn * local_point for _, local_point in touched]
-        gaps = [((start - point) * normal.conjugate()).real - 0.5 * tube for point in points]
-        shares = [((point - start) / span).real for point in points]
-        gap, fault = min(gaps, key=abs), ''
-        if min(shares) > 1.0 or max(shares) < 0.0:  # a face may extend beyond a member's end
-            share = min(shares, key=abs)
-            fault = f'the contact would be at {share:.6g} of its length; must be from 0 to 1'
-        elif abs(gap) > tube:
-            fault = f'the gap is {gap:.3g} m; must be within {tube:.3g} m'
-        if fault:
+        member_contacts = [
+            GripContact(owner, start, normal, body.center + body.turn * point, corner, side)
+            for corner, point in touched
+        ]
+        if fault := _contact_fault(member_contacts, end, tube):
             raise GraspError(
                 f'member {grip.members[owner]} does not touch the object at '
                 f'({grip.center.real:.4g}, {grip.center.imag:.4g}) m: {fault}. Name the members '
                 'that hold the object, or give its pose in the robot frame'
             )
-        for (corner, _), point in zip(touched, points, strict=True):
-            contacts.append(GripContact(owner, start, normal, point, corner, side))
+        contacts += member_contacts
     return contacts
+
+
+def _contact_fault(contacts: list[GripContact], end: complex, tube: float) -> str:
+    """Return the reason why a member with this end misses the object; empty if it touches."""
+    start, normal = contacts[0].start, contacts[0].normal
+    shares = [((contact.point - start) / (end - start)).real for contact in contacts]
+    if min(shares) > 1.0 or max(shares) < 0.0:  # a face may extend beyond a member's end
+        share = min(shares, key=abs)
+        return f'the contact would be at {share:.6g} of its length; must be from 0 to 1'
+    gaps = [((start - c.point) * normal.conjugate()).real - 0.5 * tube for c in contacts]
+    gap = min(gaps, key=abs)
+    return f'the gap is {gap:.3g} m; must be within {tube:.3g} m' if abs(gap) > tube else ''
+
+
+def lifting_choices(owners: Sequence[int]) -> list[tuple[list[int], ...]]:
+    """Return the choices of remaining contacts, by member, if faces lift at one of their ends."""
+    members = [[k for k, owner in enumerate(owners) if owner == i] for i in dict.fromkeys(owners)]
+    options = [[ends, ends[:1], ends[1:]] if ends[1:] else [ends] for ends in members]
+    return list(itertools.product(*options))[1:]  # the first choice has all contacts

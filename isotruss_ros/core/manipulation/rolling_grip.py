@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
-from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip
+from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip, lifting_choices
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -74,15 +74,18 @@ class RollingGrip:
         """
         require_configuration(config)
         contacts = find_contacts(config, grip)
-        members = {contact.owner: (contact.side, contact.normal) for contact in contacts}
-        sides, normals = map(np.array, zip(*members.values(), strict=True))
-        angles = np.angle(normals * grip.body.turn.conjugate())
         owners, corners = np.array([(contact.owner, contact.corner) for contact in contacts]).T
+        # Sides and normals are the same at all contacts of a member.
+        of_members = {contact.owner: contact for contact in contacts}.values()
+        sides = np.array([contact.side for contact in of_members])
+        normals = np.array([contact.normal for contact in of_members])
+        angles = np.angle(normals * grip.body.turn.conjugate())
         shape = grip.body.shape.smoothed(0.5 * config.robot.description.tube_diameter)
+        # The other fields determine the invariants.
         unset = np.zeros((2, len(owners)))
         rolling = cls(config, grip, angles, owners, corners, unset, sides, shape)
         angle = grip.body.pose.angle
-        invariants, _ = rolling._touch(rolling._lines(config), grip.center, angle, corners)
+        invariants, _ = rolling._evaluate(rolling._lines(config), grip.center, angle, corners)
         return replace(rolling, invariants=invariants)
 
     @property
@@ -108,25 +111,20 @@ class RollingGrip:
         touches_faces = len(self.owners) > len(self.sides)
         if rolled.misfit <= ROUNDING or not touches_faces:
             return rolled
-        # A face in contact with a member may have lifted at one of its ends: each member presses
-        # at all of its contacts, or at one of them.
-        contacts = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
-        options = [[ends, *([end] for end in ends)] for ends in contacts]
-        for choice in itertools.product(*options):
-            pressed = list(itertools.chain(*choice))  # indices of contacts
-            if len(pressed) == len(self.owners):
-                continue
-            fewer = replace(
+        # Faces may have lifted at one of their ends.
+        for choice in lifting_choices(self.owners.tolist()):
+            pressed = list(itertools.chain(*choice))
+            with_fewer_contacts = replace(
                 self,
                 owners=self.owners[pressed],
                 corners=self.corners[pressed],
                 invariants=self.invariants[:, pressed],
             )
-            lifted = fewer._rolled(config)
+            lifted = with_fewer_contacts._rolled(config)
             if lifted.misfit < rolled.misfit:
-                center, angle = lifted.grip.center, lifted.grip.body.pose.angle
-                (gaps, _), _ = self._touch(self._lines(config), center, angle, self.corners)
                 # A lifted end must not penetrate the member.
+                center, angle = lifted.grip.center, lifted.grip.body.pose.angle
+                (gaps, _), _ = self._evaluate(self._lines(config), center, angle, self.corners)
                 if (gaps >= self.invariants[0] - lifted.misfit - ROUNDING).all():
                     rolled = lifted
         return rolled
@@ -135,41 +133,47 @@ class RollingGrip:
         """Return the grip in another configuration with the same contacts."""
         body, lines, corners = self.grip.body, self._lines(config), self.corners
         center, angle, owners = body.center, body.pose.angle, self.owners
+        # Gauss-Newton method on the deviations from the invariants.
         for iteration in range(MAX_NEWTON_ITERATIONS):
-            if iteration < 10 and not self.shape.is_round:  # then fixed: rounding may cause cycles
-                # Both ends of a face remain; the outermost corner may change.
+            # A single contact is at the outermost corner; both ends of a face remain. Corners are
+            # fixed after some iterations, because rounding errors may cause cycles.
+            if iteration < 10 and not self.shape.is_round:
                 is_single = np.bincount(owners)[owners] == 1
                 normals = lines.normals * cmath.rect(1.0, -angle)
                 farthest = np.array([self.shape.corner_at(n) for n in normals.tolist()])
                 corners = np.where(is_single, farthest[owners], self.corners)
-            values, rates = self._touch(lines, center, angle, corners)
+
+            # Step in x, y and the arc, which is the rotation times the arm.
+            values, rates = self._evaluate(lines, center, angle, corners)
             deviations = (values - self.invariants).ravel()
             rows = rates * (1.0, 1.0, 1.0 / body.arm)
-            x, y, arc = change = np.linalg.lstsq(rows, -deviations, rcond=ROUNDING)[0]
+            x, y, arc = step = np.linalg.lstsq(rows, -deviations, rcond=ROUNDING)[0]
             center += complex(x, y)
-            angle += arc / body.arm  # rotations times the arm are lengths
+            angle += arc / body.arm
             step_size = max(abs(x), abs(y), abs(arc))
             has_converged = step_size <= COINCIDENCE * max(1.0, abs(center) / body.arm)
-            if has_converged or (body.shape.is_round and step_size <= body.arm):
-                # For a disc the invariants are linear in the step.
-                misfit = float(np.abs(deviations + rows.dot(change)).max())
-                grip = self.grip.moved_to((center.real, center.imag, angle))
-                if grip.corners is not None:
-                    grip = grip.touching(self.owners, corners)
-                find_contacts(config, grip)  # raises if the object has left a member
-                angles = self._unwrapped(lines.normals, angle)
-                return replace(
-                    self, config=config, grip=grip, angles=angles, corners=corners, misfit=misfit
-                )
-            if not step_size <= body.arm:
+            # The invariants of a disc are linear in the step.
+            has_converged |= body.shape.is_round and step_size <= body.arm
+            if has_converged or not step_size <= body.arm:
                 break
-        raise GraspError(
-            'no pose of the object keeps its contacts in the new configuration: take smaller '
-            'steps, or roller speeds that neither open nor close the grip'
+        if not has_converged:
+            raise GraspError(
+                'no pose of the object keeps its contacts in the new configuration: take smaller '
+                'steps, or roller speeds that neither open nor close the grip'
+            )
+
+        misfit = float(np.abs(deviations + rows.dot(step)).max())
+        grip = self.grip.moved_to((center.real, center.imag, angle))
+        if grip.corners is not None:
+            grip = grip.touching(self.owners, corners)
+        find_contacts(config, grip)  # raises if the object has left a member
+        angles = self._unwrapped(lines.normals, angle)
+        return replace(
+            self, config=config, grip=grip, angles=angles, corners=corners, misfit=misfit
         )
 
     def _unwrapped(self, normals: Points, angle: float) -> Array:
-        """Return the angles (m,) of normals in the object's frame, continued beyond one turn."""
+        """Return the angles (m,) of normals relative to an object, continuous beyond one turn."""
         return self.angles + np.angle(normals * np.exp(-1j * (angle + self.angles)))
 
     def _lines(self, config: Configuration) -> _Lines:
@@ -182,7 +186,7 @@ class RollingGrip:
         travel[nodes.driven] = config.roller_positions[nodes.rollers]
         return _Lines(starts, axes, axes * (-1j * self.sides), travel)
 
-    def _touch(
+    def _evaluate(
         self, lines: _Lines, center: complex, angle: float, corners: Indices
     ) -> tuple[Array, Array]:
         """
@@ -191,18 +195,18 @@ class RollingGrip:
         The second array (2 k, 3) has their derivatives with respect to the object's twist.
         """
         shape, turn, owners = self.shape, cmath.rect(1.0, angle), self.owners
-        normals = lines.normals * turn.conjugate()
-        points = shape.surface_at(corners, normals[owners])[0]
         axes, sides = lines.axes[owners], self.sides[owners]
-        arms = turn * points
-        # Components along (real) and across the members.
-        local_arms = axes.conj() * arms
+        # Invariants of the points of contact, with components along (real) and across the members.
+        normals = lines.normals * turn.conjugate()
+        arms = turn * shape.surface_at(corners, normals[owners])[0]
         from_starts = axes.conj() * (center + arms - lines.starts[owners])
         arcs = shape.unroll(self._unwrapped(lines.normals, angle)[owners], corners)
         gaps = sides * from_starts.imag
         anchors = from_starts.real - lines.travel[owners] - sides * arcs
-        # The motion of a contact along the surface is parallel to the member and changes no gap;
-        # it changes the arcs as much, so the rates are those of points fixed to the object.
+
+        # Rates Im and Re of conj(e) (v + i omega arm), as of points fixed to the object: a contact
+        # that moves along the surface changes no gap, and its position as much as the arc.
+        local_arms = axes.conj() * arms
         gap_rates = np.stack([-axes.imag, axes.real, local_arms.real], axis=1) * sides[:, None]
         anchor_rates = np.stack([axes.real, axes.imag, -local_arms.imag], axis=1)
         return np.array([gaps, anchors]), np.concatenate([gap_rates, anchor_rates])
@@ -218,5 +222,5 @@ class _Lines(NamedTuple):
 
 
 def roll_object(grip: Grip, start: Configuration, end: Configuration) -> Grip:
-    """Return a grip after its object has rolled to another configuration, see `RollingGrip`."""
+    """Return a grip after its object has rolled from one configuration to another."""
     return RollingGrip.attach(start, grip).moved_to(end).grip

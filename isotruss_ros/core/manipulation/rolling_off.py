@@ -13,11 +13,10 @@ friction cones.
 from __future__ import annotations
 
 from collections.abc import Sequence
-import itertools
 import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_contacts, Grip, GripContact
+from isotruss_ros.core.manipulation.grip import find_contacts, Grip, GripContact, lifting_choices
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, member_rows, rows_of_two
 from isotruss_ros.core.manipulation.task import find_task, Reach
 from isotruss_ros.core.numerics.arrays import Array, as_xy, Points
@@ -26,7 +25,7 @@ import numpy as np
 
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
-    """Return the reachable twists, where ends of faces lift if a desired twist requires it."""
+    """Return the reachable twists; ends of faces lift if that brings them closer to a twist."""
     contacts = find_contacts(config, grip)
     choices = rolled_corners(contacts, grip.friction)
     if not choices:
@@ -34,17 +33,18 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     working, smallest_miss = reach.working, find_task(reach, twist).missed
     if smallest_miss <= ROUNDING:
         return reach
-    (by_speeds, by_twist), members = contact_rows(config, grip), member_rows(config, grip.members)
+    by_speeds, by_twist = contact_rows(config, grip)
+    members = member_rows(config, grip.members)
     inward = as_xy(-np.array([contact.normal for contact in contacts]))
     for pressed in choices:
         rolling = Reach.of(rows_of_two(grip, pressed, members), working, reach.weights)
         task = find_task(rolling, twist)
         if task.missed >= smallest_miss * (1.0 - NEGLIGIBLE_SHARE) or task.speed == 0.0:
             continue
+        # No contact may penetrate: velocities of the object's surface away from the members.
         speeds = working.spread(task.free)
-        # Velocities of the object relative to the members at all contacts: none may penetrate.
-        object_velocities = by_twist @ (rolling.motion @ speeds)
-        relative = (object_velocities - by_speeds @ speeds).reshape(-1, 2)
+        surface_velocities = by_twist @ (rolling.motion @ speeds)
+        relative = (surface_velocities - by_speeds @ speeds).reshape(-1, 2)
         lifting = (relative * inward).sum(axis=1)
         if lifting.min() >= -ROUNDING * np.abs(speeds).max():
             reach, smallest_miss = rolling, task.missed
@@ -53,18 +53,16 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
 
 def rolled_corners(contacts: Sequence[GripContact], friction: float) -> list[list[GripContact]]:
     """Return sets of contacts, without lifted face ends, at which two members' forces balance."""
-    if contacts[-1].owner != 1 or len(contacts) == 2:
+    if contacts[-1].owner != 1 or len(contacts) == 2:  # three members, or no face in contact
         return []
-    patches = [[contact for contact in contacts if contact.owner == owner] for owner in (0, 1)]
-    # All contacts of a member may remain, or one end of its face.
-    options = ([patch, patch[:1], patch[1:]] if patch[1:] else [patch] for patch in patches)
-    choices = list(itertools.product(*options))[1:]  # not all contacts of both members
-    # Ends (choices, 2 members, 2 ends) of the remaining contacts.
-    ends = np.array([[(patch[0].point, patch[-1].point) for patch in pair] for pair in choices])
-    normal, other_normal = (patch[0].normal for patch in patches)
-    angles = balance_angles(normal, other_normal, ends[:, 0].T, ends[:, 1].T)
-    is_balanced = (angles <= math.atan(friction)).tolist()
-    return [one + other for (one, other), fits in zip(choices, is_balanced, strict=True) if fits]
+    choices = lifting_choices([contact.owner for contact in contacts])
+    remaining = [[contacts[k] for k in (*one, *other)] for one, other in choices]
+    # Ends of the remaining contacts; axes: choice, member, end.
+    points = [contact.point for contact in contacts]
+    ends = np.array([[(points[k[0]], points[k[-1]]) for k in choice] for choice in choices])
+    normals = contacts[0].normal, contacts[-1].normal
+    angles = balance_angles(*normals, ends[:, 0].T, ends[:, 1].T)
+    return [remaining[i] for i in np.flatnonzero(angles <= math.atan(friction))]
 
 
 def balance_angles(
@@ -75,10 +73,12 @@ def balance_angles(
 
     The normals point to the members; each has the two ends (2, s) of its contact.
     """
-    # Balanced forces act along a line from the first to the second contact. Angles are relative
-    # to the first member's inward normal: of the lines between ends, and of the second's normal.
+    # The two forces act along one line, from a point of the first contact to one of the second.
+    # Angles of such lines between the ends, relative to the force along the first normal.
     lines = np.angle((other_ends - ends[:, None]) / -normals).reshape(4, -1)
+    # Angle of the force along the second normal.
     wedges = np.angle(-others / normals)
-    # The optimum is the bisector of both normals.
+    # The friction angles of a line at angle a are |a| and |a - wedge|. Their maximum is smallest
+    # for the bisector, or for the line nearest to it.
     best = np.minimum(np.maximum(0.5 * wedges, lines.min(axis=0)), lines.max(axis=0))
     return np.maximum(np.abs(best), np.abs(best - wedges))
