@@ -39,18 +39,25 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     if len(grip.members) == 2:
         jacobian = rows_of_two(grip, contacts, member_rows(config, grip.members))
     else:
-        points = np.array([contact.point for contact in contacts])
-        _require_apart(np.abs(points - points[0]).max())
-        normals = np.array([contact.normal for contact in contacts]).view(float)
-        by_speeds, by_twist = contact_rows(config, grip)
-        # The complement of G^T's range has an orthogonal basis of 2 k - 3 misfits. The first is a
-        # motion of each member away from the object at 0.5 m/s, minus its projection on the range.
-        basis, factor = np.linalg.qr(np.column_stack([by_twist, 0.5 * normals]), mode='complete')
-        basis[:, 3] *= factor[3, 3]  # the remainder of the projection
-        by_twist_and_misfits = np.concatenate([by_twist, basis[:, 3:]], axis=1)
-        jacobian = np.linalg.solve(by_twist_and_misfits, by_speeds)
+        jacobian = _rows_of_three(config, grip, contacts)
     jacobian.flags.writeable = False
     return jacobian
+
+
+def _rows_of_three(config: Configuration, grip: Grip, contacts: Sequence[GripContact]) -> Array:
+    """Return `grip_jacobian` (3 + g, r) of three members, with the least-squares twist."""
+    points = np.array([contact.point for contact in contacts])
+    _require_apart(np.abs(points - points[0]).max())
+    by_speeds, by_twist = contact_rows(config, grip)
+    # Motion of all contacts away from the object, at 0.5 m/s for an opening rate of 1 m/s.
+    opening = 0.5 * np.array([contact.normal for contact in contacts]).view(float)
+    # Q R = [G^T, opening]: the columns of Q after the third are an orthonormal basis N of the
+    # complement of the range of G^T. The opening's projection on the complement is R_44 N_1.
+    basis, factor = np.linalg.qr(np.column_stack([by_twist, opening]), mode='complete')
+    complement = basis[:, 3:]
+    complement[:, 0] *= factor[3, 3]
+    # J_h phidot = [G^T, N] (nu, residual), with 2 k equations and unknowns.
+    return np.linalg.solve(np.concatenate([by_twist, complement], axis=1), by_speeds)
 
 
 def _require_apart(distance: float) -> None:
@@ -62,27 +69,28 @@ def _require_apart(distance: float) -> None:
 
 def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     """
-    Return the Jacobian (3 m, r) of the velocities of m members with respect to roller speeds.
+    Return the Jacobian (m, 3, r) of the velocities of m members with respect to roller speeds.
 
     Rows are vx, vy of the tube's material at the start [-], and angular velocity (16) [1/m].
     """
     nodes, points = find_members(config.robot.topology, names), config.points
     # A coefficient a + ib of a node stands for a vx + b vy of its velocity.
     by_nodes = np.zeros((len(names), 3, len(points)), dtype=np.complex128)
-    spans: list[complex] = []
-    for coefficients, (start, end) in zip(by_nodes, nodes.lines.tolist(), strict=True):
-        spans.append(complex(points[end] - points[start]))
+    axes: list[complex] = []
+    for (vx, vy, omega), (start, end) in zip(by_nodes, nodes.lines.tolist(), strict=True):
+        span = complex(points[end] - points[start])
+        axes.append(span / abs(span))
+        vx[start], vy[start] = 1.0, 1j
         # Angular velocity: Re(conj(turn) (velocity of the end - velocity of the start)).
-        turn = 1j / spans[-1].conjugate()
-        coefficients[0, start], coefficients[1, start] = 1.0, 1j
-        coefficients[2, start], coefficients[2, end] = -turn, turn
+        turn = 1j / span.conjugate()
+        omega[start], omega[end] = -turn, turn
     rows = config.roller_rows(by_nodes.view(np.float64).reshape(3 * len(names), -1))
+    by_speeds = rows.reshape(len(names), 3, -1)
+    # A roller moves the material along its member, so that the object rolls (17).
     for member, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
-        # The roller moves the material along the member, so that the object rolls (17).
-        axis = spans[member] / abs(spans[member])
-        rows[3 * member, roller] += axis.real
-        rows[3 * member + 1, roller] += axis.imag
-    return rows
+        by_speeds[member, 0, roller] += axes[member].real
+        by_speeds[member, 1, roller] += axes[member].imag
+    return by_speeds
 
 
 def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
@@ -93,15 +101,16 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     those by the twist.
     """
     contacts = find_contacts(config, grip)
+    # Rigid bodies: vx - omega arm_y and vy + omega arm_x, for members about their starts.
     by_members = np.zeros((2 * len(contacts), len(grip.members), 3))
     by_twist: list[tuple[float, float, float]] = []
     for k, contact in enumerate(contacts):
-        lever, arm = contact.point - contact.start, contact.point - grip.body.center
-        by_members[2 * k, contact.owner] = 1.0, 0.0, -lever.imag
-        by_members[2 * k + 1, contact.owner] = 0.0, 1.0, lever.real
+        member_arm, arm = contact.point - contact.start, contact.point - grip.body.center
+        by_members[2 * k, contact.owner] = 1.0, 0.0, -member_arm.imag
+        by_members[2 * k + 1, contact.owner] = 0.0, 1.0, member_arm.real
         by_twist += [(1.0, 0.0, -arm.imag), (0.0, 1.0, arm.real)]
-    by_speeds = by_members.reshape(len(by_members), -1) @ member_rows(config, grip.members)
-    return by_speeds, np.array(by_twist)
+    members = member_rows(config, grip.members).reshape(3 * len(grip.members), -1)
+    return by_members.reshape(len(by_members), -1) @ members, np.array(by_twist)
 
 
 def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> Array:
@@ -111,25 +120,30 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     The object rotates with the member that touches a face, or else with the line through both
     contact points. The midpoint of both points moves with their mean velocity.
     """
+    # Contact points: a face touches at the middle of its ends.
     patches = [[contact for contact in contacts if contact.owner == owner] for owner in (0, 1)]
     points = [0.5 * (patch[0].point + patch[-1].point) for patch in patches]
     distance = abs(points[1] - points[0])
     _require_apart(distance)
+
     # (15): velocities x + iy of the material at both points, for roller speeds of 1 m/s.
-    x, y, spins = members.reshape(2, 3, -1).swapaxes(0, 1)
-    levers = [[point - patch[0].start] for point, patch in zip(points, patches, strict=True)]
-    velocities = x + 1j * (y + levers * spins)
+    x, y, spins = members.swapaxes(0, 1)
+    arms = [[point - patch[0].start] for point, patch in zip(points, patches, strict=True)]
+    velocities = x + 1j * (y + arms * spins)
     # Relative velocity along (real) and across the line from the first to the second point.
     line = (points[1] - points[0]) / distance
     relative = (velocities[1] - velocities[0]) * line.conjugate()
+    # Motion of the object (18).
     face_spins = [spin for patch, spin in zip(patches, spins, strict=True) if len(patch) > 1]
-    rotation = face_spins[0] if face_spins else relative.imag / distance  # (18)
-    # Rate of the distance of the points: zero for a disc at a module at constant angle (14).
+    rotation = face_spins[0] if face_spins else relative.imag / distance
+    from_midpoint = grip.body.center - 0.5 * (points[0] + points[1])
+    center = 0.5 * (velocities[0] + velocities[1]) + 1j * from_midpoint * rotation
+
+    # Residuals: opening rate, zero for a disc at a module at constant angle (14); and with faces,
+    # their rotations relative to the line through the points, and to each other.
     residuals = [relative.real]
     if face_spins:
         residuals.append(relative.imag - distance * rotation)
     if len(face_spins) == 2:
         residuals.append(grip.body.arm * (spins[1] - spins[0]))
-    from_midpoint = grip.body.center - 0.5 * (points[0] + points[1])
-    center = 0.5 * (velocities[0] + velocities[1]) + 1j * from_midpoint * rotation
     return np.array([center.real, center.imag, rotation, *residuals])

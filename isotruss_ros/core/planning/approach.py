@@ -208,7 +208,7 @@ def _solve_step(state: SearchState, closing: Closing, targets: Array, step_share
         rotations = np.angle(closing.facing * closing.normals(config).conj())
         rotations = np.clip(rotations, -MAX_TURN_STEP, MAX_TURN_STEP)
         names = tuple(config.robot.member_names[member] for member in members)
-        rotation_rates = member_rows(config, names)[2::3]  # after the two rows of a translation
+        rotation_rates = member_rows(config, names)[:, 2]  # after vx and vy
         rates = np.vstack([rates, TURNING_ARM * rotation_rates])
         changes = np.append(changes, TURNING_ARM * rotations)
     longest = np.full(len(config.roller_positions), MAX_STEP * length)
