@@ -58,34 +58,39 @@ def limit_acceleration(
     """
     motion, contacts = command.motion, command.contact_rows
     velocities = desired = command.roller_velocities
-    # Rows of the velocity of the object's surface; zero if no object is moved.
+
+    # Bound of the object's surface speed. The rows are zero if no object is moved.
     surface_rows = motion * (0.0 if arm is None else np.array([[1.0], [1.0], [arm]]))
     surface_speed = float(np.linalg.norm(surface_rows.dot(previous)))
     max_surface_speed = surface_speed + SURFACE_ACCELERATION * max_change
     surface_limited = bool(np.linalg.norm(surface_rows.dot(desired)) > max_surface_speed)
+
     limited = surface_limited or bool(np.abs(desired - previous).max() > max_change)
     if not limited and not _reverses(previous_change, desired - previous, max_change):
         return command
     rows = find_rows()
     moving = (desired != 0.0) | (previous != 0.0)  # failed rollers stand still
     if limited:
-        # The line from the start, which fulfils the constraints of contacts and limits, to the
-        # desired speeds; and its largest share that no roller's change forbids.
+        # A line from the speeds closest to the previous ones that fulfil the constraints.
         projected = previous - np.linalg.pinv(contacts).dot(contacts.dot(previous))
         start = _nearest(projected, contacts, moving, rows, 0.0 * projected)
+        # The largest share of the line at which no roller, nor the surface, accelerates too much.
         line, differs = desired - start, desired != start
         room = np.copysign(max_change, line) - (start - previous)
         share = max(float((room[differs] / line[differs]).min(initial=1.0)), 0.0)
         if surface_limited:
             surface_start, surface_desired = surface_rows.dot(start), surface_rows.dot(desired)
             share = min(share, _surface_share(surface_start, surface_desired, max_surface_speed))
+        # Even the start may require too large an acceleration.
         velocities = limit_change(start + share * line, previous, max_change)
     if _reverses(previous_change, velocities - previous, max_change):
         # The closest roller speeds with the same twist and without reversals, if there are any.
         bounds = _reversal_rows(rows, velocities, previous, previous_change, max_change)
         fixed = np.concatenate([motion, contacts])
         velocities = _nearest(velocities, fixed, moving, bounds, velocities)
-    twist = motion.dot(velocities)  # may be the velocity of a joint, which is two components
+
+    # A command for joints has two components for each joint, a twist has three.
+    twist = motion.dot(velocities)
     achieved = command.achieved_twist.copy()
     achieved[: len(twist)] = twist
     status = Status.ACCELERATING if limited else command.status
@@ -93,7 +98,7 @@ def limit_acceleration(
 
 
 def _reverses(previous_change: Array, change: Array, max_change: float) -> bool:
-    """Return whether the speed of a roller changes back after its change in the previous cycle."""
+    """Return whether a roller accelerates and then decelerates in two cycles, or vice versa."""
     smaller = np.minimum(np.abs(previous_change), np.abs(change))
     is_opposite = previous_change * change < 0.0
     return bool((is_opposite & (smaller > REVERSAL_SHARE * max_change)).any())
@@ -103,10 +108,13 @@ def _reversal_rows(
     rows: Rows, velocities: Array, previous: Array, previous_change: Array, max_change: float
 ) -> Rows:
     """Return the rows of the limits, and of roller speeds without reversals."""
+    # A roller that accelerated may decelerate only a little, and vice versa. Otherwise its change
+    # is at most `max_change`, or that of the present velocities.
     change, small = velocities - previous, REVERSAL_SHARE * max_change
     lower = np.where(previous_change > small, -small, np.minimum(change, -max_change))
     upper = np.where(previous_change < -small, small, np.maximum(change, max_change))
-    rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
+    # A limit that the velocities violate, because they cannot stop as fast, is extended to them.
+    rates = rows.matrix.dot(velocities)
     return Rows(
         np.concatenate([rows.matrix, np.eye(len(change))]),
         np.concatenate([np.minimum(rows.lower, rates), previous + lower]),
@@ -125,12 +133,12 @@ def _nearest(speeds: Array, fixed: Array, moving: Flags, rows: Rows, otherwise: 
     # Independent rows of `fixed`; unlike SciPy, NumPy decomposes also empty matrices.
     _, values, basis = np.linalg.svd(fixed[:, moving])
     equality = basis[: (values > ROUNDING * values.max(initial=0.0)).sum()]
-    # The least change of the moving rollers' speeds, divided by the largest speed.
-    unit, identity = float(np.abs(speeds).max()) or 1.0, np.eye(len(basis))
+    # Least squares of the changes of the moving rollers' speeds, in units of the largest speed.
+    unit = float(np.abs(speeds).max()) or 1.0
     matrix, room = rows.about(speeds).one_sided()
-    bounds = matrix[:, moving], room / unit
-    target = np.zeros(len(equality))
-    change = solve_qp(QuadraticProgram(identity, 0.0 * identity[0], *bounds, equality, target))
+    hessian, gradient = np.eye(len(basis)), np.zeros(len(basis))
+    bounds, target = (matrix[:, moving], room / unit), np.zeros(len(equality))
+    change = solve_qp(QuadraticProgram(hessian, gradient, *bounds, equality, target))
     if change is None:
         return otherwise
     nearest = speeds.copy()
@@ -139,7 +147,8 @@ def _nearest(speeds: Array, fixed: Array, moving: Flags, rows: Rows, otherwise: 
 
 
 def _surface_share(start: Array, desired: Array, top: float) -> float:
-    """Return the largest fraction (0 to 1) of a velocity change within a speed `top` [m/s]."""
+    """Return the largest fraction (0 to 1) of a change at which the speed is at most `top`."""
+    # Larger root of |start + fraction * step|^2 = top^2.
     step = desired - start
     square, slope = float(step.dot(step)), float(step.dot(start))
     if square == 0.0:

@@ -52,14 +52,15 @@ def place_between(
     grips: list[Grip] = []
     # The object may be on the left (+1) or on the right of each member.
     for sides in itertools.product((1.0, -1.0), repeat=len(names)):
+        # Displacement (x, y) of an object from the middle that closes the gaps to all members.
         normals = -1j * np.array(sides) * spans / np.abs(spans)
         distances = shape.support(normals / turn) + skin  # of the object's origin from the lines
-        # Gaps between the members and an object at `middle`.
         gaps = ((starts - middle) * normals.conj()).real - distances
         rows = normals.view(np.float64).reshape(-1, 2)
         x, y = np.linalg.lstsq(rows, gaps, rcond=ROUNDING)[0]
         pose = Pose(middle.real + float(x), middle.imag + float(y), float(direction))
         grip = Grip(names, ConvexObject(shape, pose))
+        # The object must be on the assumed sides.
         try:
             contacts = find_contacts(config, grip)
         except GraspError:

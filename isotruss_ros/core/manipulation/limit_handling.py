@@ -71,7 +71,7 @@ class LimitHandling:
 def apply_limits(
     config: Configuration, task: Task, limits: Sequence[Limit], rows: Rows, handling: LimitHandling
 ) -> tuple[Array, float, Status, tuple[str, ...]]:
-    """Return the roller speeds (r,) under limits, scale, status, and names at binding limits."""
+    """Return the roller speeds (r,) of a task under limits, its scale, status and binding rows."""
     max_speed = config.robot.description.max_speed
     row_limits = [(limit, name) for limit in limits for name in limit.row_names(config)]
     slides = np.array([limit.can_slide for limit, _ in row_limits]) & handling.slide_along_limits
@@ -79,7 +79,7 @@ def apply_limits(
     velocities = task.reach.working.spread(speeds)
     if scale > 1.0 - ROUNDING:
         return velocities, 1.0, task.status, ()
-    # A row binds if a step toward the free solution would violate it.
+    # A row without slack binds if the unlimited speeds violate it.
     is_binding = (slack < NEGLIGIBLE_SHARE) & (rows.slack(task.velocities) < 0.0)
     binding = [row_limits[i] for i in np.flatnonzero(is_binding)]
     status = task.status
@@ -98,40 +98,41 @@ def _limit_speeds(
     Also return the slack of all rows, relative to the largest roller speed, and whether the
     twist is projected on the rows along which it slides.
     """
-    reach, working = task.reach, task.reach.working
+    reach, working, dof = task.reach, task.reach.working, len(task.reach.directions)
+    # The solver's tolerance is absolute, so roller speeds are divided by a unit, the smaller of
+    # desired and possible speed. Larger bounds are not used, because the division could overflow.
     gain = float(np.abs(task.free).max())  # largest roller speed per unit of `task.speed` [-]
-    desired_speed = gain * task.speed  # largest roller speed of the least-cost speeds [m/s]
-    # The solver's tolerance is absolute, so speeds are divided by the smaller of desired and
-    # possible speed.
+    desired_speed = gain * task.speed  # largest of the least-cost speeds [m/s]
     unit = min(max_speed, desired_speed)
-    largest = unit / ROUNDING  # bounds above it are not used: the division could overflow
+    largest = unit / ROUNDING
     bounds = Rows(
         rows.matrix.take(working.indices, -1),
         np.maximum(rows.lower, -largest) / unit,
         np.minimum(rows.upper, largest) / unit,
     )
-    # The task in units in which the largest least-cost speed is 1.
+    # For a progress of 1 along this direction, the largest of the least-cost speeds is 1.
     direction, free = task.direction / gain, task.free / gain
     max_progress = min(desired_speed / unit, 1.0 / NEGLIGIBLE_SHARE)
     free_cost = float(free.dot(working.cost.dot(free)))
-    penalty, weight = EXACT_PENALTY, NEGLIGIBLE_SHARE
+    penalty, regularization = EXACT_PENALTY, NEGLIGIBLE_SHARE
     if handling.regularized:
         penalty = min(penalty, PROGRESS_WEIGHT * max_speed / (unit * gain))
-        weight = 1.0 / PROGRESS_WEIGHT
-    # Largest progress along the direction, under the limits along which the twist cannot slide.
+        regularization = 1.0 / PROGRESS_WEIGHT
+
+    # Scaling: largest progress under the limits along which the twist cannot slide.
     scaling_bounds = Rows(*(part[~slides] for part in bounds))
     solution, progress = maximize_progress(
         working.cost, reach.rows, direction, max_progress, scaling_bounds, free_cost, penalty
     )
     slack = bounds.slack(solution)
+
+    # Sliding: least deviation from these speeds under all limits. Its component along the unit
+    # vector `task.direction` is progress, in units of `direction`.
     is_sliding = handling.slide_along_limits and bool((slack < -NEGLIGIBLE_SHARE).any())
     if is_sliding:
-        # Least deviation from these speeds under all limits.
-        dof, change_bounds = len(reach.directions), bounds.about(solution)
-        opening = progress * direction[dof:]
-        change = least_deviation(working.cost, reach.rows, dof, opening, change_bounds, weight)
+        opening, room = progress * direction[dof:], bounds.about(solution)
+        change = least_deviation(working.cost, reach.rows, dof, opening, room, regularization)
         solution = solution + change
-        # Component of the deviation along the unit vector of the task, in units of `direction`.
         progress += gain * float(task.direction.dot(reach.rows.dot(change)))
         slack = bounds.slack(solution)
     if progress < ROUNDING:  # speeds without progress are rounding errors
@@ -153,17 +154,19 @@ def maximize_progress(
 
     |u| is of order 1, J has full row rank, and `free_cost` is the least cost |C f|^2 for s = 1.
     """
+    # The program at the top of this module, for the unknowns (u, s).
     count = len(cost)
-    # The unknowns of the program are u, and then s.
     hessian, gradient = np.zeros((count + 1, count + 1)), np.zeros(count + 1)
     hessian[:count, :count] = cost
     hessian[count, count] = penalty / (2.0 * max(max_progress, 1.0)) - free_cost
     gradient[count] = -penalty
-    matrix, bounds = limited.one_sided()
-    rows = np.zeros((len(bounds) + 2, count + 1))
+    # Limits of u; then s <= max_progress and -s <= 0.
+    matrix, upper = limited.one_sided()
+    rows, bounds = np.zeros((len(upper) + 2, count + 1)), np.append(upper, [max_progress, 0.0])
     rows[:-2, :count], rows[-2:, count] = matrix, (1.0, -1.0)
+    # J u - s * direction = 0.
     equations = np.concatenate([equality, -direction[:, None]], axis=1)
-    bounds, target = np.append(bounds, [max_progress, 0.0]), np.zeros(len(direction))
+    target = np.zeros(len(direction))
     problem = QuadraticProgram(hessian, gradient, rows, bounds, equations, target)
     solution = require_solution(solve_qp(problem))
     return solution[:count], float(min(max(solution[count], 0.0), max_progress))
@@ -173,7 +176,7 @@ def least_deviation(
     cost: Array, equality: Array, dof: int, opening: Array, limited: Rows, regularization: float
 ) -> Array:
     """
-    Return the change v of roller speeds that fulfils the limits on v, with the least deviation.
+    Return the change v of roller speeds, within limits on v, with the least change of the twist.
 
     It minimises 1/2 |J v|^2 + regularization/2 |C v|^2 with the first `dof` rows of J. The other
     rows are equalities J v = 0; if the bounds do not admit them, they become J v = -opening.

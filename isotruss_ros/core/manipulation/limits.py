@@ -34,17 +34,17 @@ class Rows(NamedTuple):
     upper: Array  #: (k,) upper bounds of the rows [m/s]
 
     def slack(self, speeds: Array) -> Array:
-        """Return each row's slack to its nearer bound, (k,), negative if violated [m/s]."""
+        """Return the distances (k,) of rows from their nearer bounds, negative beyond [m/s]."""
         rates = self.matrix.dot(speeds)
         return np.minimum(self.upper - rates, rates - self.lower)
 
     def about(self, speeds: Array) -> Rows:
-        """Return these limits as rows on changes of given roller speeds (r,)."""
+        """Return the limits as bounds on changes from given roller speeds (r,) [m/s]."""
         rates = self.matrix.dot(speeds)
         return Rows(self.matrix, self.lower - rates, self.upper - rates)
 
     def one_sided(self) -> tuple[Array, Array]:
-        """Return the matrix (2k, r) and the upper bounds (2k,) [m/s] of the same limits."""
+        """Return the limits as upper bounds only: matrix (2k, r) and bounds (2k,) [m/s]."""
         matrix = np.concatenate([self.matrix, -self.matrix])
         return matrix, np.concatenate([self.upper, -self.lower])
 

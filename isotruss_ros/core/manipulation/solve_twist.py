@@ -74,6 +74,7 @@ def solve_twist(
     :raises SolverError: a quadratic program was not solved.
     """
     require_configuration(config)
+    # Arrays of floats need no conversion.
     desired = np.asarray(twist)
     usable = desired.dtype == float and desired.shape == (3,)
     if not (usable and all(map(math.isfinite, desired.tolist()))):
@@ -91,7 +92,7 @@ def solve_twist(
 def _find_reach(
     config: Configuration, jacobian: Array, weights: Array, failed: Collection[str]
 ) -> Reach:
-    """Return the motions that the rollers other than failed ones can produce, see `Reach.of`."""
+    """Return the reachable twists for failed rollers, see `Reach.of`."""
     names = frozenset([failed] if isinstance(failed, str) else failed)
     return Reach.of(jacobian, working_rollers(config.robot.topology, names), weights)
 
@@ -202,8 +203,8 @@ def solve_joint_velocity(
     check_names('joint', velocities, names, config.robot.name)
     what = 'the velocity (vx, vy) [m/s] of joint '
     pairs = [finite_array(velocities[name], 2, what + name, GraspError) for name in velocities]
-    nodes = np.array([names.index(joint) for joint in velocities])
-    coordinates = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()  # x and y of each joint
+    # The joints are the first nodes; their coordinates are x and y one after the other.
+    coordinates = [2 * names.index(joint) + axis for joint in velocities for axis in (0, 1)]
     jacobian = config.roller_rows(np.eye(2 * len(config.points))[coordinates])
     reach = _find_reach(config, jacobian, np.ones(len(jacobian)), failed)
     task = find_task(reach, np.concatenate(pairs), soft_rank=handling.soft_rank)

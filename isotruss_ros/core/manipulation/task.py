@@ -44,6 +44,7 @@ class WorkingRollers:
 
     def with_cost(self, cost: ArrayLike) -> WorkingRollers:
         """Return the rollers with another cost (11), scaled to the trace of the paper's cost."""
+        # Symmetric, with a largest entry of 1, and positive definite.
         matrix = covariance_matrix(cost, self.count, 'the cost matrix', GraspError)
         matrix /= max(float(np.abs(matrix).max()), SMALLEST_NORMAL)
         if np.linalg.eigvalsh(matrix)[0] < COINCIDENCE:
@@ -56,7 +57,7 @@ class WorkingRollers:
         return WorkingRollers(self.count, self.indices, working_cost)
 
     def spread(self, values: Array) -> Array:
-        """Return values of all rollers (..., r) from those of working rollers; others are zero."""
+        """Return values of all rollers (..., r) from those of working rollers (..., w)."""
         spread = np.zeros((*values.shape[:-1], self.count))
         spread[..., self.indices] = values
         return spread
@@ -95,26 +96,29 @@ class Reach(NamedTuple):
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
         """Return the reachable twists from a Jacobian (3 + g, r) as of `grip_jacobian`."""
+        # Rows of the twist, in units of surface speed, then of the contacts.
         count, rows = len(weights), jacobian.take(working.indices, -1)
         rows[:count] *= weights[:, None]
         motion, twist_rows, contact_rows = jacobian[:count], rows[:count], rows[count:]
-        # Fast path for full rank: eigenvalues of the Gram matrix replace the two singular value
-        # decompositions below.
+
+        # Full rank: the smallest eigenvalue of the Gram matrix shows it in less time than the
+        # singular value decompositions below.
         squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0].tolist()
         if squares[0] > 100.0 * RANK_TOLERANCE**2 * max(1.0, squares[-1]):
             opening = np.zeros(len(contact_rows))
             opening[:1] = 1.0
             return cls(working, motion, rows, np.eye(count), weights, opening)
+        # Orthonormal rows of the contact constraints.
         row_basis, gains, speed_basis = np.linalg.svd(contact_rows, full_matrices=False)
         effective = gains > RANK_TOLERANCE
         constraints = speed_basis[effective]
-        # Twists of the speeds that fulfil the constraints.
+        # The first contact row, if there is any, is the opening rate.
+        opening = row_basis[:1, effective].sum(axis=0) / gains[effective]
+        # Twists of the speeds that fulfil these constraints.
         projected = twist_rows - twist_rows.dot(constraints.T).dot(constraints)
         axes, speeds, _ = np.linalg.svd(projected, full_matrices=False)
         directions = axes[:, speeds > RANK_TOLERANCE].T
         independent = np.concatenate([directions.dot(twist_rows), constraints])
-        # The first contact row, if there is any, is the opening rate.
-        opening = row_basis[:1, effective].sum(axis=0) / gains[effective]
         return cls(working, motion, independent, directions, weights, opening)
 
 
@@ -138,20 +142,26 @@ def find_task(
     """Return the reachable twist closest to a desired one, with least-cost roller speeds (20)."""
     working, dof = reach.working, len(reach.directions)
     opening = (reach.opening * opening_rate).tolist() if opening_rate else []
-    # The twist is scaled so that no finite twist overflows.
+    # Twist and opening are divided by the largest component, so that no finite twist overflows.
     size = max(map(abs, twist.tolist() + opening)) or 1.0
-    scaled = reach.weights * (twist / size)
-    norm = math.sqrt(scaled.dot(scaled))
-    closest = reach.directions.dot(scaled)
-    unreachable = closest.dot(reach.directions) - scaled
+    desired = reach.weights * (twist / size)
+    norm = math.sqrt(desired.dot(desired))
+
+    # Projection on the reachable twists.
+    closest = reach.directions.dot(desired)
+    unreachable = closest.dot(reach.directions) - desired
     missed = math.sqrt(unreachable.dot(unreachable)) / (norm or 1.0)
     status = Status.OK if missed <= ROUNDING else Status.UNREACHABLE
-    direction = np.zeros(len(reach.rows))  # of the twist, then of the contacts
+
+    # Right-hand side of (20): of the twist, then of the contacts.
+    direction = np.zeros(len(reach.rows))
     direction[:dof] = closest
     if opening:
         direction[dof:] = np.divide(opening, size)
     if soft_rank > 0.0 and _damp(reach, direction, soft_rank):
         status = Status.UNREACHABLE
+
+    # Least-cost speeds for the unit vector of the right-hand side.
     length = math.sqrt(direction.dot(direction))
     if length <= ROUNDING * norm:  # also if no roller speed produces the opening rate
         if status is Status.OK and not opening:
@@ -171,7 +181,8 @@ def least_cost(whitening: Array, equality: Array, direction: Array) -> Array:
 
     It is E lstsq(J E, direction) for a whitening E.
     """
-    # (20): u = E y with the minimum-norm y of J E y = direction.
+    # (20): u = E y with the minimum-norm y of J E y = direction. LAPACK overwrites the right-hand
+    # side by y, which is longer.
     right = np.zeros(len(whitening))
     right[: len(direction)] = direction
     return whitening.dot(lapack.dgels(equality.dot(whitening), right)[1])
@@ -185,15 +196,17 @@ def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
     s^2 / soft_rank^2), so their roller speeds fall with s instead of growing with 1 / s.
     """
     dof = len(reach.directions)
+    twist, contacts = slice(dof), slice(dof, None)
+    # Gram matrix of the rows, for speeds of unit cost.
     whitened = reach.rows.dot(reach.working.whitening)
-    # Blocks of the twist (before `dof`) and of the contacts.
     gram = whitened.dot(whitened.T)
-    # Schur complement: Gram matrix of the twist for rollers that fulfil the contact constraints.
-    by_contacts = np.linalg.solve(gram[dof:, dof:], gram[dof:, :dof])
-    squares, modes = np.linalg.eigh(gram[:dof, :dof] - gram[:dof, dof:].dot(by_contacts))
+    # Its Schur complement is the Gram matrix of the twist at constant contacts. Its eigenvalues
+    # are the squares of the singular values.
+    by_contacts = np.linalg.solve(gram[contacts, contacts], gram[contacts, twist])
+    squares, modes = np.linalg.eigh(gram[twist, twist] - gram[twist, contacts].dot(by_contacts))
     removed_shares = 1.0 - np.clip(squares / soft_rank**2, 0.0, 1.0)
-    # The opening rate alone produces a part of the twist; the other part is reduced.
-    remainder = direction[:dof] - direction[dof:].dot(by_contacts)
+    # The least-cost speeds for the opening rate produce a part of the twist; the other is reduced.
+    remainder = direction[twist] - direction[contacts].dot(by_contacts)
     removed = modes.dot(removed_shares * remainder.dot(modes))
-    direction[:dof] -= removed
+    direction[twist] -= removed
     return bool(np.abs(removed).max(initial=0.0) > ROUNDING * np.abs(remainder).max(initial=0.0))
