@@ -36,7 +36,7 @@ class ClosedGrip(NamedTuple):
 class PlannedGrasp(
     Record, headline=('members', 'squeeze', 'slip_margin', 'utilisation', 'roller_positions')
 ):
-    """Grasp that fulfils the requirements, with a path of the rollers, linear between its rows."""
+    """Grasp that fulfils the requirements, with the path of the rollers to the grasp."""
 
     grip: Grip  #: grasping members, and the object at its pose after closing
     members: tuple[str, ...]  #: names `t/j-k` of the members in contact with the object
@@ -53,7 +53,8 @@ class PlannedGrasp(
     nonlinearity: float  #: nonlinearity of the contact forces, see `SettledGrasp` [-]
     travel: float  #: largest travel of a roller along the path [m]
     rigidity: float  #: smallest rigidity index along the path, 1 at home [-]
-    path: Array  #: (k, r) roller positions from the current positions to the grasp [m]
+    #: (k, r) waypoints of the rollers from the current positions to the grasp, joined by lines [m]
+    path: Array
     touch: int  #: index of the first row of `path` with all grasping members in contact
     #: chance that the object is held, also along the path `carry`; None: no uncertainty given
     chance: Chance | None = field(default=None, repr=False)
@@ -161,13 +162,15 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
 
 
 def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
-    """Return the times (k,) of the waypoints (k, r) of a path, slower on `near` segments."""
+    """Return the times (k,) of a path's waypoints (k, r), slower on segments `near` the object."""
+    # Durations of the segments at the largest speed [s]; positive, so that times increase.
     speeds = np.where(near, NEAR_SPEED_SHARE * limits.max_speed, limits.max_speed)
     steps = np.diff(path, axis=0)
     longest = np.abs(steps).max(axis=1, initial=0.0)
-    durations = np.maximum(longest / speeds, 0.01)  # [s], so that times increase
+    durations = np.maximum(longest / speeds, 0.01)
+    # Longer durations where the jumps of velocity need more time, from rest to rest.
     while len(steps):
-        velocities = np.pad(steps / durations[:, None], ((1, 1), (0, 0)))  # from rest to rest
+        velocities = np.pad(steps / durations[:, None], ((1, 1), (0, 0)))
         jumps = np.abs(np.diff(velocities, axis=0)).max(axis=1)
         # A segment contains half of the blends at both of its ends, see `RollerTrajectory`.
         required = 0.5 * (jumps[1:] + jumps[:-1]) / limits.max_acceleration
@@ -186,22 +189,23 @@ def plan_in_words(plan: GraspPlan) -> str:
     best = plan[0]
     count = 'one grasp' if len(plan) == 1 else f'{len(plan)} grasps, the best'
     where = '' if best.module is None else f'at {best.module} '
-    outside = others = chance = ''
-    wrinkled = sum(grasp.outside_model for grasp in plan[1:])
+    text = (
+        f'{count} {where}between {", ".join(best.members)}: presses with {best.squeeze:.3g} N '
+        f'each, slips at {best.slip_margin:.3g} N, largest utilisation {best.utilisation:.2g}, '
+        f'forces {100.0 * best.nonlinearity:.2g} % above linear tubes'
+    )
     if best.outside_model:
-        outside = '; a tube wrinkles, these numbers are outside of the model'
-        others = f'; a tube wrinkles in {wrinkled} of the others too' if wrinkled else ''
-    elif wrinkled:
-        others = f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
+        text += '; a tube wrinkles, these numbers are outside of the model'
     if best.chance is not None:
         largest = list(best.chance.shares.items())[:2]
         shares = ', '.join(f'{name} {100.0 * share:.0f} %' for name, share in largest)
-        chance = (
+        text += (
             f'; held with a chance of {best.chance.probability:.3g} ({best.chance.method}), '
             f'otherwise most probably {best.chance.limit} ({shares})'
         )
-    return (
-        f'{count} {where}between {", ".join(best.members)}: presses with {best.squeeze:.3g} N '
-        f'each, slips at {best.slip_margin:.3g} N, largest utilisation {best.utilisation:.2g}, '
-        f'forces {100.0 * best.nonlinearity:.2g} % above linear tubes{outside}{chance}{others}'
-    )
+    wrinkled = sum(grasp.outside_model for grasp in plan[1:])
+    if wrinkled and best.outside_model:
+        text += f'; a tube wrinkles in {wrinkled} of the others too'
+    elif wrinkled:
+        text += f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
+    return text
