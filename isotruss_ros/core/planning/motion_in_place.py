@@ -32,7 +32,7 @@ from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 from isotruss_ros.core.planning.approach import Closing, evaluate_state, FIRST_INDENTATION, press
 from isotruss_ros.core.planning.facing import CONE_SHARE
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
-from isotruss_ros.core.planning.violations import RequirementError
+from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
 #: Relative tolerance of the squeeze, and of the forces of three members compared with those of a
@@ -82,18 +82,13 @@ def roll_between(grasp: HeldGrip, config: Configuration, closing: Closing) -> He
 
 def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:
     """Return the grasp with this mean normal force [N] and an unchanged pose of the object."""
-    # Tolerances of the errors of `_find_errors`: squeeze, pose and, for three members, forces.
-    force_tolerance = SQUEEZE_TOLERANCE * force
-    pose_tolerances = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])
-    force_tolerances = 3 * [force_tolerance] if len(closing.members) > 2 else []
-    tolerances = np.array([force_tolerance, *pose_tolerances, *force_tolerances])
-    # The squeeze is an equality constraint; the weighted other errors are minimised.
-    weights = np.ones(len(tolerances) - 1)
-    weights[2] = ROTATION_WEIGHT  # x, y, angle
     rows, room = closing.limit.rows(grasp.config).one_sided()  # up to the end of the motion
     rollers = len(grasp.config.roller_positions)
+
+    # Gauss-Newton method on the errors of squeeze, pose and forces, relative to their tolerances.
     for _ in range(MAX_SEARCH_STEPS):
-        errors = _find_errors(grasp, force, closing.body) / tolerances
+        errors, tolerances = _find_errors(grasp, force, closing.body)
+        errors = errors / tolerances
         try:
             gradient = held_gradient(grasp)
         except GraspError:
@@ -101,18 +96,24 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         pose_rates, force_rates = gradient.pose[:, :rollers], gradient.normal_forces[:, :rollers]
         rates = np.vstack([force_rates.mean(axis=0), pose_rates, force_rates])[: len(errors)]
         rates = rates / tolerances[:, None]
-        matrix = weights[:, None] * rates[1:]
+
+        # The travel u minimises |W (errors - rates u)|^2 + MOTION_WEIGHT |u|^2 for all errors but
+        # that of the squeeze, which is an equality constraint.
+        weights = np.ones(len(errors) - 1)
+        weights[2] = ROTATION_WEIGHT  # after x and y
+        matrix, residuals = weights[:, None] * rates[1:], weights * errors[1:]
         hessian = matrix.T @ matrix + MOTION_WEIGHT * np.eye(rollers)
-        linear = -matrix.T @ (weights * errors[1:])
+        linear = -matrix.T @ residuals
         travel = solve_qp(QuadraticProgram(hessian, linear, rows, room, rates[:1], errors[:1]))
         if travel is None:
             break
         room = room - rows @ travel
-        decrease = rates @ travel
-        size_before = np.linalg.norm(weights * errors[1:])
-        size_after = np.linalg.norm(weights * (errors - decrease)[1:])
-        has_converged = np.abs(decrease).max() < 1.0 or size_after > MAX_CONTRACTION * size_before
-        if has_converged and abs(errors[0]) < 1.0:
+
+        # The method ends at the squeeze if a step decreases the errors only a little.
+        is_small = np.abs(rates @ travel).max() < 1.0
+        next_size = np.linalg.norm(residuals - matrix @ travel)
+        is_slow = next_size > MAX_CONTRACTION * np.linalg.norm(residuals)
+        if (is_small or is_slow) and abs(errors[0]) < 1.0:
             _check_in_place(grasp, closing)
             return grasp
         closing.tally.evaluations += 1
@@ -136,64 +137,76 @@ def _check_in_place(grasp: HeldGrip, closing: Closing) -> None:
         raise RequirementError('in_place', displacement, bound)
 
 
-def _find_errors(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
-    """Return the errors of squeeze [N], pose [m, rad] and, for three members, forces [N]."""
+def _find_errors(grasp: HeldGrip, force: float, body: ConvexObject) -> tuple[Array, Array]:
+    """
+    Return the errors of squeeze [N], pose [m, rad] and, for three members, forces [N].
+
+    Errors are desired minus actual values. The second array has their tolerances.
+    """
     rise = max(force - grasp.squeeze, -MAX_FALL * grasp.squeeze)
     errors = np.append(rise, pose_difference(body.pose, grasp.pose))
+    force_tolerance = SQUEEZE_TOLERANCE * force
+    tolerances = np.append(force_tolerance, PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm]))
     if len(grasp.members) < 3:
-        return errors
+        return errors, tolerances
     # Three forces balance without friction if each is proportional to the sine of the angle
     # between the other two.
     normals = grasp.state.normals[grasp.contacts.member_starts]
     sines = (np.roll(normals, -1).conj() * np.roll(normals, -2)).imag
-    return np.append(errors, 3.0 * force * sines / sines.sum() - grasp.normal_forces)
+    force_errors = 3.0 * force * sines / sines.sum() - grasp.normal_forces
+    return np.append(errors, force_errors), np.append(tolerances, 3 * [force_tolerance])
 
 
 def close_in_place(start: Configuration, closing: Closing) -> Iterator[ClosedGrip]:
     """Yield grips with increasing squeeze, from first contact until a requirement is violated."""
     needs, diameter = closing.needs, start.robot.description.tube_diameter
-    depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
     # A grip may use a part of the friction angle while it closes.
     usable_friction = math.tan(CONE_SHARE * math.atan(needs.friction))
+    depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
     grasp = _require_hold(hold_between(press(start, closing, depths), closing), usable_friction)
     # A grip of two members is assessed after the first step, which moves the object to its pose.
     if len(closing.members) > 2:
         with closing.tally.recording():
             yield _judge(grasp, closing)
+    # Increments of the squeeze; they are refined after the first violation of a requirement.
     step_share, max_squeeze = 1.0, needs.squeeze or math.inf
     while step_share >= REFINEMENT and grasp.squeeze < MIN_SQUEEZE_SHARE * max_squeeze:
         rise = -CLOSING_STEP * diameter * grasp.squeeze_stiffness()
         force = min(grasp.squeeze + step_share * rise, max_squeeze)
-        with closing.tally.recording():
+        try:
             moved = _require_hold(squeeze_in_place(grasp, force, closing), usable_friction)
             yield _judge(moved, closing)
             grasp = moved
-            continue
-        step_share *= REFINEMENT  # after a violation, which ends the `with` block
+        except RequirementError as error:
+            closing.tally.record(Violation(*error.args))
+            step_share *= REFINEMENT
 
 
 def _judge(grasp: HeldGrip, closing: Closing) -> ClosedGrip:
     """
     Return a closed grip with its slip margin; raise RequirementError if its forces are too large.
 
-    Slip margin and chance are those under the required wrench.
+    Slip margin and chance, under the required wrench, are None if more squeeze is needed.
     """
     needs, forces = closing.needs, grasp.normal_forces
     closing.tally.analyses += 1
     needs.check_bounds(max_contact_force=forces.max(), max_total_force=forces.sum())
     needs.check_bounds(max_utilisation=grasp.sections.used.max())
-    if grasp.squeeze >= MIN_SQUEEZE_SHARE * (needs.squeeze or 0.0):
-        with closing.tally.recording():  # a violated requirement ends this block
-            loaded, chance = grasp, None
-            if any(needs.external_wrench):
-                rolled = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
-                loaded = _require_hold(rolled, needs.friction)
-            slip_margin = loaded.slip_margin(needs.friction)
-            needs.check_bounds(min_slip_margin=slip_margin)
-            if closing.uncertainty is not None:
-                chance = _find_chance(grasp, loaded, closing.uncertainty, needs.friction)
-            return ClosedGrip(grasp, slip_margin, chance)
-    return ClosedGrip(grasp, slip_margin=None)  # it violates a requirement
+    if grasp.squeeze < MIN_SQUEEZE_SHARE * (needs.squeeze or 0.0):
+        return ClosedGrip(grasp, slip_margin=None)
+    try:
+        loaded, chance = grasp, None
+        if any(needs.external_wrench):
+            rolled = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
+            loaded = _require_hold(rolled, needs.friction)
+        slip_margin = loaded.slip_margin(needs.friction)
+        needs.check_bounds(min_slip_margin=slip_margin)
+        if closing.uncertainty is not None:
+            chance = _find_chance(grasp, loaded, closing.uncertainty, needs.friction)
+    except RequirementError as error:  # more squeeze may mend it
+        closing.tally.record(Violation(*error.args))
+        return ClosedGrip(grasp, slip_margin=None)
+    return ClosedGrip(grasp, slip_margin, chance)
 
 
 def _require_hold(grasp: HeldGrip | None, friction: float) -> HeldGrip:
@@ -209,7 +222,7 @@ def _require_hold(grasp: HeldGrip | None, friction: float) -> HeldGrip:
 def _find_chance(
     grasp: HeldGrip, loaded: HeldGrip, uncertainty: Uncertainty, friction: float
 ) -> Chance:
-    """Return the chance that an object is held in a grasp, and also when it is `loaded`."""
+    """Return the chance that a grasp holds an object both without and with external load."""
     try:
         unloaded = attach_grip(grasp.config, grasp.body, grasp.members)
         grips = [unloaded] if loaded is grasp else [unloaded, loaded]
