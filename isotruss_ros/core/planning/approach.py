@@ -131,12 +131,11 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
     least_error, idle_steps, step_share = np.inf, 0, 1.0
     while True:
         yield state.config
+        # Distance from the end: by the gaps, and by rotations until force closure is possible.
         gap_error = float((state.gaps[members] - targets).max())
         normals = closing.normals(state.config)
-        facing, rotation = None, 0.0  # none if the members' directions already admit force closure
-        if not balances(closing.body, normals, usable_angle, 0.5 * diameter):
-            facing = closing.facing
-            rotation = float(np.abs(np.angle(facing / normals)).sum())
+        has_closure = balances(closing.body, normals, usable_angle, 0.5 * diameter)
+        rotation = 0.0 if has_closure else float(np.abs(np.angle(closing.facing / normals)).sum())
         error = max(gap_error, 0.0) / diameter + rotation
         if error <= GAP_TOLERANCE:
             return
@@ -147,8 +146,8 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
             if gap_error > GAP_TOLERANCE * diameter:
                 raise RequirementError('reach', gap_error, 0.0)
             raise RequirementError('facing', rotation, 0.0)
-        turning = replace(closing, facing=facing)
-        state, step_share = _take_step(state, turning, targets, step_share)
+        step_goal = replace(closing, facing=None) if has_closure else closing
+        state, step_share = _take_step(state, step_goal, targets, step_share)
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
@@ -171,14 +170,15 @@ def _take_step(
     """
     Return the state after a step of the members' gaps to their targets (s,) [m].
 
-    The share of the longest step is doubled for the next step, or reduced until it is admissible.
+    Also return the next share of the longest step: doubled, or reduced until it is admissible.
     """
+    config, diameter = state.config, state.config.robot.description.tube_diameter
     travel = _solve_step(state, closing, targets, step_share)
-    # Quantities beyond their bounds must not become worse.
+
+    # Bounds after the step. Gaps may become smaller than the program allows, because it is exact
+    # only to first order. Quantities beyond their bounds must not become worse.
     min_rigidity = min(closing.needs.min_rigidity, state.modes.values[0])
     min_clearance = state.distances.min(initial=0.0)
-    config, diameter = state.config, state.config.robot.description.tube_diameter
-    # The gaps may become smaller than the program allows, because it is exact only to first order.
     min_gaps = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
     min_gaps[closing.members] = targets - GAP_TOLERANCE * diameter
     min_gaps = np.minimum(min_gaps, state.gaps - COINCIDENCE)
@@ -197,12 +197,13 @@ def _take_step(
 
 
 def _solve_step(state: SearchState, closing: Closing, targets: Array, step_share: float) -> Array:
-    """Return the roller travel (r,) [m] of one step, from a quadratic program."""
+    """Return the roller travel (r,) [m] of one step, from the program at the top of the module."""
     config, members = state.config, closing.members
     length = step_share * config.robot.home.member_lengths.mean()
     bound_rows, lower = _bound_rows(state, closing, targets)
+
     # Desired changes of the members' gaps, and of their directions times an arm.
-    rates = bound_rows[members]  # the first rows have the gaps
+    rates = bound_rows[members]  # the first rows have the gaps of all parts
     changes = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * length)
     if closing.facing is not None:
         rotations = np.angle(closing.facing * closing.normals(config).conj())
@@ -211,10 +212,12 @@ def _solve_step(state: SearchState, closing: Closing, targets: Array, step_share
         rotation_rates = member_rows(config, names)[:, 2]  # after vx and vy
         rates = np.vstack([rates, TURNING_ARM * rotation_rates])
         changes = np.append(changes, TURNING_ARM * rotations)
+    # Longest travel, and the travel to the nominal posture.
     longest = np.full(len(config.roller_positions), MAX_STEP * length)
     nominal = np.zeros(len(longest))
     if closing.nominal_posture is not None:
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
+
     # The travel u minimises 1/2 |rates u - changes|^2 + MOTION_WEIGHT / 2 |u - nominal|^2.
     unit = np.eye(len(longest))
     hessian = rates.T @ rates + MOTION_WEIGHT * unit
@@ -232,10 +235,10 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     config, robot = state.config, state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()
     clearance = CLEARANCE * robot.description.tube_diameter
-    # Bounds of the changes by one step.
+    # Lower bounds of the changes by one step: gaps, rigidity, and clearances of near pairs. Two
+    # singular values are bounded, because they may exchange their order during a step.
     gap_bounds = BOUND_SHARE * (clearance - state.gaps)
     gap_bounds[closing.members] = targets - state.gaps[closing.members]
-    # Two singular values, because they may exchange their order during a step.
     modes = Modes(*(values[..., :2] for values in state.modes))
     rigidity_bounds = BOUND_SHARE * (closing.needs.min_rigidity - modes.values)
     rigidity_rows = rigidity_index(robot).gradients(config, modes)

@@ -38,18 +38,19 @@ def contact_ends(body: ConvexObject, normals: Points, radius: float) -> tuple[Po
     Normals (s,) point to the members; ends are relative to the object's origin, in robot axes.
     """
     shape, local_normals = body.shape.smoothed(radius), normals * body.turn.conjugate()
-    if not shape.faces_at(0):
+    if not shape.faces_at(0):  # without faces, both ends are the same point
         points = body.turn * shape.support_points(local_normals)
         return points, points
     patches = [shape.contact_patch(normal, radius) for normal in local_normals.tolist()]
-    ends = np.array([(patch[0].point, patch[-1].point) for patch in patches])
-    return body.turn * ends[:, 0], body.turn * ends[:, 1]
+    first_ends, last_ends = np.array([(patch[0].point, patch[-1].point) for patch in patches]).T
+    return body.turn * first_ends, body.turn * last_ends
 
 
 @functools.lru_cache(maxsize=16)
 def _find_pairs(shape: Shape, radius: float) -> tuple[Points, Points, Array]:
     """Return directions of two members in the object's frame, with required friction angles."""
-    # Directions of the first member every 5 degrees, and those of all faces.
+    # Directions of the first member every 5 degrees, and the normals of all faces: from corner to
+    # corner, until the first one is reached again.
     directions = np.exp(2j * np.pi * np.arange(72) / 72).tolist()
     smooth, corner = shape.smoothed(radius), 0
     while faces := smooth.faces_at(corner):
@@ -92,8 +93,8 @@ def find_facing(
     pairs = np.array([local_firsts, local_seconds]) * body.turn
     turns = np.abs(np.angle(pairs / normals[:, None]))
     cost = np.where(required <= angle, required + turning * turns.sum(axis=0), math.inf)
-    # Of pairs with the least cost, that with the most equal turns, then with the least first turn.
-    # Costs are rounded, because rounding errors depend on the frame.
+    # Among pairs of equal cost, the turns are as equal as possible, then the first turn is small.
+    # All are rounded, because rounding errors depend on the frame.
     ranks = np.round([turns[0], np.square(turns).sum(axis=0), cost], ROUNDED_DIGITS)
-    best = int(np.lexsort(ranks)[0])  # the last rank counts first
+    best = int(np.lexsort(ranks)[0])  # sorted by the last rank first
     return None if cost[best] == math.inf else pairs[:, best]

@@ -90,12 +90,12 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     poses = finite_rows(poses, 3, what, GraspError, MAX_MAGNITUDE)
     if not len(poses):
         raise GraspError('the path has no poses: must have one or more')
+    # Goals of the steps at equal path lengths.
     differences = np.abs(np.diff(poses, axis=0)) * (1.0, 1.0, held.arm)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(differences, axis=1))])
     count = min(max(math.ceil(lengths[-1] / STEP), 1), MAX_STEPS)
     samples = np.linspace(0.0, lengths[-1], count + 1)
-    # The equilibrium may differ from the first pose.
-    shifted = poses - poses[0] + np.array(held.pose)
+    shifted = poses - poses[0] + np.array(held.pose)  # the equilibrium may differ from the first
     goals = np.column_stack([np.interp(samples, lengths, values) for values in shifted.T])
     grips, least_margin = [held], held.slip_margin(friction)
     for number, goal in enumerate(goals[1:]):
@@ -114,6 +114,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
 
 def _take_step(held: HeldGrip, friction: float, squeeze: float, goal: Array) -> HeldGrip | str:
     """Return the grip at a pose (3,) [m, rad] with a squeeze [N], or the reason of a failure."""
+    # Roller travel for the displacement, as velocities for a unit of time.
     opening = (squeeze - held.squeeze) / held.squeeze_stiffness()
     grip, displacement = held.touching(friction), pose_difference(goal, held.pose)
     command = solve_twist(held.config, grip, displacement, opening_rate=opening)
@@ -124,6 +125,7 @@ def _take_step(held: HeldGrip, friction: float, squeeze: float, goal: Array) -> 
     if ratio > MAX_TRAVEL_RATIO:
         why = f'a roller must move by {ratio:.0f} times the motion of the object'
         return f'{why}; must be at most {MAX_TRAVEL_RATIO:g}'
+    # Equilibrium after the step.
     config = held.config.moved_to(held.config.roller_positions + command.roller_velocities)
     rolled = roll_grip(held, config)
     hold = HoldStatus.NO_BALANCE if rolled is None else rolled.hold(friction)

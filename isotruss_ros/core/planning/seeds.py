@@ -44,7 +44,7 @@ def find_seeds(
         raise RequirementError('enclosed', 0.0, 1.0)
     groups = [*itertools.combinations(enclosing, 2), *itertools.combinations(enclosing, 3)]
     groups = [group for group in groups if not required or required == set(group)]
-    if number > 0 and groups:  # from several random postures
+    if number > 0 and groups:  # each group starts from several random postures
         groups *= math.ceil(MAX_SEEDS / len(groups))
     shortest = description.min_length if needs.min_length is None else needs.min_length
     longest = description.max_length if needs.max_length is None else needs.max_length
@@ -59,16 +59,19 @@ def find_seeds(
             random_travel = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * random_travel
             friction_angle *= rng.uniform(0.5, 1.0)
+
+        # Directions of the members with force closure; three members must have them already.
         closing = Closing(body, np.array(group), limit, needs, friction_angle, posture)
         normals, usable_angle = closing.normals(config), CONE_SHARE * friction_angle
         if len(group) == 2:
             facing = find_facing(body, normals, usable_angle, radius, turn_weight)
         else:
             facing = normals if balances(body, normals, usable_angle, radius) else None
-        if facing is not None:
-            rotation = np.abs(np.angle(facing / normals)).sum()
-            cost = float(gaps[closing.members].sum() / length + 0.5 * rotation)
-            seeds.append((round(cost, ROUNDED_DIGITS), replace(closing, facing=facing)))
+        if facing is None:
+            continue
+        rotation = np.abs(np.angle(facing / normals)).sum()
+        cost = float(gaps[closing.members].sum() / length + 0.5 * rotation)
+        seeds.append((round(cost, ROUNDED_DIGITS), replace(closing, facing=facing)))
     if not seeds:
         visible, count = len(required.intersection(enclosing)), len(required)
         raise RequirementError('members' if visible < count else 'opposed', visible, count)
@@ -92,13 +95,15 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     # Segments that block the view: members, modules from B to C, and rods from joints to modules.
     starts = np.concatenate([b, b, points[topology.joint]]) - point
     ends = np.concatenate([points[topology.end], c, 0.5 * (b + c)]) - point
-    # Between the directions of ends, all lines of sight meet the same segments.
+    # Lines of sight midway between the directions of successive ends: from there to the next end,
+    # all lines of sight meet the same segments.
     angles = np.sort(np.angle(np.concatenate([starts, ends])))
     between = np.diff(angles, append=angles[0] + 2.0 * np.pi)
     sights = np.exp(1j * (angles + 0.5 * between)[between > ROUNDING, None])
-    # Ends along (real) and across (imaginary) each line of sight, (lines, segments).
+    # Ends of the segments along (real) and across each line of sight; axes: line, segment.
     local_starts, local_ends = starts * sights.conj(), ends * sights.conj()
     crosses = (local_starts.imag > 0.0) != (local_ends.imag > 0.0)
+    # Distances along the lines of sight to the points where segments cross them.
     share = local_starts.imag / np.where(crosses, local_starts.imag - local_ends.imag, 1.0)
     distances = local_starts.real + share * (local_ends.real - local_starts.real)
     distances = np.where(crosses & (distances > 0.0), distances, np.inf)
