@@ -272,19 +272,21 @@ def _matrix_places(indices: Indices, width: int) -> Indices:
 
 def _find_blocks(numbering: Numbering, is_solid: Flags) -> Indices:
     """Return the block (u,) of each unknown; -1 for unknowns of hinges and of large blocks."""
-    # Vertices of the graph are the nodes, then the constraints. Edges are the members and the
-    # nodes of the constraints; hinges have no edges.
-    columns, nodes, rows = numbering.constraints.places, len(is_solid), numbering.rows
-    start = np.append(numbering.start, nodes + np.arange(rows).repeat(columns.shape[1]))
-    end = np.append(numbering.end, columns // 3)
-    is_connected = np.append(is_solid, np.ones(rows, dtype=bool))
+    # Vertices of the graph are the constraints and then the nodes, as in the unknowns. Edges are
+    # the members and the nodes of the constraints, but no edge leads to a hinge.
+    columns, rows = numbering.constraints.places, numbering.rows
+    start = np.append(rows + numbering.start, np.arange(rows).repeat(columns.shape[1]))
+    end = rows + np.append(numbering.end, columns // 3)
+    is_connected = np.append(np.ones(rows, dtype=bool), is_solid)
     edges = np.flatnonzero(is_connected[start] & is_connected[end])
     entries = np.ones(len(edges)), (start[edges], end[edges])
-    graph = coo_matrix(entries, shape=(rows + nodes,) * 2)
+    graph = coo_matrix(entries, shape=(len(is_connected),) * 2)
     count, component = connected_components(graph, directed=False)
-    of_unknowns = np.append(component[nodes:], component[:nodes].repeat(3))
-    is_block = np.zeros(count, dtype=bool)
-    is_block[component[:nodes][is_solid]] = True
-    is_block &= np.bincount(of_unknowns, minlength=count) <= MAX_DENSE_COORDINATES
+    of_unknowns = np.append(component[:rows], component[rows:].repeat(3))
+    # A component is a block if it has solid nodes, and is small enough for a dense matrix.
+    has_solid_nodes = np.zeros(count, dtype=bool)
+    has_solid_nodes[component[rows:][is_solid]] = True
+    is_small = np.bincount(of_unknowns, minlength=count) <= MAX_DENSE_COORDINATES
+    is_block = has_solid_nodes & is_small
     blocks = np.where(is_block, np.cumsum(is_block) - 1, -1)
     return blocks[of_unknowns]
