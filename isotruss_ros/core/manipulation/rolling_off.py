@@ -53,7 +53,9 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
 
 def rolled_corners(contacts: Sequence[GripContact], friction: float) -> list[list[GripContact]]:
     """Return sets of contacts, without lifted face ends, at which two members' forces balance."""
-    if contacts[-1].owner != 1 or len(contacts) == 2:  # three members, or no face in contact
+    members = contacts[-1].owner + 1
+    has_face = len(contacts) > members
+    if members != 2 or not has_face:
         return []
     choices = lifting_choices([contact.owner for contact in contacts])
     remaining = [[contacts[k] for k in (*one, *other)] for one, other in choices]
