@@ -49,7 +49,7 @@ class ContactWalk:
     def __init__(self) -> None:
         self.length = self.deviations = 0.0
         self._correction, self._walk = np.zeros(3), np.zeros((3, 3))
-        self._jumps: Array | float = 0.0  # jumps of the derivatives by offsets, see `attach`
+        self._jumps: Array | float = 0.0  # jumps of the derivatives by offsets, see `exclude_jump`
         #: Sums within each of `SUM_INTERVALS`, in order of time.
         self._windows: tuple[deque[_Sum], ...] = tuple(deque() for _ in SUM_INTERVALS)
 
@@ -57,8 +57,8 @@ class ContactWalk:
         """Add process noise (3, 3) to the covariance of the contacts' random walk [m^2]."""
         self._walk = self._walk + noise
 
-    def attach(self, jump: Array) -> None:
-        """Exclude a jump (3, c) of the pose's derivatives by roller offsets from the sums."""
+    def exclude_jump(self, jump: Array) -> None:
+        """Do not count a jump (3, c) of the pose's derivatives by roller offsets as motion."""
         self._jumps = self._jumps + jump
 
     def add(

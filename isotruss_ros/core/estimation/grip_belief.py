@@ -279,7 +279,7 @@ class GripBelief:
         squeeze_before, rates_before = self.squeeze, self.cache.by_offsets.outputs
         self.is_assumed, self.cache = False, cache
         self._fit_state()
-        self.state.walk.attach((cache.by_offsets.outputs - rates_before)[:3])
+        self.state.walk.exclude_jump((cache.by_offsets.outputs - rates_before)[:3])
         self._start_at(pose_without_load)
         self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze_before))
         return True

@@ -43,7 +43,7 @@ class ContactSet(NamedTuple):
 
     @classmethod
     def of(cls, contacts: PressedContacts) -> ContactSet:
-        """Return the set of given contacts, each of which is its own origin."""
+        """Return a set in which contact i was contact i of the previous equilibrium."""
         return cls(contacts, np.arange(len(contacts.members)))
 
     @property

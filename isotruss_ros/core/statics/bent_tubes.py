@@ -159,7 +159,7 @@ class BentTubes:
         return np.concatenate([part.ravel() for part in self.activated().state])
 
     def activated(self) -> BentTubes:
-        """Return these tubes with all blocks deformable."""
+        """Return these tubes with the tubes that carry no loads deformable, too."""
         if not self.frame.layout.kept:
             return self
         frame = self.structure.frame.cut(self.cuts.pieces, self.cuts.within)
