@@ -101,16 +101,16 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     those by the twist.
     """
     contacts = find_contacts(config, grip)
-    # Rigid bodies: vx - omega arm_y and vy + omega arm_x, for members about their starts.
-    by_members = np.zeros((2 * len(contacts), len(grip.members), 3))
+    # Velocities of points of rigid bodies: vx - omega arm_y and vy + omega arm_x.
+    # Axes: contact, component, member, motion (vx, vy, omega) of the member's start.
+    by_members = np.zeros((len(contacts), 2, len(grip.members), 3))
     by_twist: list[tuple[float, float, float]] = []
     for k, contact in enumerate(contacts):
         member_arm, arm = contact.point - contact.start, contact.point - grip.body.center
-        by_members[2 * k, contact.owner] = 1.0, 0.0, -member_arm.imag
-        by_members[2 * k + 1, contact.owner] = 0.0, 1.0, member_arm.real
+        by_members[k, :, contact.owner] = (1.0, 0.0, -member_arm.imag), (0.0, 1.0, member_arm.real)
         by_twist += [(1.0, 0.0, -arm.imag), (0.0, 1.0, arm.real)]
     members = member_rows(config, grip.members).reshape(3 * len(grip.members), -1)
-    return by_members.reshape(len(by_members), -1) @ members, np.array(by_twist)
+    return by_members.reshape(2 * len(contacts), -1) @ members, np.array(by_twist)
 
 
 def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> Array:
@@ -128,8 +128,8 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
 
     # (15): velocities x + iy of the material at both points, for roller speeds of 1 m/s.
     x, y, spins = members.swapaxes(0, 1)
-    arms = [[point - patch[0].start] for point, patch in zip(points, patches, strict=True)]
-    velocities = x + 1j * (y + arms * spins)
+    arms = np.array([point - patch[0].start for point, patch in zip(points, patches, strict=True)])
+    velocities = x + 1j * (y + arms[:, None] * spins)
     # Relative velocity along (real) and across the line from the first to the second point.
     line = (points[1] - points[0]) / distance
     relative = (velocities[1] - velocities[0]) * line.conjugate()
