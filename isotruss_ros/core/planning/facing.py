@@ -59,7 +59,8 @@ def _find_pairs(shape: Shape, radius: float) -> tuple[Points, Points, Array]:
         if corner == 0:
             break
     # The second member is opposite, but for wedges of up to 0.8 rad.
-    firsts, wedges = (grid.ravel() for grid in np.meshgrid(directions, np.linspace(-0.8, 0.8, 17)))
+    wedges = np.linspace(-0.8, 0.8, 17)
+    firsts, wedges = np.tile(directions, len(wedges)), np.repeat(wedges, len(directions))
     seconds = -firsts * np.exp(1j * wedges)
     return firsts, seconds, friction_angles(ConvexObject(shape), firsts, seconds, radius)
 
