@@ -168,7 +168,6 @@ def follow_branch(
     for _ in range(MAX_NEWTON_ITERATIONS):
         if error <= tolerance:
             return points
-
         # Newton step.
         is_new_factor = factor is None
         try:

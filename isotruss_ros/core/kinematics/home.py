@@ -136,8 +136,7 @@ def require_determinate(robot: Mechanism, points: Points) -> None:
     source, topology = robot.description.source, robot.topology
     matrix = robot.constraints.matrix(points)
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
-    # In a square matrix, members and supports have as many rows as the joints have coordinates.
-    needed = 2 * joints - m
+    needed = 2 * joints - m  # grounded coordinates with which the matrix is square
     if grounded == needed and estimate_condition(matrix) < MAX_CONDITION:
         return
     if needed < 3:

@@ -88,7 +88,6 @@ def limit_acceleration(
         bounds = _reversal_rows(rows, velocities, previous, previous_change, max_change)
         fixed = np.concatenate([motion, contacts])
         velocities = _nearest(velocities, fixed, moving, bounds, velocities)
-
     # A command for joints has two components for each joint, a twist has three.
     twist = motion.dot(velocities)
     achieved = command.achieved_twist.copy()

@@ -164,7 +164,6 @@ def maximize_progress(
     matrix, upper = limited.one_sided()
     rows, bounds = np.zeros((len(upper) + 2, count + 1)), np.append(upper, [max_progress, 0.0])
     rows[:-2, :count], rows[-2:, count] = matrix, (1.0, -1.0)
-    # J u - s * direction = 0.
     equations = np.concatenate([equality, -direction[:, None]], axis=1)
     target = np.zeros(len(direction))
     problem = QuadraticProgram(hessian, gradient, rows, bounds, equations, target)

@@ -74,7 +74,6 @@ def solve_twist(
     :raises SolverError: a quadratic program was not solved.
     """
     require_configuration(config)
-    # Arrays of floats need no conversion.
     desired = np.asarray(twist)
     usable = desired.dtype == float and desired.shape == (3,)
     if not (usable and all(map(math.isfinite, desired.tolist()))):

@@ -44,7 +44,6 @@ class WorkingRollers:
 
     def with_cost(self, cost: ArrayLike) -> WorkingRollers:
         """Return the rollers with another cost (11), scaled to the trace of the paper's cost."""
-        # Symmetric, with a largest entry of 1, and positive definite.
         matrix = covariance_matrix(cost, self.count, 'the cost matrix', GraspError)
         matrix /= max(float(np.abs(matrix).max()), SMALLEST_NORMAL)
         if np.linalg.eigvalsh(matrix)[0] < COINCIDENCE:
@@ -181,8 +180,7 @@ def least_cost(whitening: Array, equality: Array, direction: Array) -> Array:
 
     It is E lstsq(J E, direction) for a whitening E.
     """
-    # (20): u = E y with the minimum-norm y of J E y = direction. LAPACK overwrites the right-hand
-    # side by y, which is longer.
+    # (20): u = E y with the minimum-norm y of J E y = direction, which is longer than this.
     right = np.zeros(len(whitening))
     right[: len(direction)] = direction
     return whitening.dot(lapack.dgels(equality.dot(whitening), right)[1])

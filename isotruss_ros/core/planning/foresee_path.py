@@ -125,7 +125,6 @@ def _take_step(held: HeldGrip, friction: float, squeeze: float, goal: Array) -> 
     if ratio > MAX_TRAVEL_RATIO:
         why = f'a roller must move by {ratio:.0f} times the motion of the object'
         return f'{why}; must be at most {MAX_TRAVEL_RATIO:g}'
-    # Equilibrium after the step.
     config = held.config.moved_to(held.config.roller_positions + command.roller_velocities)
     rolled = roll_grip(held, config)
     hold = HoldStatus.NO_BALANCE if rolled is None else rolled.hold(friction)

@@ -53,8 +53,7 @@ class PlannedGrasp(
     nonlinearity: float  #: nonlinearity of the contact forces, see `SettledGrasp` [-]
     travel: float  #: largest travel of a roller along the path [m]
     rigidity: float  #: smallest rigidity index along the path, 1 at home [-]
-    #: (k, r) waypoints of the rollers from the current positions to the grasp, joined by lines [m]
-    path: Array
+    path: Array  #: (k, r) waypoints of the rollers to the grasp, joined by straight lines [m]
     touch: int  #: index of the first row of `path` with all grasping members in contact
     #: chance that the object is held, also along the path `carry`; None: no uncertainty given
     chance: Chance | None = field(default=None, repr=False)

@@ -88,7 +88,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     # Gauss-Newton method on the errors of squeeze, pose and forces, relative to their tolerances.
     for _ in range(MAX_SEARCH_STEPS):
         errors, tolerances = _find_errors(grasp, force, closing.body)
-        errors = errors / tolerances
+        errors /= tolerances
         try:
             gradient = held_gradient(grasp)
         except GraspError:
@@ -97,8 +97,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         rates = np.vstack([force_rates.mean(axis=0), pose_rates, force_rates])[: len(errors)]
         rates = rates / tolerances[:, None]
 
-        # The travel u minimises |W (errors - rates u)|^2 + MOTION_WEIGHT |u|^2 for all errors but
-        # that of the squeeze, which is an equality constraint.
+        # The travel u minimises |W (errors - rates u)|^2 + MOTION_WEIGHT |u|^2 at this squeeze.
         weights = np.ones(len(errors) - 1)
         weights[2] = ROTATION_WEIGHT  # after x and y
         matrix, residuals = weights[:, None] * rates[1:], weights * errors[1:]
@@ -138,11 +137,7 @@ def _check_in_place(grasp: HeldGrip, closing: Closing) -> None:
 
 
 def _find_errors(grasp: HeldGrip, force: float, body: ConvexObject) -> tuple[Array, Array]:
-    """
-    Return the errors of squeeze [N], pose [m, rad] and, for three members, forces [N].
-
-    Errors are desired minus actual values. The second array has their tolerances.
-    """
+    """Return the errors, desired minus actual, of squeeze, pose and forces, and tolerances."""
     rise = max(force - grasp.squeeze, -MAX_FALL * grasp.squeeze)
     errors = np.append(rise, pose_difference(body.pose, grasp.pose))
     force_tolerance = SQUEEZE_TOLERANCE * force
