@@ -208,7 +208,7 @@ def _contact_fault(contacts: list[GripContact], end: complex, tube: float) -> st
 
 
 def lifting_choices(owners: Sequence[int]) -> list[tuple[list[int], ...]]:
-    """Return the choices of remaining contacts, by member, if faces lift at one of their ends."""
+    """Return the sets of contacts that remain, by member, if faces lift at one of their ends."""
     members = [[k for k, owner in enumerate(owners) if owner == i] for i in dict.fromkeys(owners)]
     options = [[ends, ends[:1], ends[1:]] if ends[1:] else [ends] for ends in members]
     return list(itertools.product(*options))[1:]  # the first choice has all contacts

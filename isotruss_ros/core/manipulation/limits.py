@@ -34,17 +34,17 @@ class Rows(NamedTuple):
     upper: Array  #: (k,) upper bounds of the rows [m/s]
 
     def slack(self, speeds: Array) -> Array:
-        """Return the distances (k,) of rows from their nearer bounds, negative beyond [m/s]."""
+        """Return the slack (k,) of roller speeds to the nearer bounds, negative beyond [m/s]."""
         rates = self.matrix.dot(speeds)
         return np.minimum(self.upper - rates, rates - self.lower)
 
     def about(self, speeds: Array) -> Rows:
-        """Return the limits as bounds on changes from given roller speeds (r,) [m/s]."""
+        """Return the limits on changes from given roller speeds (r,) [m/s]."""
         rates = self.matrix.dot(speeds)
         return Rows(self.matrix, self.lower - rates, self.upper - rates)
 
     def one_sided(self) -> tuple[Array, Array]:
-        """Return the limits as upper bounds only: matrix (2k, r) and bounds (2k,) [m/s]."""
+        """Return the matrix (2k, r) and bounds (2k,) of the limits as upper bounds only [m/s]."""
         matrix = np.concatenate([self.matrix, -self.matrix])
         return matrix, np.concatenate([self.upper, -self.lower])
 

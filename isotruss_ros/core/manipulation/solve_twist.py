@@ -91,7 +91,7 @@ def solve_twist(
 def _find_reach(
     config: Configuration, jacobian: Array, weights: Array, failed: Collection[str]
 ) -> Reach:
-    """Return the reachable twists for failed rollers, see `Reach.of`."""
+    """Return the twists that are reachable if some rollers have failed, see `Reach.of`."""
     names = frozenset([failed] if isinstance(failed, str) else failed)
     return Reach.of(jacobian, working_rollers(config.robot.topology, names), weights)
 

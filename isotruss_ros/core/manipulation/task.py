@@ -56,7 +56,7 @@ class WorkingRollers:
         return WorkingRollers(self.count, self.indices, working_cost)
 
     def spread(self, values: Array) -> Array:
-        """Return values of all rollers (..., r) from those of working rollers (..., w)."""
+        """Return values of all rollers, zero for failed ones, from those of working rollers."""
         spread = np.zeros((*values.shape[:-1], self.count))
         spread[..., self.indices] = values
         return spread

@@ -91,6 +91,7 @@ def plan_grasps(
     # A copy without cached results, as another process has it.
     config = Configuration(config.robot, config.roller_positions, config.points)
     structure_of(config)  # contradictory stiffness laws are reported here, once
+
     search = _Search(
         config, needs, executor, on_progress or (lambda _: None), should_stop or (lambda: False)
     )

@@ -52,7 +52,7 @@ class Violation:
 
     @property
     def distance(self) -> float:
-        """Return the distance from an admissible grasp [-]: up to 1 in `BOUNDS`, else larger."""
+        """Return the size of the violation [-], larger for requirements of earlier stages."""
         if self.requirement in BOUNDS:
             low, high = sorted((max(self.value, 0.0), self.bound))
             return 1.0 - low / high if high > 0.0 else 1.0
