@@ -74,7 +74,7 @@ def limit_acceleration(
         # A line from the speeds closest to the previous ones that fulfil the constraints.
         projected = previous - np.linalg.pinv(contacts).dot(contacts.dot(previous))
         start = _nearest(projected, contacts, moving, rows, 0.0 * projected)
-        # The largest share of the line at which no roller, nor the surface, accelerates too much.
+        # The largest share s of the line with |start + s * line - previous| <= max_change.
         line, differs = desired - start, desired != start
         room = np.copysign(max_change, line) - (start - previous)
         share = max(float((room[differs] / line[differs]).min(initial=1.0)), 0.0)
@@ -84,10 +84,9 @@ def limit_acceleration(
         # Even the start may require too large an acceleration.
         velocities = limit_change(start + share * line, previous, max_change)
     if _reverses(previous_change, velocities - previous, max_change):
-        # The closest roller speeds with the same twist and without reversals, if there are any.
-        bounds = _reversal_rows(rows, velocities, previous, previous_change, max_change)
-        fixed = np.concatenate([motion, contacts])
-        velocities = _nearest(velocities, fixed, moving, bounds, velocities)
+        no_reversals = _reversal_rows(rows, velocities, previous, previous_change, max_change)
+        same_twist = np.concatenate([motion, contacts])
+        velocities = _nearest(velocities, same_twist, moving, no_reversals, velocities)
     # A command for joints has two components for each joint, a twist has three.
     twist = motion.dot(velocities)
     achieved = command.achieved_twist.copy()

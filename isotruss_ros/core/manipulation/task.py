@@ -198,8 +198,7 @@ def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
     # Gram matrix of the rows, for speeds of unit cost.
     whitened = reach.rows.dot(reach.working.whitening)
     gram = whitened.dot(whitened.T)
-    # Its Schur complement is the Gram matrix of the twist at constant contacts. Its eigenvalues
-    # are the squares of the singular values.
+    # Its Schur complement, for constant contacts, has the squared singular values of the twist.
     by_contacts = np.linalg.solve(gram[contacts, contacts], gram[contacts, twist])
     squares, modes = np.linalg.eigh(gram[twist, twist] - gram[twist, contacts].dot(by_contacts))
     removed_shares = 1.0 - np.clip(squares / soft_rank**2, 0.0, 1.0)
