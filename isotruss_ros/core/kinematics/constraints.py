@@ -98,17 +98,17 @@ class Constraints:
         the 4m lengths of `spans` by their end nodes [-], then by their start nodes, and last those
         of the m bisections by the next C, own B, own C, joint A and previous B [1/m].
         """
-        spans = self.spans(points)
+        spans = self.spans(points).reshape(4, -1)
         lengths = np.abs(spans)
-        by_ends = spans / lengths
+        directions = spans / lengths
         # Gradients i v/|v|^2 = i/conj(v) of the angles of the members, and of the rods along
         # v = AB + AC, whose angles count twice in `bisection`.
-        members = slice(self._topology.n_modules)
-        member = 1j * by_ends[members] / lengths[members]
-        _, to_b, to_c, _ = spans.reshape(4, -1)
+        _, to_b, to_c, _ = spans
+        member = 1j * directions[0] / lengths[0]
         previous_member = member[self._topology.previous]
         rod = 2j / (to_b + to_c).conj()
         bisections = member, -member - rod, previous_member - rod, 2.0 * rod, -previous_member
+        by_ends = directions.ravel()
         return np.concatenate([by_ends, -by_ends, *bisections])
 
     def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:
@@ -140,10 +140,9 @@ class Constraints:
         vectors = np.concatenate([spans[members], spans[ab] + spans[ac]])
         vector_changes = np.concatenate([changes[members], changes[ab] + changes[ac]])
         by_vectors = angle_weights * (1j * vector_changes / vectors**2).conj()
-        by_members, by_rods = np.split(by_vectors, 2)
-        by_spans[members] += by_members
-        by_spans[ab] += by_rods
-        by_spans[ac] += by_rods
+        by_spans[members] += by_vectors[:m]
+        by_spans[ab] += by_vectors[m:]
+        by_spans[ac] += by_vectors[m:]
         # Chain rule: a vector is its head minus its tail.
         by_nodes = np.zeros_like(node_motions)
         np.add.at(by_nodes, self._heads, by_spans)
