@@ -76,13 +76,14 @@ class UnloadedBlocks(NamedTuple):
     def complete(self, unknowns: Array) -> None:
         """Set the inner unknowns of the blocks, among all (u,), from the hinges' unknowns."""
         rotation, strain = self.place(unknowns)
-        inner_unknowns = (self.spread @ strain[:, :, None])[..., 0]
+        # Multipliers, then x, y and angle of each node in axes that turn with its block.
+        values = (self.spread @ strain[:, :, None])[..., 0]
         multipliers = self.inner.shape[1] - 3 * self.nodes.shape[1]
-        displacements = inner_unknowns[:, multipliers:].reshape(*self.nodes.shape, 3)
-        # From axes that turn with the block to those of the robot.
-        strained = self.nodes + displacements[..., 0] + 1j * displacements[..., 1]
+        x, y, angles = (slice(multipliers + i, None, 3) for i in range(3))
+        # Displacements in the axes of the robot; multipliers do not depend on the axes.
+        strained = self.nodes + values[:, x] + 1j * values[:, y]
         middle = unknowns[self.outer].view(np.complex128).mean(axis=1)
-        moved = strained * rotation[:, None] - self.nodes + middle[:, None]
-        displacements[..., 0], displacements[..., 1] = moved.real, moved.imag
-        displacements[..., 2] += np.angle(rotation)[:, None]
-        unknowns[self.inner] = inner_unknowns
+        displacements = strained * rotation[:, None] - self.nodes + middle[:, None]
+        values[:, x], values[:, y] = displacements.real, displacements.imag
+        values[:, angles] += np.angle(rotation)[:, None]
+        unknowns[self.inner] = values
