@@ -133,7 +133,11 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         return uncertainty.chance_gradient(self)
 
     def _release_rates(self, number: int) -> Array:
-        """Return the derivatives (2k, p) of row `number` of `GripResponse.by_release`."""
+        """
+        Return the derivatives (2k, p) of the changes of all forces by a released tension.
+
+        :param number: row of `GripResponse.by_release`, which has these changes.
+        """
         grip, response = self.settled.equilibrium, self.settled.equilibrium.response
         indices, end = grip.state.places, int(response.ends[number])
         by_gap = response.by_gap[:, number]
