@@ -10,7 +10,7 @@ The oracles know nothing of the code under test: distances are from ends and hei
 import functools
 import itertools
 
-from isotruss_ros.core import ConvexObject, load_robot
+from isotruss_ros.core import ConvexObject
 import numpy as np
 import robots
 
@@ -67,7 +67,7 @@ def scene(seed):
     kinds = ('nine_member', 'triangle', 'arch', 'ring', 'polygon')
     kind = kinds[seed % len(kinds)]
     robot = (
-        load_robot(kind)
+        robots.preset(kind)
         if kind in robots.PRESETS
         else robots.random_robot(seed, kind, 3 if kind == 'ring' else None)
     )

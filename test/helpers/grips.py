@@ -8,7 +8,6 @@ from comparison.wedge import closed_to
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
-    load_robot,
     RollingGrip,
     solve_twist_ahead,
     Status,
@@ -26,7 +25,7 @@ MASSLESS = {'pose_gain': 20.0, 'load': 5.0}
 
 def gripped(degrees=35.0, diameter=0.3, squeeze=0.02, module='north/Z', robot='nine_member'):
     """Return a configuration and an object pressed into the wedge at a module."""
-    config = closed_to(load_robot(robot).home, degrees, diameter, module)
+    config = closed_to(robots.preset(robot).home, degrees, diameter, module)
     return config, disc_grip(config, module, diameter, squeeze).body
 
 
@@ -82,7 +81,7 @@ def random_pressed(rng):
     """Return a configuration and a cylinder that is pressed in somewhere."""
     while True:
         kind = rng.choice([*robots.PRESETS, ''])
-        robot = load_robot(kind) if kind else robots.random_robot(int(rng.integers(2**32)))
+        robot = robots.preset(kind) if kind else robots.random_robot(int(rng.integers(2**32)))
         module = robot.module_names[rng.integers(len(robot.module_names))]
         share, deep = rng.uniform(0.35, 0.6), 10.0 ** rng.uniform(-4.0, -2.0)
         try:

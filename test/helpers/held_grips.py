@@ -3,13 +3,13 @@
 
 """Objects between members of the nine-member robot at home, and how they are held there."""
 
-from isotruss_ros.core import ConvexObject, Grip, load_robot, place_between, Polygon, Pose
+from isotruss_ros.core import ConvexObject, Grip, place_between, Polygon, Pose
 from isotruss_ros.core.holding.attach_grip import attach_grip
 import numpy as np
 import random_grips
 import robots
 
-NINE = load_robot('nine_member')
+NINE = robots.preset('nine_member')
 HOME = NINE.home
 #: Two sides of different tubes, which meet at no module.
 APART = ('south/P-Q', 'north/R-P')

@@ -10,6 +10,7 @@ plain pin-jointed truss between the joints, not from the code under test.
 
 import atexit
 from dataclasses import replace
+import functools
 import itertools
 import json
 import os
@@ -27,6 +28,8 @@ from ruamel.yaml import YAML
 
 PRESETS = ('nine_member', 'triangle')
 KINDS = ('arch', 'ring', 'polygon')
+#: Returns the robot of a preset, which is read once.
+preset = functools.cache(load_robot)
 
 _folder = tempfile.TemporaryDirectory(prefix='isotruss_test_')
 atexit.register(_folder.cleanup)

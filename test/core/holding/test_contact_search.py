@@ -13,7 +13,6 @@ from isotruss_ros.core import (
     Disc,
     Ellipse,
     HoldStatus,
-    load_robot,
     Polygon,
     settle_grasp,
 )
@@ -27,10 +26,11 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes
 from nightly import some_now
 import numpy as np
 import pytest
+from robots import preset
 from shapes import random_polygon
 from skin_depths import corner_depths
 
-ROBOTS = [load_robot(name) for name in ('nine_member', 'triangle', 'ring_of_four')]
+ROBOTS = [preset(name) for name in ('nine_member', 'triangle', 'ring_of_four')]
 #: Largest numbers of evaluated equations and of linearised tubes in one call.
 MOST_EQUATIONS, MOST_LINEARISATIONS = 650, 100
 TURNED = ROBOTS[1].configuration([0.051, 0.069])

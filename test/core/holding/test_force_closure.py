@@ -5,14 +5,15 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core import ConvexObject, HoldStatus, load_robot, settle_grasp, tangent_center
+from isotruss_ros.core import ConvexObject, HoldStatus, settle_grasp, tangent_center
 from isotruss_ros.core.errors import GraspError
 import numpy as np
 import pytest
 import random_grips
 import robots
+from robots import preset
 
-HOME = load_robot('nine_member').home
+HOME = preset('nine_member').home
 #: What may be wrong with an object that forces within the friction balance.
 WRONG = {
     HoldStatus.FAR,

@@ -15,7 +15,6 @@ from isotruss_ros.core import (
     Disc,
     Ellipse,
     grasp_gradient,
-    load_robot,
     place_between,
     Polygon,
     Robot,
@@ -35,9 +34,9 @@ from isotruss_ros.core.kinematics.depths import member_depths
 from nightly import some_now
 import numpy as np
 import pytest
-from robots import random_state
+from robots import preset, random_state
 
-FILE = load_robot('nine_member').description
+FILE = preset('nine_member').description
 #: Laws of the order of the theory, at 34.5 kPa and 0.86 m from ring to ring.
 LAWS = {
     'model': 'power_law',
@@ -293,7 +292,7 @@ def test_a_contact_without_force_bears_no_wrench_to_first_order():
     ),
 )
 def test_stiffness_rates_agree_with_a_fitted_cubic(shape, angle, depth):
-    home = load_robot('nine_member').home
+    home = preset('nine_member').home
     body = place_between(home, ('north/R-P', 'north/P-Z'), shape, angle, depth).body
     rates = grasp_gradient(settle_grasp(home, body, 0.9)).stiffness
 
@@ -307,7 +306,7 @@ def test_stiffness_rates_agree_with_a_fitted_cubic(shape, angle, depth):
 
 def test_pose_rates_of_a_face_beside_the_origin_agree_with_central_differences():
     """The object turns until its face is on the tube; its frame is beside its centroid."""
-    home, members = load_robot('nine_member').home, ('north/R-P', 'north/P-Z')
+    home, members = preset('nine_member').home, ('north/R-P', 'north/P-Z')
     shape = Polygon(BOX * (0.15, 0.125) + (0.08, 0.05), corner_radius=0.02)
     body = place_between(home, members, shape, np.pi / 3.0 + 0.03, 0.01).body
     gradient = grasp_gradient(settled := settle_grasp(home, body, 5.0, members=members))
@@ -324,7 +323,7 @@ def test_pose_rates_of_a_face_beside_the_origin_agree_with_central_differences()
 
 
 def test_slip_margin_after_a_face_has_opened_agrees_with_central_differences():
-    wrench, home = np.array([6.6, 5.6, 1.0]), load_robot('nine_member').home
+    wrench, home = np.array([6.6, 5.6, 1.0]), preset('nine_member').home
     grip = place_between(home, MEMBERS[0], Polygon(0.22 * BOX, corner_radius=0.02), 1.07, 0.015)
 
     def settled(step):
@@ -349,7 +348,7 @@ def test_slip_margin_at_the_required_friction_is_zero_to_first_order():
 
 
 def test_slip_margin_of_a_symmetric_grasp_has_the_derivative_of_one_member():
-    config = load_robot('nine_member').home
+    config = preset('nine_member').home
     body = ConvexObject.disc(tangent_center(config, 'north/Z', 0.3, 0.02), 0.3, friction=0.8)
     gradient = grasp_gradient(settle_grasp(config, body))
     sideways = gradient.slip_margin[gradient.parameters.wrench.start]

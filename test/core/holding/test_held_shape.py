@@ -3,13 +3,14 @@
 
 """The drawn lines of a held object agree with its equilibrium."""
 
-from isotruss_ros.core import ConvexObject, deform, load_robot, settle_grasp, tangent_center
+from isotruss_ros.core import ConvexObject, deform, settle_grasp, tangent_center
 from isotruss_ros.core.holding.held_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
 import numpy as np
 import pytest
+from robots import preset
 
-ROBOT = load_robot('nine_member')
+ROBOT = preset('nine_member')
 DIAMETER = 0.3
 
 

@@ -5,7 +5,7 @@
 
 from functools import cache
 
-from isotruss_ros.core import HoldStatus, load_robot, place_between, Polygon, settle_grasp
+from isotruss_ros.core import HoldStatus, place_between, Polygon, settle_grasp
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.held_grip import NotHeldError
@@ -18,12 +18,12 @@ from isotruss_ros.core.planning.violations import RequirementError
 from nightly import some_now
 import numpy as np
 import pytest
+from robots import preset
 from shapes import random_polygon
 from skin_depths import hidden_depth
 
 ROBOTS = [
-    load_robot(name)
-    for name in ('nine_member', 'triangle', 'open_chain', 'bow_tie', 'ring_of_four')
+    preset(name) for name in ('nine_member', 'triangle', 'open_chain', 'bow_tie', 'ring_of_four')
 ]
 FRICTION = 1.3
 #: Depth of a corner that the centre line between nodes of the frame does not resolve [m].

@@ -11,7 +11,7 @@ import pytest
 import robots
 from scipy.optimize import minimize
 
-HOME = core.load_robot('nine_member').home
+HOME = robots.preset('nine_member').home
 MEMBERS = ('north/P-Z', 'north/Z-R')
 STEP = 1e-6
 

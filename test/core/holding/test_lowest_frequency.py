@@ -5,15 +5,16 @@
 
 from dataclasses import replace
 
-from isotruss_ros.core import ConvexObject, deform, load_robot, place_between, Polygon, Robot
+from isotruss_ros.core import ConvexObject, deform, place_between, Polygon, Robot
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.holding.roll_grip import roll_grip
 import numpy as np
 import pytest
+from robots import preset
 import scipy.linalg
 
-FILE = load_robot('nine_member').description
+FILE = preset('nine_member').description
 BOX = Polygon([(-0.12, -0.1), (0.14, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)
 MEMBERS = ('north/P-Z', 'north/Z-R')
 STEP = 1e-3

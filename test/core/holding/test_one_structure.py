@@ -5,15 +5,16 @@
 
 from dataclasses import replace
 
-from isotruss_ros.core import deform, Disc, load_robot, place_between, Polygon
+from isotruss_ros.core import deform, Disc, place_between, Polygon
 from isotruss_ros.core.holding.attach_grip import attach_grip, least_friction_conditions
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 import numpy as np
 import pytest
+from robots import preset
 
-ROBOT = load_robot('nine_member')
+ROBOT = preset('nine_member')
 JOINTS = len(ROBOT.topology.joint_names)
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
 

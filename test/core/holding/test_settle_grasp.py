@@ -11,7 +11,6 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     HoldStatus,
-    load_robot,
     place_between,
     settle_grasp,
     tangent_center,
@@ -22,9 +21,9 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
-from robots import with_round_tubes
+from robots import preset, with_round_tubes
 
-HOME = load_robot('nine_member').home
+HOME = preset('nine_member').home
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
 FRICTION = 0.5
 
@@ -75,7 +74,7 @@ def test_settled_grasp_without_friction_agrees_with_analyze_grasp(degrees, squee
 @pytest.mark.parametrize('module', ['south/S', 'west/K'])
 @pytest.mark.parametrize('depth', [0.004, 0.012, 0.02])
 def test_rounding_in_a_soft_robot_does_not_hide_the_equilibrium(module, depth):
-    home = load_robot('ring_of_four').home
+    home = preset('ring_of_four').home
     cylinder = ConvexObject.disc(tangent_center(home, module, 0.3, depth), 0.3)
     round_tubes = settle_grasp(with_round_tubes(home), cylinder).normal_forces
     flattened = settle_grasp(home, cylinder).normal_forces
@@ -118,7 +117,7 @@ def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatc
 
 @pytest.mark.parametrize('diameter', [0.182, 0.1866, 0.188])
 def test_a_deep_disc_whose_contacts_cross_guide_rings_settles(diameter):
-    triangle = load_robot('triangle')
+    triangle = preset('triangle')
     members, ring = triangle.member_names[:2], triangle.description.module.guide_ring_distance
     grip = place_between(triangle.home, members, Disc(diameter), indentation=0.02)
     found = settle_grasp(triangle.home, grip.body, members=members).equilibrium

@@ -3,12 +3,13 @@
 
 """The direction in which a grasp bears the least, and its arrow."""
 
-from isotruss_ros.core import ConvexObject, load_robot, settle_grasp, tangent_center
+from isotruss_ros.core import ConvexObject, settle_grasp, tangent_center
 from isotruss_ros.viewer.arrows import arrow_of
 import numpy as np
 import pytest
+from robots import preset
 
-HOME = load_robot('nine_member').home
+HOME = preset('nine_member').home
 DISC = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.01), 0.3, friction=0.8)
 #: Of the slip margin: the equilibrium is linear about it only for small wrenches.
 SHARE = 0.2
