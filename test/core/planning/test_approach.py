@@ -15,6 +15,7 @@ from isotruss_ros.core.planning.approach import Closing
 from isotruss_ros.core.planning.facing import balances
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally
+from nightly import some_now
 import numpy as np
 import pytest
 
@@ -30,8 +31,9 @@ def between(path, pieces=4):
     yield len(path) - 1, path[-1]
 
 
-SEEDS = range(5)
 NEEDS = GraspRequirements()
+#: First those of which approaches are refused for three reasons.
+SEEDS = some_now([((0, 3, 4),), (range(5),)])
 
 
 class Way(NamedTuple):
@@ -63,9 +65,9 @@ def reached(seed):
     return config, body, [approach(config, closing) for closing in found]
 
 
-def each(arrived):
-    """Return every approach of all seeds that arrived, or did not, with the object."""
-    found = [(body, way) for _, body, ways in map(reached, SEEDS) for way in ways]
+def each(seeds, arrived):
+    """Return every approach of some seeds that arrived, or did not, with the object."""
+    found = [(body, way) for _, body, ways in map(reached, seeds) for way in ways]
     return [(body, way) for body, way in found if (way.unmet is None) == arrived]
 
 
@@ -82,9 +84,10 @@ def is_balanced(way, config):
     return balances(way.closing.body, normals, 0.85 * way.closing.friction_angle, radius)
 
 
-def test_sides_stand_off_the_object_and_friction_holds_it_between_them():
-    assert len(each(arrived=True)) >= 7
-    for body, way in each(arrived=True):
+@pytest.mark.parametrize('seeds', SEEDS)
+def test_sides_stand_off_the_object_and_friction_holds_it_between_them(seeds):
+    assert len(each(seeds, arrived=True)) >= 7
+    for body, way in each(seeds, arrived=True):
         there = way.path[-1]
         tube = there.robot.description.tube_diameter
         near = closings.gaps(there, body)[0][list(way.closing.members)]
@@ -93,8 +96,9 @@ def test_sides_stand_off_the_object_and_friction_holds_it_between_them():
         assert is_balanced(way, there)
 
 
-def test_way_is_free_of_the_object_between_its_rows_too():
-    for body, way in each(arrived=True):
+@pytest.mark.parametrize('seeds', SEEDS)
+def test_way_is_free_of_the_object_between_its_rows_too(seeds):
+    for body, way in each(seeds, arrived=True):
         count = len(way.path[0].robot.member_names)
         others = [i for i in range(count) if i not in way.closing.members]
         began = min(np.concatenate(closings.gaps(way.path[0], body)))
@@ -107,9 +111,10 @@ def test_way_is_free_of_the_object_between_its_rows_too():
             assert least > min(0.05 * tube, began) - 0.01 * tube
 
 
-def test_reported_violations_are_true():
+@pytest.mark.parametrize('seeds', SEEDS)
+def test_reported_violations_are_true(seeds):
     names = set()
-    for _, way in each(arrived=False):
+    for _, way in each(seeds, arrived=False):
         name, value, _ = way.unmet
         there, tube = way.path[-1], way.path[-1].robot.description.tube_diameter
         gap = standing(way, there)
@@ -121,7 +126,7 @@ def test_reported_violations_are_true():
             assert not is_balanced(way, there)
             assert gap <= 0.02 * tube + 3e-5
         names.add(name)
-    assert {'reach', 'object_clearance'} <= names
+    assert {'reach', 'facing', 'object_clearance'} <= names
     assert names <= {'reach', 'facing', 'rigidity', 'self_clearance', 'object_clearance'}
 
 
@@ -129,7 +134,7 @@ def test_a_posture_draws_what_the_task_leaves_free():
     config, _, ways = reached(0)
     closing = next(way for way in ways if way.unmet is None).closing
     rng, start = np.random.default_rng(0), config.roller_positions
-    for _ in range(3):
+    for _ in range(2):
         away = 0.2 * rng.standard_normal(len(start))
         pulled = [
             approach(config, replace(closing, nominal_posture=start + s * away))

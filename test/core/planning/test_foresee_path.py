@@ -74,7 +74,7 @@ def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
 
 
 def test_a_path_beyond_the_reach_of_the_robot_ends_there():
-    found = foresee(held('disc 0.2 m'), (3.0, 0.0, 0.0))
+    found = foresee(held('disc 0.2 m'), (0.0, 3.0, 0.0))
     assert 0.0 < found.share < 1.0
     assert found.why
 

@@ -7,11 +7,12 @@ import copy
 from dataclasses import replace
 import pickle
 
-from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
+from isotruss_ros.core import ConvexObject, GraspRequirements
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
 from isotruss_ros.core.planning.seeds import find_seeds
+from robots import preset
 
-HOME = load_robot('triangle').home
+HOME = preset('triangle').home
 BODY = ConvexObject.disc((0.716, 0.5), 0.4)
 SEED = find_seeds(HOME, BODY, GraspRequirements(module='main/T'), 0, 0)[0]
 

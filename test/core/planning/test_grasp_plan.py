@@ -6,7 +6,7 @@
 from dataclasses import replace
 
 from hypothesis import given
-from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
+from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.planning.grasp_plan import (
     export_figures,
@@ -24,9 +24,9 @@ from isotruss_ros.core.planning.violations import (
 )
 import numpy as np
 import pytest
-from robots import examples, generators
+from robots import examples, generators, preset
 
-HOME = load_robot('nine_member').home
+HOME = preset('nine_member').home
 
 
 @pytest.fixture(scope='module')

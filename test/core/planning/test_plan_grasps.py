@@ -12,7 +12,6 @@ import closings
 from isotruss_ros.core import (
     ConvexObject,
     GraspRequirements,
-    load_robot,
     plan_grasps,
     Polygon,
     Pose,
@@ -28,8 +27,9 @@ from isotruss_ros.core.safety.margins import shape_margins
 from nightly import some_now
 import numpy as np
 import pytest
+from robots import preset
 
-ROBOT = load_robot('nine_member')
+ROBOT = preset('nine_member')
 OBJECTS = {
     'north': ConvexObject.disc((0.716, 0.5), 0.3),
     'east': ConvexObject.disc((1.4, -0.85), 0.35),
@@ -59,8 +59,7 @@ MEASURES = Measure.STIFFNESS, Measure.TOTAL_FORCE, Measure.TRAVEL, Measure.SLIP_
 def plans():
     """Plan grasps of all objects once."""
     return {
-        name: plan_grasps(ROBOT.home, one, NEEDS, thorough=name == 'north')
-        for name, one in OBJECTS.items()
+        name: plan_grasps(ROBOT.home, one, NEEDS, thorough=False) for name, one in OBJECTS.items()
     }
 
 
@@ -69,7 +68,7 @@ def each(plans):
     return [(OBJECTS[name], grasp) for name, plan in plans.items() for grasp in plan]
 
 
-def along(path, pieces=5):
+def along(path, pieces=3):
     """Return configurations on a path, and the row from which each comes."""
     config = ROBOT.home.moved_to(path[0])
     yield 0, config
@@ -91,7 +90,7 @@ def test_grasps_are_found_in_every_loop(plans):
 
 def test_grasps_hold_by_their_roller_positions_alone(plans):
     for body, grasp in each(plans):
-        config = load_robot('nine_member').configuration(grasp.path[-1])
+        config = preset('nine_member').configuration(grasp.path[-1])
         settled = settle_grasp(config, grasp.grip.body, NEEDS.friction, members=grasp.members)
         assert settled.held
         forces = settled.normal_forces.values()
@@ -185,8 +184,8 @@ def test_random_postures_find_a_grasp_that_the_current_posture_does_not():
     disc = ConvexObject.disc((0.6, 0.3), 0.2)
     needs = GraspRequirements(friction=0.5, module='north/Z', squeeze=22.0, count=1)
     # With this seed, an early posture is suitable.
-    first = plan_grasps(robot.home, disc, needs, thorough=False, max_rounds=1, seed=5)
-    later = plan_grasps(robot.home, disc, needs, thorough=False, seed=5)
+    first = plan_grasps(robot.home, disc, needs, thorough=False, max_rounds=1, seed=6)
+    later = plan_grasps(robot.home, disc, needs, thorough=False, seed=6)
     assert (len(first.grasps), len(later.grasps)) == (0, 1)
 
 
@@ -216,7 +215,7 @@ def test_a_plan_without_grasps_has_the_closest_violation(body, needs, missed):
     needs = GraspRequirements(module=needs.pop('module', 'north/Z'), **needs)
     told = []
     plan = plan_grasps(
-        ROBOT.home, body, needs, on_progress=told.append, should_stop=lambda: len(told) > 4
+        ROBOT.home, body, needs, on_progress=told.append, should_stop=lambda: len(told) > 2
     )
     assert not plan
     miss = plan.closest_violation
@@ -284,22 +283,22 @@ def test_a_search_that_waits_for_others_stops_when_it_is_told_to(monkeypatch):
 
 
 @functools.cache
-def is_brick_grasped(needs):
-    """Return whether a grasp of the brick is found."""
-    return bool(plan_grasps(ROBOT.home, BRICK, needs, thorough=False).grasps)
+def plan_to_turn(angle):
+    """Plan to carry the brick along a turn [rad]."""
+    path = ((0.0, 0.0, 0.0), (0.0, 0.0, angle))
+    needs = GraspRequirements(module='north/P', friction=0.6, count=1, carry=path)
+    return plan_grasps(ROBOT.home, BRICK, needs, max_rounds=1, thorough=False)
 
 
-@pytest.mark.parametrize(('turn', 'found'), [(0.15, True), (2.5, False)])
-def test_a_grasp_carries_the_object_along_the_path_asked_for(turn, found):
-    needs = GraspRequirements(module='north/P', friction=0.6, count=1)
-    path = ((0.0, 0.0, 0.0), (0.0, 0.0, turn))
-    assert is_brick_grasped(needs)
-    needs = replace(needs, carry=path)
-    plan = plan_grasps(ROBOT.home, BRICK, needs, max_rounds=1, thorough=False)
-    assert bool(plan.grasps) == found
-    for grasp in plan:
-        ahead = foresee_grip(grasp.config, grasp.grip.body, 0.6, np.array(path))
-        assert (ahead.share, ahead.why) == (1.0, '')
-    assert found or violation_in_words(plan.closest_violation).startswith(
-        'carry: the object slips after'
-    )
+def test_a_grasp_carries_the_object_along_the_path_asked_for():
+    (grasp,) = plan_to_turn(0.15)
+    path = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.15)])
+    ahead = foresee_grip(grasp.config, grasp.grip.body, 0.6, path)
+    assert (ahead.share, ahead.why) == (1.0, '')
+
+
+def test_a_path_along_which_the_object_slips_is_the_closest_violation():
+    assert plan_to_turn(0.15).grasps
+    plan = plan_to_turn(2.5)
+    assert not plan.grasps
+    assert violation_in_words(plan.closest_violation).startswith('carry: the object slips after')

@@ -83,14 +83,13 @@ CHANGES = {
     'turned': {'quarters': 1},
     'turned back': {'quarters': 3},
     'renamed': {'names': NAMES},
+    'shifted, turned and renamed': {'shift': 0.1 + 0.2j, 'quarters': 1, 'names': NAMES},
 }
+#: First all changes at once of the object with parallel faces.
+CASES = dict.fromkeys([(2, [*CHANGES][-1]), *itertools.product(range(len(OBJECTS)), CHANGES)])
 
 
-FIRST = [(2, 'shifted a little'), (0, 'turned'), (0, 'renamed')]
-CASES = dict.fromkeys((*FIRST, *itertools.product(range(len(OBJECTS)), CHANGES)))
-
-
-@pytest.mark.parametrize(('number', 'change'), some_now(CASES, len(FIRST)))
+@pytest.mark.parametrize(('number', 'change'), some_now(CASES))
 def test_plans_depend_on_no_frame_or_name(number, change):
     (values, members), (others, same) = planned(number), plan(*OBJECTS[number], **CHANGES[change])
     assert same == members

@@ -9,11 +9,12 @@ from grips import disc_grip
 from held_grips import box_between
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from isotruss_ros.core import load_robot, reach_pose, Robot, RollingGrip, Status
+from isotruss_ros.core import reach_pose, Robot, RollingGrip, Status
 import numpy as np
 import pytest
+from robots import preset
 
-ROBOT = load_robot('nine_member')
+ROBOT = preset('nine_member')
 GRIP = disc_grip(ROBOT.home, 'north/Z', indentation=0.01)
 SIDES = box_between(angle=0.2)
 
@@ -36,7 +37,7 @@ def test_the_pose_is_reached_and_the_contacts_are_kept(grip, move):
 
 
 def test_there_and_back_the_rollers_are_where_they_were():
-    there = reach_pose(ROBOT.home, GRIP, np.add(GRIP.body.pose, (0.05, -0.05, 0.3)))
+    there = reach_pose(ROBOT.home, GRIP, np.add(GRIP.body.pose, (0.03, -0.03, 0.15)))
     back = reach_pose(there.config, GRIP.moved_to(there.pose), GRIP.body.pose)
     assert back.roller_positions == pytest.approx(ROBOT.home.roller_positions, abs=1e-6)
 

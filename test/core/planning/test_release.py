@@ -13,7 +13,6 @@ from isotruss_ros.core import (
     Disc,
     ElasticObject,
     GraspRequirements,
-    load_robot,
     plan_grasps,
     Polygon,
     RollerFaults,
@@ -27,8 +26,9 @@ from isotruss_ros.core.safety.margins import object_distances
 from nightly import some_now
 import numpy as np
 import pytest
+from robots import preset
 
-HOME = load_robot('nine_member').home
+HOME = preset('nine_member').home
 CLEARANCE, CENTER = 0.05, (0.6, 0.3)
 MEMBERS = members_at(HOME.robot, 'north/Z')
 #: Of different tubes, around the hole between them.
@@ -56,7 +56,7 @@ def disc(diameter, angle):
     ('body', 'members', 'moved', 'parts'),
     some_now(
         [
-            (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 8),
+            (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 5),
             (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 30),
             (disc(0.2, 0.0), MEMBERS, 3e-4, 30),
             (disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 3e-4, 30),
@@ -109,11 +109,11 @@ def test_contacts_that_share_a_face_do_not_slip_in_the_release():
     record = GripRecord.of(thing.grasp)
     release = plan_release(robot.config, body.moved_to(held), MEMBERS, CLEARANCE, record)
     for piece in itertools.pairwise(release.path[: release.apart - 1]):
-        closings.drive(robot, piece, 8)
+        closings.drive(robot, piece, 4)
         assert thing.grasp.required_friction < friction + 0.2
         assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=2e-3)
     first = release.apart - 2
-    closings.drive(robot, release.path[first:], 8)
+    closings.drive(robot, release.path[first:], 4)
     assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=2e-3)
 
 
@@ -121,8 +121,6 @@ def test_a_release_that_turns_the_object_by_more_than_allowed_is_no_path():
     body = ConvexObject(BOX, (0.716, 0.5, 0.2))
     grasp = grasped(body, None)
     config = HOME.robot.configuration(grasp.path[-1])
-    free = plan_release(config, body, grasp.grip.members, CLEARANCE)
-    assert free.violation is None
     names = grasp.grip.members
     turned = plan_release(config, body, names, CLEARANCE, max_turn=0.0).violation.value
     most = 0.5 * turned
@@ -159,7 +157,7 @@ def test_other_members_do_not_hold_it():
 
 
 def test_release_by_two_members_is_refused_if_a_third_presses():
-    robot = load_robot('triangle')
+    robot = preset('triangle')
     middle = robot.home.nodes[: len(robot.topology.joint_names)].mean(axis=0)
     inside = ConvexObject.disc(tuple(middle), 0.68)
     release = plan_release(robot.home, inside, robot.member_names[:2], CLEARANCE)

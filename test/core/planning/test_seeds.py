@@ -5,13 +5,14 @@
 import math
 
 import closings
-from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
+from isotruss_ros.core import ConvexObject, GraspRequirements
 from isotruss_ros.core.planning.facing import friction_angles
 from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds
 import numpy as np
 import pytest
+from robots import preset
 
-HOME = load_robot('nine_member').home
+HOME = preset('nine_member').home
 NAMES = HOME.robot.member_names
 BODY = ConvexObject.disc((0.716, 0.5), 0.2)
 ANY = GraspRequirements()
