@@ -56,48 +56,59 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     """Return the minimiser x (n,); None if none is found, or if P is not positive definite."""
     is_finite = problem.bounds < np.inf
     rows, bounds = problem.rows[is_finite], problem.bounds[is_finite]
-    # Every x = particular + null_space @ z fulfils the equalities.
-    null_space, particular = _solve_equalities(problem)
     largest_coefficient = np.abs(rows).max(initial=SMALLEST_NORMAL)
+
+    # Null-space method: x = particular + null_space @ z fulfils the equalities for every z.
+    null_space, particular = _solve_equalities(problem)
     if not null_space.shape[1]:  # LAPACK refuses empty matrices
-        excess = (rows @ particular - bounds).max(initial=0.0)
-        tolerance = LOOSE_TOLERANCE * largest_coefficient * (1.0 + np.abs(particular).max())
-        return particular if excess <= tolerance else None
+        violation = _relative_violation(particular, rows, bounds, largest_coefficient)
+        return particular if violation <= LOOSE_TOLERANCE else None
+
+    # Cholesky factor L of the reduced Hessian. Its diagonal is scaled to 1, because P has
+    # penalties up to 1e8 beside costs of 1.
     reduced_hessian = null_space.T @ problem.hessian @ null_space
-    # Scaled variables z: P has penalties up to 1e8 beside costs of 1.
     scale = 1.0 / np.sqrt(np.maximum(reduced_hessian.diagonal(), SMALLEST_NORMAL))
     factor, failed = lapack.dpotrf(scale[:, None] * reduced_hessian * scale, lower=1)
     if failed:
         return None
     basis = null_space * scale
-    # y = L^T z + offset is zero at the minimum without inequalities, which become
-    # y . column <= room.
+
+    # Least distance problem: y = L^T z + offset is zero at the minimum without inequalities, and
+    # the inequalities become y . column <= room.
     reduced_gradient = basis.T @ (problem.hessian @ particular + problem.gradient)
     offset, _ = lapack.dtrtrs(factor, reduced_gradient, lower=1)
     columns, _ = lapack.dtrtrs(factor, (rows @ basis).T, lower=1)
     room = bounds - rows @ particular + offset @ columns
+
     best, best_violation = None, LOOSE_TOLERANCE
     for perturbation in BOUND_PERTURBATIONS:
         nearest = find_nearest(columns, room, np.sqrt(offset @ offset), perturbation)
         if nearest is None:
             continue
+        y_step = nearest.point - offset  # L^T z
+        x = particular + basis @ lapack.dtrtrs(factor, y_step, lower=1, trans=1)[0]
+        violation = _relative_violation(x, rows, bounds, largest_coefficient)
         active = nearest.active
-        x, y_step = particular, nearest.point - offset  # L^T z
-        for _ in range(2):
-            x = x + basis @ lapack.dtrtrs(factor, y_step, lower=1, trans=1)[0]
-            excess = (rows @ x - bounds).max(initial=0.0)
-            # Plain numbers: rows of zeros that cannot be fulfilled give infinity.
-            violation = float(excess) / float(largest_coefficient * (1.0 + np.abs(x).max()))
-            if violation <= best_violation:
-                best, best_violation = x, violation
-            if violation <= ROUNDING:
-                return x
-            if not len(active):
-                break
-            # Digits lost to an offset much longer than x are restored by a step to the active
-            # constraints.
+        if violation > ROUNDING and len(active):
+            # An offset much longer than x costs digits. A step to the active constraints restores
+            # them.
             y_step = solve_least_squares(columns[:, active].T, bounds[active] - rows[active] @ x)
+            refined = x + basis @ lapack.dtrtrs(factor, y_step, lower=1, trans=1)[0]
+            refined_violation = _relative_violation(refined, rows, bounds, largest_coefficient)
+            if refined_violation <= violation:
+                x, violation = refined, refined_violation
+        if violation <= ROUNDING:
+            return x
+        if violation <= best_violation:
+            best, best_violation = x, violation
     return best
+
+
+def _relative_violation(x: Array, rows: Array, bounds: Array, coefficient: float) -> float:
+    """Return the largest violation of G x <= h, relative to the largest terms of G x [-]."""
+    excess = (rows @ x - bounds).max(initial=0.0)
+    # Plain numbers: rows of zeros that cannot be fulfilled give infinity.
+    return float(excess) / float(coefficient * (1.0 + np.abs(x).max()))
 
 
 def require_solution(solution: Array | None) -> Array:
@@ -138,14 +149,17 @@ def find_nearest(columns: Array, room: Array, size: float, perturbation: float) 
     The bounds are perturbed by `perturbation` times `size`. The result is None if the polyhedron
     is empty, or if the search fails because of rounding errors.
     """
+    # Planes in Hesse normal form.
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
     lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf  # no bound
     normals, distances = columns / lengths, room / lengths
     violation_at_origin = -distances.min(initial=0.0)
     if violation_at_origin <= perturbation * size:
         return Nearest(np.zeros(len(columns)), np.zeros(0, dtype=np.intp))
+
+    # Nonnegative least squares of Lawson and Hanson: the residual has the direction of
+    # (-y, unit), and the weights are proportional to the multipliers of the planes.
     unit = max(size, violation_at_origin)
-    # Lawson and Hanson: the residual of these least squares has the direction of (-y, unit).
     matrix = np.concatenate([normals, distances[None] / unit])
     if perturbation:  # by a different amount for each bound
         golden = 0.5 * (5.0**0.5 - 1.0)
@@ -162,21 +176,32 @@ def find_nearest(columns: Array, room: Array, size: float, perturbation: float) 
     # perturbed polyhedron contains the origin.
     if not EPSILON < last_residual <= 1.0 or not len(active):
         return None
-    active_normals, active_distances = normals[:, active], distances[active]
+
     # The minimum-norm y on the active planes is accurate also for constraints of very different
     # stiffness.
+    active_normals, active_distances = normals[:, active], distances[active]
     point = solve_least_squares(active_normals.T, active_distances)
-    # Duality: with nonnegative multipliers |y|^2 exceeds the minimum by at most the gap.
     slacks = np.abs(active_distances - point @ active_normals)
     multipliers = weights[active] * (unit / last_residual)
+    if not _is_optimal(point, active_normals, slacks, multipliers, unit):
+        return None
+    return Nearest(point, active)
+
+
+def _is_optimal(
+    point: Array, normals: Array, slacks: Array, multipliers: Array, size: float
+) -> bool:
+    """Return whether the duality gap of min |y|^2 is negligible, if need be after a correction."""
     for _ in range(2):
-        gradient = point + active_normals @ multipliers
+        # Stationarity of the Lagrangian: y + normals @ multipliers = 0. With nonnegative
+        # multipliers, |y|^2 exceeds the minimum by at most the gap.
+        gradient = point + normals @ multipliers
         gap = gradient @ gradient + 2.0 * multipliers @ slacks
-        if gap <= LOOSE_TOLERANCE * unit * unit:
-            return Nearest(point, active)
-        correction = solve_least_squares(active_normals, gradient)
+        if gap <= LOOSE_TOLERANCE * size * size:
+            return True
+        correction = solve_least_squares(normals, gradient)
         multipliers = np.maximum(multipliers - correction, 0.0)
-    return None
+    return False
 
 
 def solve_least_squares(matrix: Array, right: Array) -> Array:
@@ -192,8 +217,8 @@ def solve_complementarity(compliance: Array, gaps: Array) -> tuple[Array, Flags]
     """
     forces = np.zeros(len(gaps))
     if (gaps < 0.0).any():
-        # The LCP is the optimality condition of min |U f - target|, f >= 0, with the compliance
-        # U^T U and U^T target = -gaps.
+        # The LCP is the optimality condition of min |U f - target| with f >= 0, where U^T U is the
+        # compliance and U^T target = -gaps.
         factor, failed = lapack.dpotrf(compliance)
         if failed:
             raise SolverError('the complementarity problem has no positive definite matrix')
