@@ -40,11 +40,14 @@ def finite_array(
         array = np.asarray(values)
     except ValueError:  # lists of different lengths
         array = np.asarray(None)  # without numbers, so it is refused
+    # An empty list has one dimension only.
     if 0 in shape and array.size == 0:
         return np.zeros(shape)
     has_form = array.dtype.kind in 'iuf' and array.shape == shape
     if has_form and (np.abs(array) <= most).all():
         return array.astype(np.float64)
+
+    # Message with the refused value, truncated, and the valid form.
     text = repr(values.tolist() if hasattr(values, 'tolist') else values)
     shown = text if len(text) <= 80 else text[:77] + '...'
     form = ' x '.join(map(str, shape)) + ' finite numbers'

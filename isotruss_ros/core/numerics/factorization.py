@@ -58,14 +58,15 @@ def factorize(matrix: Array | csc_matrix) -> Factor:
 
 def estimate_condition(matrix: Array | csc_matrix) -> float:
     """Return a lower bound of the condition number in the maximum norm; infinite if singular."""
-    # Numbers up to 1 without a pattern, so a large solution shows a large inverse.
-    right = np.cos(np.arange(matrix.shape[0]) ** 2)
+    # The solution for a probe of maximum norm 1 has at most the norm of the inverse. The numbers
+    # have no pattern, so the probe is unlikely to be orthogonal to the largest singular direction.
+    probe = np.cos(np.arange(matrix.shape[0]) ** 2)
     try:
         with np.errstate(over='ignore', invalid='ignore'):
-            inverse_norm = float(np.abs(factorize(matrix.copy()).solve(right)).max())
+            inverse_norm = float(np.abs(factorize(matrix.copy()).solve(probe)).max())
     except np.linalg.LinAlgError:
         return np.inf
-    norm = float(np.abs(matrix).sum(axis=1).max())
+    norm = float(np.abs(matrix).sum(axis=1).max())  # largest sum of a row
     return norm * inverse_norm if inverse_norm < np.inf else np.inf
 
 
