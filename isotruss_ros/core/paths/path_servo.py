@@ -97,19 +97,9 @@ class PathServo:
         elapsed, self._last_cycle = now - self._last_cycle, now
         self.tracker.clock.period = self.period
         try:
-            (status,) = require_fresh(now, self.timeout, status=self.inputs.servo_feedback)
-            feedback: ServoFeedback = status.value
-            if not 0.0 <= feedback.scale <= 1.0:
-                words = f'status: scale {feedback.scale}: must be from 0 to 1'
-                raise InputError(InputFault.INVALID, 'status', words)
-            self._feedback_time = max(self._feedback_time, status.time)
-        except InputError as error:
-            if now - self._feedback_time > self.timeout:
-                return Step(None, PathOutcome.STOPPED, str(error))
-            feedback = ServoFeedback(Status.HALT_NO_TWIST, 0.0, str(error))
-        held = feedback.code >= Status.HALT_NO_TWIST  # the robot is stopped
-        self.tracker.allow_for_inertia(feedback.frequency)
-        try:
+            feedback = self._read_feedback(now)
+            held = feedback.code >= Status.HALT_NO_TWIST  # the robot is stopped
+            self.tracker.allow_for_inertia(feedback.frequency)
             (pose,) = require_fresh(now, self.timeout, object_pose=self.inputs.pose)
             age = now - pose.time
             tracking = self.tracker.update(pose.value, age, elapsed, feedback.scale, held)
@@ -121,3 +111,18 @@ class PathServo:
         if feedback.message:
             message = f'{message}; manipulation: {feedback.message}'
         return Step(tracking, OUTCOMES[tracking.phase], message)
+
+    def _read_feedback(self, now: float) -> ServoFeedback:
+        """Return the feedback of the manipulation node; in a short gap, that of a halted robot."""
+        try:
+            (status,) = require_fresh(now, self.timeout, status=self.inputs.servo_feedback)
+            feedback: ServoFeedback = status.value
+            if not 0.0 <= feedback.scale <= 1.0:
+                words = f'status: scale {feedback.scale}: must be from 0 to 1'
+                raise InputError(InputFault.INVALID, 'status', words)
+        except InputError as error:
+            if now - self._feedback_time > self.timeout:
+                raise
+            return ServoFeedback(Status.HALT_NO_TWIST, 0.0, str(error))
+        self._feedback_time = max(self._feedback_time, status.time)
+        return feedback
