@@ -66,11 +66,14 @@ class RollerTrajectory:
                 f'time {stamps[point]:.9g} s of point {point} of the trajectory: must be '
                 f'later than that of the point before, from 0 to {MAX_DURATION:g} s'
             )
+
+        # Velocities of the segments, and accelerations that the blends at both ends need.
         max_speed = robot.description.max_speed
         max_acceleration = robot.description.max_acceleration
         with np.errstate(over='ignore', invalid='ignore'):  # infinite values are refused
             velocities = np.diff(rows, axis=0) / durations[:, None]
             velocities = np.pad(velocities, ((1, 1), (0, 0)))  # at rest before and after
+            # Largest velocity change of a roller at each waypoint [m/s].
             jumps = np.abs(np.diff(velocities, axis=0)).max(axis=1)
             # A segment contains half of the blends at both of its ends.
             accelerations = 0.5 * (jumps[1:] + jumps[:-1]) / durations
@@ -88,21 +91,26 @@ class RollerTrajectory:
             )
         half_blends = 0.5 * jumps / max_acceleration  # half of each blend's duration [s]
         centres = stamps + max(half_blends[0] - stamps[0], 0.0)  # no blend begins before time 0
-        # Velocities are linear between the times at which blends begin and end. Blends may overlap
-        # by the tolerance of the acceleration.
-        knots = np.stack([centres - half_blends, centres + half_blends], axis=1).ravel()
-        knots = np.maximum.accumulate(knots)
-        knot_velocities = np.repeat(velocities, 2, axis=0)[1:-1]
-        intervals = np.maximum(np.diff(knots), SMALLEST_NORMAL)[:, None]
-        slopes = np.diff(knot_velocities, axis=0) / intervals
-        self._velocity = scipy.interpolate.PPoly([slopes, knot_velocities[:-1]], knots)
+        self._velocity = _blend(velocities, centres, half_blends)
         self._start, self._travel = rows[0], self._velocity.antiderivative()
-        self.duration = float(knots[-1])
+        self.duration = float(self._velocity.x[-1])
 
     def at(self, time: float) -> RollerState:
         """Return the desired roller state; rollers rest before the start and after the end."""
         clipped = min(max(time, self._velocity.x[0]), self.duration)
         return RollerState(self._start + self._travel(clipped), self._velocity(clipped))
+
+
+def _blend(velocities: Array, centres: Array, half_blends: Array) -> scipy.interpolate.PPoly:
+    """Return a velocity that is constant between the centred blends, and linear within them."""
+    # Knots are the begin and the end of each blend. Blends may overlap by the tolerance of the
+    # acceleration.
+    knots = np.stack([centres - half_blends, centres + half_blends], axis=1).ravel()
+    knots = np.maximum.accumulate(knots)
+    knot_velocities = np.repeat(velocities, 2, axis=0)[1:-1]  # before and after each blend
+    intervals = np.maximum(np.diff(knots), SMALLEST_NORMAL)[:, None]
+    slopes = np.diff(knot_velocities, axis=0) / intervals
+    return scipy.interpolate.PPoly([slopes, knot_velocities[:-1]], knots)
 
 
 class Tolerance(NamedTuple):
@@ -206,15 +214,18 @@ class RollerTrajectoryServo:
         self._measured = measured.time
         if now < self._start:
             return self._stop_step
+
         # Cycles may be late on a busy machine, or rare on a coarse clock.
         longest = min(MAX_TIME_STEP, self.timeout)
         elapsed, self._last_cycle = min(max(0.0, now - self._last_cycle), longest), now
+
+        # At the end of the trajectory the roller offsets are kept, because each marker changes
+        # their estimate by more than the tolerance.
         state = measured.value
         if self.time < trajectory.duration:
             self._offsets = state.offsets
-        # Each marker changes the estimated offsets by more than the tolerance, so the last ones
-        # before the end of the trajectory are kept.
         state = state._replace(positions=state.positions - state.offsets + self._offsets)
+
         if self._tolerances.path is not None:
             desired = trajectory.at(self.time - max(0.0, now - measured.time))
             names = self._robot.roller_names
@@ -226,14 +237,17 @@ class RollerTrajectoryServo:
     def _advance(self, measured: StampedInput, now: float, elapsed: float) -> RollerStep:
         """Return the step of a cycle; trajectory time advances unless a roller lags."""
         trajectory, state, names = self.trajectory, measured.value, self._robot.roller_names
+
+        # Position errors at the begin and at the end of the cycle. The smaller one decides about a
+        # lag: by the travel of one cycle, rollers at rest seem to lag, and moving rollers to lead.
         next_time = min(self.time + elapsed, trajectory.duration)
         is_at_end = next_time >= trajectory.duration
         error_now = trajectory.at(self.time).positions - state.positions
         error_next = trajectory.at(next_time).positions - state.positions
-        # The smaller error counts: by the travel of one cycle, rollers at rest seem to lag, and
-        # moving rollers seem to lead.
         has_lag = min(float(np.abs(error_next).max()), float(np.abs(error_now).max())) > MAX_LAG
         error = error_now if has_lag else error_next
+
+        # Arrival: all rollers stay within the tolerances of the goal.
         is_default = self._tolerances.goal is None
         goal = self._default_goal if is_default else self._tolerances.goal
         goal_violation = goal.find_violation(names, trajectory.at(trajectory.duration), state)
@@ -241,16 +255,15 @@ class RollerTrajectoryServo:
         self._arrived = min(self._arrived, now) if has_arrived else math.inf
         if min(measured.time, now) - self._arrived > REST_TIME:
             return self._finish()
+
+        # Progress of trajectory time, or time without progress.
         if not has_lag and self.time < trajectory.duration:
             self.time, self._waited = next_time, 0.0
         elif not has_arrived:
             self._waited += elapsed
-        is_stuck = is_overdue = self._waited > PROGRESS_TIMEOUT
-        if self._tolerances.goal_time is not None:
-            # At the end of the trajectory, the goal's own timeout replaces the default.
-            latest_arrival = self._start + trajectory.duration + self._tolerances.goal_time
-            is_overdue = now > latest_arrival or (is_stuck and not is_at_end)
-        if is_overdue and not has_arrived:
+
+        is_stuck = self._waited > PROGRESS_TIMEOUT
+        if not has_arrived and self._is_overdue(now, is_stuck, is_at_end):
             worst = int(np.abs(error).argmax())
             lag = abs(error[worst])
             if is_default and is_at_end and lag <= NEAR_TOLERANCE:
@@ -258,6 +271,7 @@ class RollerTrajectoryServo:
             failure = '' if is_default else goal_violation
             failure = failure or f'roller {names[worst]} stays {lag:.4g} m behind the trajectory'
             return self._finish(failure, at_goal=is_at_end or not is_stuck)
+
         # Feed-forward of the trajectory's velocity, which is zero during a lag, and feedback.
         speeds = (error - error_now) / (elapsed or self.timeout) + POSITION_GAIN * error_now
         if is_at_end:
@@ -265,6 +279,13 @@ class RollerTrajectoryServo:
             speeds = np.where(np.abs(error) <= np.minimum(TOLERANCE, goal.positions), 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit))
+
+    def _is_overdue(self, now: float, is_stuck: bool, is_at_end: bool) -> bool:
+        """Return whether a timeout has passed; at the end, the goal's may replace the default."""
+        if self._tolerances.goal_time is None:
+            return is_stuck
+        latest_arrival = self._start + self.trajectory.duration + self._tolerances.goal_time
+        return now > latest_arrival or (is_stuck and not is_at_end)
 
     def _finish(self, failure: str = '', at_goal: bool = False) -> RollerStep:
         """End the trajectory, and return a step that stops the rollers."""
