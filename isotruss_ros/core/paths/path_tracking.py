@@ -144,16 +144,21 @@ class PathClock:
         """
         self._now += elapsed
         self.waited += elapsed
+        # The history has the path time at the expected end of the last cycle. If this cycle is
+        # late, path time has stood still since then.
         if self._now > self._path_times.last[0]:
             self._path_times.add(self._now, self.time)
         self._path_times.discard_before(self._now - MAX_TIMEOUT)
+
+        # Rate of path time, by ramps of constant slope 1 / ramp_time.
         time_step = min(elapsed, 2.0 * self.period)
         desired = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_LIMITED_RATE)
         change = time_step / self.ramp_time
         ramped = min(max(desired, self.rate - change), self.rate + change)
-        # A ramp from this rate ends at the end of the path.
-        end_ramp = math.sqrt(2.0 * (self._duration - self.time) / self.ramp_time)
-        self.rate = 0.0 if held else min(ramped, max_rate, end_ramp)
+        # From this rate, the ramp to zero ends at the end of the path.
+        stopping_rate = math.sqrt(2.0 * (self._duration - self.time) / self.ramp_time)
+        self.rate = 0.0 if held else min(ramped, max_rate, stopping_rate)
+
         self.time = min(self.time + self.rate * time_step, self._duration)
         self._path_times.add(self._now + self.period, self.time)
         if self.time - self._progress_time > self._least_progress:
@@ -219,20 +224,27 @@ class PathTracker:
         finite_array(measured, 3, what, PathError, MAX_MAGNITUDE)
         age, elapsed = max(age, 0.0), max(elapsed, 0.0)
         clock, settings = self.clock, self.settings
+
+        # Pose error at the time of the measurement.
         error = pose_difference(self.path.pose(clock.time_then(elapsed, age)), measured)
         position_error, angle_error = math.hypot(error[0], error[1]), abs(float(error[2]))
         error_share = max(
             position_error / settings.position_tolerance, angle_error / settings.angle_tolerance
         )
+
+        # The rate of path time falls linearly from 1 at `SLOWING_SHARE` to 0 at `STOPPING_SHARE`.
         max_rate = (STOPPING_SHARE - error_share) / (STOPPING_SHARE - SLOWING_SHARE)
         max_rate = min(max(max_rate, 0.0), 1.0)
         previous, was_at_end = self.path.pose(clock.time), clock.at_end
         time_step = clock.advance(elapsed, max_rate, scale, held)
+
+        # Statistics of the errors.
         self.max_position_error = max(self.max_position_error, position_error)
         self.max_angle_error = max(self.max_angle_error, angle_error)
         self._seconds += time_step
         # The operator ** would raise an error for large numbers.
         self._squared_errors += time_step * position_error * position_error
+
         phase = self._phase(error_share, was_at_end, min(max_rate, scale), held)
         twist, message = np.zeros(3), ''
         if phase in FINISHED:
@@ -241,7 +253,8 @@ class PathTracker:
             if phase is PathPhase.STUCK:
                 message = f'no progress for {clock.waited:.3g} s, {message}'
         elif phase is not PathPhase.HELD:
-            # The mean velocity over the cycle is exact also at corners and at the end.
+            # Feed-forward of the mean velocity over the cycle, which is exact also at corners and
+            # at the end.
             velocity = (self.path.pose(clock.time) - previous) / max(time_step, COINCIDENCE)
             twist = velocity + self._feedback(error, age)
         progress = clock.time / self.path.duration
