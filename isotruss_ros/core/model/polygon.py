@@ -80,13 +80,16 @@ class Polygon(PolygonalShape):
     @cached_property
     def _moments(self) -> tuple[float, complex, float]:
         """Return the integrals of 1, z and |z|^2 over the area, with z = x + iy."""
-        # The polygon through the arcs' starts, centres and ends, and the sectors of the arcs.
+        # The area is that of the polygon through the starts, centres and ends of the arcs...
         centers, radii, half_turns = self.arc_centers, self.radii, 0.5 * self.turns
-        starts, ends = centers + radii * np.array([np.roll(self.normals, 1), self.normals])
+        starts = centers + radii * np.roll(self.normals, 1)
+        ends = centers + radii * self.normals
         polygon = polygon_moments(np.stack([starts, centers, ends], axis=1).ravel())
+
+        # ... and of the circular sectors of the arcs.
         areas = half_turns * radii**2
         centroids = centers + self._outward * radii * 2.0 * np.sin(half_turns) / (3.0 * half_turns)
-        # Means of |z|^2 = |z - c|^2 + 2 Re(z conj(c)) - |c|^2 with the arcs' centres c.
+        # Mean of |z|^2 = |z - c|^2 + 2 Re(z conj(c)) - |c|^2 over a sector with the centre c.
         squares = 0.5 * radii**2 + 2.0 * (centroids * centers.conj()).real - np.abs(centers) ** 2
         return (
             polygon[0] + float(areas.sum()),
@@ -139,10 +142,11 @@ class Polygon(PolygonalShape):
     @cached_property
     def _faces(self) -> list[tuple[Face, Face]]:
         """Return the faces before and after each corner."""
-        count, centers = len(self.vertices), self.arc_centers
-        # Normal and length k are those of the face from corner k to the next corner.
-        lengths = np.abs(np.roll(centers, -1) - centers).tolist()
-        normals = self.normals.tolist()
+        # Normal and length k are those of the face from corner k to the next corner. A face is
+        # shorter than the distance of the centres of arcs with different radii.
+        between_centers = np.roll(self.arc_centers, -1) - self.arc_centers
+        lengths = (between_centers * (1j * self.normals).conj()).real.tolist()
+        count, normals = len(self.vertices), self.normals.tolist()
         return [
             (
                 Face(-1, (k - 1) % count, normals[k - 1], lengths[k - 1]),
@@ -170,24 +174,26 @@ class Polygon(PolygonalShape):
         """Return the normals' angles (k,) in the middles of arcs, and arc lengths (k,) there."""
         middle_angles = np.angle(self.normals[0]) + self._directions - 0.5 * self.turns
         half_arcs = 0.5 * self.radii * self.turns
-        # A face is shorter than the distance of the centres of arcs with different radii.
-        between_centers = np.roll(self.arc_centers, -1) - self.arc_centers
-        face_lengths = (between_centers * (1j * self.normals).conj()).real
+        face_lengths = np.array([following.length for _, following in self._faces])
         between_middles = half_arcs[:-1] + face_lengths[:-1] + half_arcs[1:]
         return middle_angles, np.append(0.0, np.cumsum(between_middles))
 
     def nearest(self, points: Points) -> SurfacePoints:
         """Return the nearest points of the surface; see `Shape.nearest`."""
+        # Axes: point, corner. Components of vectors from the centres of the arcs: along the normal
+        # of the next side (real) and along the next side (imaginary), and along the previous side.
         rows = np.arange(len(points))
-        from_centers = points[:, None] - self.arc_centers  # (c, k)
-        # Components along the next side's normal (real) and along the side (imaginary), and along
-        # the previous side.
+        from_centers = points[:, None] - self.arc_centers
         by_next_side = from_centers * self.normals.conj()
         along_previous_side = (from_centers * np.roll(self.normals, 1).conj()).imag
+
+        # The nearest side has the largest signed distance.
         side_gaps = by_next_side.real - self.radii
         sides = side_gaps.argmax(axis=1)
         gaps, normals = side_gaps[rows, sides], self.normals[sides]
-        # An arc is nearest where the direction from its centre is in its normal cone.
+
+        # An arc is nearest where the vector from its centre is in its normal cone: before the next
+        # side, and behind the previous side.
         in_cone = (by_next_side.imag < 0.0) & (along_previous_side > 0.0)
         if not in_cone.any():
             return SurfacePoints(gaps, normals)

@@ -48,7 +48,7 @@ class Face(NamedTuple):
     step: int  #: 1 for the face after this corner, counter-clockwise; -1 for the face before it
     corner: int  #: index of the corner at the other end of the face
     normal: complex  #: outward unit normal, x + iy
-    length: float  #: length between the corners, or between the centres of their arcs [m]
+    length: float  #: length, without the arcs at rounded corners [m]
 
 
 class PatchEnd(NamedTuple):
@@ -151,17 +151,21 @@ class Shape(ABC):
         :param skin: position of the straight tube's skin along the normal, from the origin [m];
             infinite if the tube is not indented yet.
         """
+        # Corners that penetrate the skin, or that would at the planned depth.
         corner = self.corner_at(normal)
         point = self.point_at(corner, normal)
         deepest = PatchEnd(corner, point, (point * normal.conjugate()).real, 0.0)
         depth = max(deepest.height - skin, PLANNED_DEPTH * tube_radius)
         ends = self._ends_above(deepest.height - depth, deepest, normal, tube_radius)
+
         # Of ends with equal heights, the main end is the one nearest to the middle of the object.
         main_height = max(end.height for end in ends) - NEGLIGIBLE_SHARE * depth
         main = min(
             (end for end in ends if end.height >= main_height),
             key=lambda end: abs(((end.point - self.centroid) * normal.conjugate()).imag),
         )
+
+        # The other end is the deepest one at a distance of a tube radius or more.
         others = [end for end in ends if abs(end.along - main.along) >= tube_radius]
         patch = [main, max(others, key=lambda end: end.height)] if others else [main]
         return sorted(patch, key=lambda end: end.along)
@@ -227,13 +231,16 @@ class Shape(ABC):
 
         :param points: (c,) points x + iy, outside or inside [m].
         """
-        # The tangent at the nearest point has the largest distance of all tangents. Its normal's
-        # angle is between the samples before and after the best sample.
+        # The tangent at the nearest point has the largest signed distance of all tangents. Axes of
+        # the search among sampled tangents: point, sample.
         sampled, support = self._sampled_tangents
         x, y = points.real[:, None], points.imag[:, None]
         best = (x * np.cos(sampled) + y * np.sin(sampled) - support).argmax(axis=1)
+        # The angle of its normal is between the samples before and after the best sample.
         padded = np.concatenate([sampled[-1:] - 2.0 * np.pi, sampled, sampled[:1] + 2.0 * np.pi])
         angles, low, high = sampled[best], padded[best], padded[best + 2]
+
+        # Maximisation by Newton's method, or by bisection where a step leaves the bounds.
         corners = np.zeros(len(points), dtype=np.intp)
         for _ in range(MAX_NEWTON_ITERATIONS):
             normals = np.exp(1j * angles)
@@ -241,7 +248,6 @@ class Shape(ABC):
             # The distance from the tangent, and as imaginary part its derivative by the angle.
             distances = (points - feet) * normals.conj()
             low, high = np.where(distances.imag > 0.0, [angles, high], [low, angles])
-            # Newton's method, or bisection where it leaves the bounds.
             newton = angles + distances.imag / np.maximum(distances.real + radii, COINCIDENCE)
             is_bounded = (newton >= low) & (newton <= high)
             previous, angles = angles, np.where(is_bounded, newton, 0.5 * (low + high))
