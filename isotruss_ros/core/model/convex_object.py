@@ -84,17 +84,20 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
 
     def _place(self, pose: ArrayLike) -> None:
         """Set the pose, and the quantities that follow from shape and pose."""
+        # Three floats, as in a control loop, need no conversion to an array.
         try:
-            x, y, angle = map(float, pose)
-            is_within = all(-MAX_MAGNITUDE <= number <= MAX_MAGNITUDE for number in pose)
-            is_valid = is_within and not {bool, np.bool_}.issuperset(map(type, pose))
+            x, y, angle = pose
+            numbers = (x, y, angle)
+            is_valid = all(isinstance(n, float) and abs(n) <= MAX_MAGNITUDE for n in numbers)
         except (TypeError, ValueError):
             is_valid = False
-        if not is_valid:  # `finite_array` raises the error of a pose that is not three numbers
-            finite_array(pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
-            raise GraspError(f"the object's pose {pose!r}: must be within {MAX_MAGNITUDE:g} m")
+        if not is_valid:
+            what = "the object's pose (x, y, angle) [m, rad]"
+            x, y, angle = finite_array(pose, 3, what, GraspError).tolist()
+            if max(abs(x), abs(y), abs(angle)) > MAX_MAGNITUDE:
+                raise GraspError(f"the object's pose {pose!r}: must be within {MAX_MAGNITUDE:g} m")
         center, turn = complex(x, y), cmath.rect(1.0, angle)
-        object.__setattr__(self, 'pose', Pose(x, y, angle))
+        object.__setattr__(self, 'pose', Pose(float(x), float(y), float(angle)))
         object.__setattr__(self, 'center', center)
         object.__setattr__(self, 'turn', turn)
         object.__setattr__(self, 'middle', center + turn * self.shape.centroid)
@@ -215,16 +218,21 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     A normal is perpendicular to its segment and points away from the object's centroid. If the
     nearest point is an end of the segment, the normal is that of the object's surface.
     """
+    # Unit vectors along the segments.
     spans = ends - starts
     lengths = np.abs(spans)
     has_length = lengths > COINCIDENCE  # others have any axis
     axes = np.where(has_length, spans, 1.0) / np.where(has_length, lengths, 1.0)
+
+    # Gaps to the infinite lines along the segments, and positions of the nearest points as shares
+    # of the segments.
     normals = facing_normals(body.middle, starts, axes)
-    # Points of the surface that are nearest to the lines along the segments.
     support_points = body.shape.support_points(normals * body.turn.conjugate())
     points = body.center + body.turn * support_points
     gaps = ((starts - points) * normals.conj()).real
     shares = (axes.conj() * (points - starts)).real / np.maximum(lengths, COINCIDENCE)
+
+    # Where the nearest point of the line is beyond an end of the segment, this end is nearest.
     beyond = np.flatnonzero((shares < 0.0) | (shares > 1.0) | ~has_length)
     if len(beyond):
         before_start = shares[beyond] < 0.0
