@@ -143,11 +143,18 @@ def _implausible_laws(file: RobotDescription, radius: float) -> Iterator[str]:
     for tube, pressure in file.pressures.items():
         for member_length in (file.min_length, file.max_length):
             small, large = _plausible_sections(radius, pressure, member_length, max_softening)
-            axial_range = small.axial / member_length, large.axial / member_length
+
+            # Plausible end stiffnesses. Bending and shear act on the span between guide rings.
             span = member_length - 2.0 * file.module.guide_ring_distance
-            transverse_range = _transverse(small, span), _transverse(large, span)
+            axial_range = small.axial / member_length, large.axial / member_length
+            # Timoshenko beam clamped at both ends.
+            transverse_range = tuple(
+                1.0 / (span**3 / (12.0 * beam.flexural) + span / beam.shear)
+                for beam in (small, large)
+            )
             # A beam with shear has a rotary stiffness from EI / l to 4 EI / l.
             rotary_range = small.flexural / span, 4.0 * large.flexural / span
+
             for mode, unit, length, (low, high) in (
                 ('axial', 'N/m', member_length, axial_range),
                 ('transverse', 'N/m', span, transverse_range),
@@ -164,8 +171,3 @@ def _implausible_laws(file: RobotDescription, radius: float) -> Iterator[str]:
                         f'{likely_unit(k, unit, low, high, {"with p in kPa": (0.0, in_kpa)})}'
                     )
                     return
-
-
-def _transverse(section: SectionStiffness, span: float) -> Array:
-    """Return the transverse end stiffness of a beam clamped at both ends [N/m]."""
-    return 1.0 / (span**3 / (12.0 * section.flexural) + span / section.shear)

@@ -45,8 +45,9 @@ def find_contradictions(file: RobotDescription) -> Iterator[str]:
     Yield a fault for lengths and pressures at which no beam has the stiffnesses of the laws.
 
     For a beam, the ratio 12 k_rotary / (k_transverse L^2) is 4 + 12 EI / (GA L^2), so at least 4.
-    The ratio of two power laws is a power law, so if it is at least 4 at both ends of a range of
-    lengths, it is at least 4 in between. The length at which it is 4 follows in closed form.
+    This ratio of power laws is itself a power law of the length, so its logarithm is linear in
+    the logarithm of the length. If it is at least 4 at both ends of a range of lengths, it is at
+    least 4 in between, and the length at which it is 4 follows in closed form.
     """
     limits, both_rings = (file.min_length, file.max_length), 2.0 * file.module.guide_ring_distance
     if limits[0] <= both_rings:
@@ -56,17 +57,20 @@ def find_contradictions(file: RobotDescription) -> Iterator[str]:
             'laws are those of the tube between guide rings'
         )
         return
+
+    # log(ratio) = log_factor + pressure_exponent log(p) + length_exponent log(L).
     laws = read_laws(file.stiffness)
     transverse, rotary = laws['transverse'], laws['rotary']
-    length_exponent = rotary.b - transverse.b - 2.0
-    log_lengths = np.log(np.array(limits) - both_rings)
+    pressure_exponent, length_exponent = rotary.a - transverse.a, rotary.b - transverse.b - 2.0
     log_factor = np.log(12.0) + np.log(rotary.C) - np.log(transverse.C)
+    log_lengths = np.log(np.array(limits) - both_rings)
     log_bound = np.log(4.0) + np.log1p(-ROUNDING)
     for tube, pressure in file.pressures.items():
-        log_ratio = log_factor + (rotary.a - transverse.a) * np.log(pressure)  # at 1 m
+        log_ratio = log_factor + pressure_exponent * np.log(pressure)  # at 1 m
         short_fails, long_fails = log_ratio + length_exponent * log_lengths < log_bound
         if not (short_fails or long_fails):
             continue
+
         where = 'at every length of a member'
         if not (short_fails and long_fails):
             length = float(np.exp((log_bound - log_ratio) / length_exponent))

@@ -50,14 +50,16 @@ class Topology:
 def make_topology(description: RobotDescription) -> Topology:
     """Return the topology of a robot, in the order of its file."""
     joints, tubes = tuple(description.joints), description.tubes
-    # Tube and joint of each module. The modules of a tube are numbered one after the other.
+    # Modules (tube, joint), which are numbered one after the other along each closed tube.
     modules = [(tube, joint) for tube in tubes for joint in tube.joints]
     sizes, count = [len(tube.joints) for tube in tubes], len(modules)
     tube_modules = np.split(np.arange(count), np.cumsum(sizes)[:-1])
-    following = np.concatenate([np.roll(numbers, -1) for numbers in tube_modules])  # closed tubes
+    following = np.concatenate([np.roll(numbers, -1) for numbers in tube_modules])
     module_names = tuple(f'{tube.name}/{joint}' for tube, joint in modules)
     driven = np.flatnonzero([joint != tube.passive for tube, joint in modules])
+    # Nodes: the joints, followed by B and C of each module.
     b = len(joints) + 2 * np.arange(count)
+
     supports = [
         (joint, axis) for joint, axes in description.supports.items() for axis in sorted(axes)
     ]
