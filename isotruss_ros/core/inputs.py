@@ -177,46 +177,47 @@ class Timeline:
     """Values at increasing times [s], between which numbers are interpolated linearly."""
 
     def __init__(self) -> None:
-        self._known: deque[tuple[float, Any]] = deque()
+        self._samples: deque[tuple[float, Any]] = deque()
 
     def __bool__(self) -> bool:
         """Return whether a value is stored."""
-        return bool(self._known)
+        return bool(self._samples)
 
     @property
     def first(self) -> tuple[float, Any]:
         """Return the earliest time and its value."""
-        return self._known[0]
+        return self._samples[0]
 
     @property
     def last(self) -> tuple[float, Any]:
         """Return the latest time and its value."""
-        return self._known[-1]
+        return self._samples[-1]
 
     @property
     def values(self) -> list[Any]:
         """Return all values in order of time."""
-        return [value for _, value in self._known]
+        return [value for _, value in self._samples]
 
     def add(self, time: float, value: Any) -> None:
         """Add a value at a time; remove earlier added values at this time or later."""
-        while self._known and self._known[-1][0] >= time:
-            self._known.pop()
-        self._known.append((time, value))
+        while self._samples and self._samples[-1][0] >= time:
+            self._samples.pop()
+        self._samples.append((time, value))
 
     def discard_before(self, time: float) -> None:
         """Remove old values that are not needed to interpolate at the given time or later."""
-        while len(self._known) > 1 and self._known[1][0] <= time:
-            self._known.popleft()
+        while len(self._samples) > 1 and self._samples[1][0] <= time:
+            self._samples.popleft()
 
     def at(self, time: float) -> Any:
         """Return the interpolated value; beyond the first and the last time, it is constant."""
-        number = bisect_right(self._known, time, key=itemgetter(0))
-        if number == 0:
+        following = bisect_right(self._samples, time, key=itemgetter(0))
+        if following == 0:
             return self.first[1]
-        if number == len(self._known):
+        if following == len(self._samples):
             return self.last[1]
-        (start, start_value), (end, end_value) = self._known[number - 1], self._known[number]
+        start, start_value = self._samples[following - 1]
+        end, end_value = self._samples[following]
         return start_value + (time - start) / (end - start) * (end_value - start_value)
 
 
