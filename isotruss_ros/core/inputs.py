@@ -289,6 +289,7 @@ class CommandHistory:
         client may have moved the rollers. The result is the travel from the measurement to `then`
         [m] and to that moment [m], and the mean speeds from now to it [m/s].
         """
+        # Rollers that are stopped have no travel.
         measured = rollers.value.velocities
         speeds = np.where(stopped, 0.0, measured if self.last is None else self.last)
         to_then = np.where(stopped, 0.0, self.travel(rollers.time, then, measured))
@@ -296,7 +297,7 @@ class CommandHistory:
         return to_then, to_now + lead * speeds, speeds
 
     def _until(self, time: float, before: Array) -> Array:
-        """Return the commanded travel (r,) at a time [m]; `before` are earlier speeds (r,)."""
+        """Return the integral (r,) of the commands [m]; before them, the speeds are `before`."""
         (first, _), (last, travel) = self._travel.first, self._travel.last
         if time > last:
             return travel + (time - last) * self.last

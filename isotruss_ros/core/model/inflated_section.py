@@ -127,6 +127,7 @@ def _implausible_section(
                 f'{unit} in a tube of {2.0 * radius:g} m at {reference:g} Pa'
                 f'{likely_unit(value, unit, low, high)}'
             )
+
     if is_plausible:
         # The modulus of the wall from EI without the pressure's share, see `inflated_section`.
         with_pressure = float(block['flexural_rigidity']) / (np.pi * radius**3)

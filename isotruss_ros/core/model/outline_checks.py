@@ -75,6 +75,7 @@ def _vertex(corners: Points, i: int) -> str:
 
 def _check_convex(corners: Points) -> None:
     """Raise GraspError if the polygon is not convex."""
+    # Vertices that coincide.
     sides = np.roll(corners, -1) - corners
     lengths = np.abs(sides)
     shortest = int(lengths.argmin())
@@ -83,6 +84,8 @@ def _check_convex(corners: Points) -> None:
             f'{_vertex(corners, shortest)}: the next vertex has the same position; the '
             f'distance must be at least {MIN_DIAMETER:g} m'
         )
+
+    # Sides on one line.
     turns = np.angle(sides * np.roll(sides, 1).conj())
     abs_sines = np.abs(np.sin(turns))
     straightest = int(abs_sines.argmin())
@@ -91,6 +94,8 @@ def _check_convex(corners: Points) -> None:
             f'{_vertex(corners, straightest)}: on one line with its neighbours; remove it, or '
             'move it so that the outline is convex'
         )
+
+    # Exterior angles of different signs.
     total_turn = float(turns.sum())
     concave = np.flatnonzero(turns * total_turn < 0.0)
     # An outline that winds more than once crosses itself, though all turns have one sign.

@@ -178,7 +178,7 @@ class Shape(ABC):
         # each side. Those behind a long face are last, because the first of equal ends is chosen.
         behind_short_faces = [deepest]
         behind_long_faces: list[PatchEnd] = []
-        for side in range(len(self.faces_at(deepest.corner))):
+        for side in range(len(self.faces_at(deepest.corner))):  # before, and after the corner
             corner, along, is_short = deepest.corner, 0.0, True
             while is_short:
                 face = self.faces_at(corner)[side]

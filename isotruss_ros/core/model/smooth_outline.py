@@ -104,7 +104,7 @@ class SmoothOutline(PolygonalShape):
         return bool((h + second).min() > 0.0)  # radii of curvature
 
     def _support_derivatives(self, angles: Array) -> Array:
-        """Return the integral of h, h, h' and h'' (4, k) at angles (k,) of the normals."""
+        """Return (4, k) the integral of the support function h, then h, h' and h'' at angles."""
         within_turn = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
         return np.array([self._integral(within_turn, order) for order in range(4)])
 
@@ -135,7 +135,8 @@ def _conic_tangents(points: Points) -> Points:
     for offset in (0, 0, 1, -2, 2, -1):
         corners = (np.roll(points, -offset) - points) / size
         hexagon.append(np.array([corners.real, corners.imag, np.ones(len(corners))]).T)
-    # In homogeneous coordinates, cross products are lines through points and points on lines.
+    # In homogeneous coordinates, the cross product of two points is the line through them, and the
+    # cross product of two lines is their intersection.
     sides = [np.cross(hexagon[i], hexagon[(i + 1) % 6]) for i in range(6)]
     pascal_line = np.cross(np.cross(sides[1], sides[4]), np.cross(sides[2], sides[5]))
     tangents = np.cross(hexagon[0], np.cross(sides[3], pascal_line))

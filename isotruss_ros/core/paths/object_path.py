@@ -70,7 +70,7 @@ class ObjectPath:
         """Return the durations (n - 1,) of the segments [s]."""
         steps = np.abs(np.diff(self.poses, axis=0))
         lengths = np.hypot(steps[:, 0], steps[:, 1])
-        with np.errstate(over='ignore'):  # infinite at a very low speed; refused below
+        with np.errstate(over='ignore'):  # infinite durations are refused
             durations = np.maximum(lengths / self.speed, steps[:, 2] / self.turn_rate)
             total = float(durations.sum())
         if total > MAX_DURATION:

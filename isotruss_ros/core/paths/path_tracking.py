@@ -131,7 +131,7 @@ class PathClock:
         return (2.0 * peak - self.rate) * self.ramp_time + max(cruise, 0.0)
 
     def time_then(self, elapsed: float, age: float) -> float:
-        """Return the path time at the measurement, `elapsed` - `age` after the last cycle [s]."""
+        """Return path time [s] at a measurement of this age, `elapsed` after the last cycle."""
         return self._path_times.at(self._now + elapsed - age)
 
     def advance(self, elapsed: float, max_rate: float, scale: float, held: bool) -> float:

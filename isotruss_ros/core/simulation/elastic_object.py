@@ -106,9 +106,10 @@ class ElasticObject:
         """Hold the object at its first contact with two members, or else in `config`."""
         if not self._is_pressed(config):
             return
+
+        # Bisection of the share of the motion after which two members are in contact.
         first_contact = config
         if previous is not None:
-            # Bisection of the share of the motion after which two members are in contact.
             start, end = previous.roller_positions, config.roller_positions
             low, high = 0.0, 1.0
             for _ in range(6):
@@ -118,6 +119,7 @@ class ElasticObject:
                     high, first_contact = share, trial
                 else:
                     low = share
+
         for trial in (first_contact, config):
             try:
                 grasp = attach_grip(trial, self._body, None, self._wrench, stiffness=self._scale)
@@ -142,6 +144,7 @@ class ElasticObject:
         start_wrench = grasp.wrench * (1.0, 1.0, grasp.arm)
         share, substep = 0.0, 1.0  # share of the motion that is done, and of the next substep
         while share < 1.0:
+            # Rollers and wrench change linearly.
             next_share = min(1.0, share + substep)
             positions = start + next_share * (end - start)
             target = config if next_share == 1.0 else grasp.config.moved_to(positions)
