@@ -3,6 +3,8 @@
 
 """The robot stays within good shapes, from sample to sample, and can always leave bad ones."""
 
+from functools import cache
+
 from comparison import walks
 from driven import Driven
 from grips import held_at, rolled
@@ -17,6 +19,8 @@ import numpy as np
 import pytest
 import robots
 
+#: Longer cycles, in which robots approach bounds [s].
+APPROACH_PERIOD = 0.05
 BARRIERS = {Status.SLOWED_RIGIDITY, Status.SLOWED_SELF_COLLISION, Status.SLOWED_OBJECT}
 PERIOD = 0.01
 
@@ -26,6 +30,15 @@ def pushed(seed, slide=False):
     rng = np.random.default_rng(seed)
     held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
     return Driven(held, PERIOD, slide_along_limits=slide), 0.2 * rng.standard_normal(3)
+
+
+def approach(robot, twist, distance):
+    """Command a twist in longer cycles until a margin is below a distance."""
+    for _ in range(200):
+        if walks.margins(robot.held).min() < distance:
+            return
+        robot.step(twist, APPROACH_PERIOD)
+    raise AssertionError('the twist does not lead to a bound')
 
 
 @pytest.mark.parametrize(
@@ -42,8 +55,9 @@ def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed, named):
     (robot, twist), found = pushed(seed), []
     laws = [BarrierLaw(0.0, band) for band in (0.2, 0.1, 0.1)]
     slowed = 0
+    approach(robot, twist, 0.06)
     before = walks.margins(robot.held)
-    for _ in range(700):
+    for _ in range(500):
         command = robot.step(twist)
         if command.status not in (Status.UNREACHABLE, Status.ACCELERATING):
             assert command.achieved_twist == pytest.approx(command.scale * twist, abs=1e-7)
@@ -57,7 +71,7 @@ def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed, named):
         if command.status in BARRIERS:
             found.append((command.status, command.limiting))
         slowed += bool(command.limiting) and command.scale < 1.0
-        if slowed > 200:
+        if slowed > 100:
             break
     assert slowed
     assert found[:1] == named
@@ -69,8 +83,8 @@ def test_weak_shapes_are_named_and_not_entered():
     held, bounds = held_at(robot.home, 'north/Z', 0.3), ShapeBounds(0.9)
     weak = Driven(held, PERIOD, bounds=bounds, slide_along_limits=False)
     commands = []
-    for _ in range(220):
-        commands.append(weak.step((0.0, 0.1, 0.0)))
+    for period in [APPROACH_PERIOD] * 30 + [PERIOD] * 60:
+        commands.append(weak.step((0.0, 0.1, 0.0), period))
         assert walks.margins(weak.held)[0] + walks.BOUNDS.min_rigidity > 0.9
     slowed = [command for command in commands if command.status is Status.SLOWED_RIGIDITY]
     assert slowed
@@ -90,7 +104,7 @@ def test_leaving_is_always_allowed(seed):
         np.array([bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance]) - own
     )
     moved, before = 0, walks.margins(robot.held)
-    for step in range(160):
+    for step in range(100):
         if step % 20 == 0:
             twist = 0.05 * rng.standard_normal(3)
         command = robot.step(twist)
@@ -143,8 +157,9 @@ def test_sliding_gets_further_and_goes_on():
 def test_rollers_do_not_swing_at_a_bound(seed, slide):
     """A twist that stays the same does not make rollers turn round from cycle to cycle."""
     robot, twist = pushed(seed, slide)
+    approach(robot, twist, 0.03)
     turns, before = 0, robot.velocities
-    for _ in range(450):
+    for _ in range(200):
         robot.step(twist)
         turns += (robot.velocities * before < -(0.01**2)).any()
         before = robot.velocities
@@ -188,16 +203,23 @@ def test_guard_changes_nothing_where_nothing_is_near():
         assert watch.keep(command, command.roller_velocities, PERIOD) is command
 
 
+@cache
+def commanded(seed):
+    """Return a grip near bounds, the limits there, and three commands of random twists."""
+    rng = np.random.default_rng(seed)
+    held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
+    watch = ShapeGuard(walks.ROBOT, ShapeBounds()).watch(held.config, held.grip)
+    twists = rng.standard_normal((3, 3))
+    return held, watch, [solve_twist(held.config, held.grip, twist) for twist in twists]
+
+
 @pytest.mark.parametrize('duration', [1e-3, 0.05, 0.5, 2.0])
 def test_command_is_cut_where_it_would_lead_too_far(duration):
     """Whatever is commanded, and for how long, no bound is crossed at the end."""
     cut = 0
     for seed in range(20):
-        rng = np.random.default_rng(seed)
-        held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
-        watch = ShapeGuard(walks.ROBOT, ShapeBounds()).watch(held.config, held.grip)
-        for _ in range(3):
-            command = solve_twist(held.config, held.grip, rng.standard_normal(3))
+        held, watch, commands = commanded(seed)
+        for command in commands:
             kept = watch.keep(command, np.zeros(6), duration)
             share = kept.scale / command.scale
             assert 0.0 <= share <= 1.0

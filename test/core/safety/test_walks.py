@@ -91,7 +91,7 @@ def reversals(commands):
 
 #: Seeds of walks that come to the bounds, with their steps, and what each of them must show.
 WALKS = {
-    15: (300, Status.SLOWED_OBJECT),
+    15: (220, Status.SLOWED_OBJECT),
     0: (600, Status.SLOWED_SELF_COLLISION),
     13: (600, Status.SLOWED_RIGIDITY),
     2: (600, Status.SLIDING),
