@@ -94,8 +94,8 @@ def test_rollers_reverse_at_a_limit_only_as_the_twist_asks(
         return limit_acceleration(*arguments)
 
     monkeypatch.setattr(twist_servo, 'limit_acceleration', record)
-    for cycle in range(600):  # in longer cycles to where the limit is near
-        command = robot.step(heading(first), 5.0 * PERIOD)
+    for cycle in range(300):  # in longer cycles to where the limit is near
+        command = robot.step(heading(first), 10.0 * PERIOD)
         if cycle > 20 and command.scale < 0.5:
             break
     robot.step(heading(first))
@@ -165,7 +165,7 @@ def test_a_robot_of_little_acceleration_stops_before_its_limits():
     near = ROBOT.home.member_lengths.max() + 0.03
     slow = Robot(replace(ROBOT.description, max_acceleration=0.05, max_length=near))
     robot, file = driven('north/R', slow), slow.description
-    for _ in range(140):
+    for _ in range(110):
         robot.step(heading(30.0), 4.0 * PERIOD)
         assert robot.change <= 0.05 * 4.0 * PERIOD * (1.0 + 1e-6)
         lengths = robot.held.config.member_lengths

@@ -243,7 +243,7 @@ def test_repeated_readings_are_used_once():
     """Each reading is handed over in five cycles, by the second servo as an equal new object."""
     (once, positions, pose), (often, _, _) = held_servo(), held_servo()
     period, rng, spread = 0.01, np.random.default_rng(0), 2e-3**2 * np.eye(len(positions))
-    for number in range(45):
+    for number in range(25):
         now = NOW + period * number
         if number % 5 == 0:
             seen, stamp = pose + rng.normal(size=3) * [1e-3, 1e-3, math.radians(0.5)], now
@@ -311,17 +311,17 @@ def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, 
     squeeze = SqueezeSettings(held.grasp.squeeze, max_utilisation=math.inf, **MASSLESS)
     grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
     servo = TwistServo(config.robot, ServoSettings(grip, period, 1.0, squeeze=squeeze))
-    for number in range(110):
+    for number in range(60):
         now = number * period
         # A busy machine: the rollers keep their last command, and nothing is measured.
-        stands = 40 <= number < 89
+        stands = 20 <= number < 45
         if not stands:
             state = RollerState(plant.roller_positions, plant.roller_velocities)
             sent.append((number, StampedInput(state, now), StampedInput(plant.object_pose, now)))
         if number % every == 0:
             rollers = [each for when, each, _ in sent if when <= max(number - rollers_late, 0)]
             poses = [each for when, _, each in sent if when <= max(number - pose_late, 0)]
-            twist = StampedInput((0.0, 0.0, 0.4 * now), now)
+            twist = StampedInput((0.0, 0.0, 0.8 * now), now)
             servo.receive(twist=twist, rollers=rollers[-1], pose=poses[-1])
             decision = servo.decide(now)
             assert decision.command.status < Status.HALT_NO_TWIST

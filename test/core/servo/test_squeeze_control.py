@@ -47,7 +47,7 @@ Loop = partial(SqueezeLoop, CONFIG, measured_at(CYLINDER.pose))
 )
 @pytest.mark.parametrize(
     ('duration', 'period', 'bound'),
-    some_now([(0.6, PERIOD, 1e-4), (1.0, PERIOD, 1e-4), (1.0, 0.005, 3e-5)]),
+    some_now([(0.4, PERIOD, 1e-4), (1.0, PERIOD, 1e-4), (1.0, 0.005, 3e-5)]),
 )
 def test_pose_and_squeeze_follow_their_references(twist, duration, period, bound):
     loop = Loop(period=period)
@@ -73,18 +73,18 @@ def test_unknown_load_changes_the_squeeze_little_and_not_the_pose():
     loop = Loop()
     assert loop.object.slip_margin > 3.0
     loop.object.external_wrench = (1.8, 2.4, 0.0)
-    loop.run((0.02, 0.02, 0.0), 1.2)
+    loop.run((0.02, 0.02, 0.0), 0.9)
     assert loop.squeeze == pytest.approx(loop.target, rel=0.04)
     assert loop.errors[-1] < 1e-4
     assert loop.control.belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
 
 
 @pytest.mark.parametrize(
-    ('gains', 'bound'), some_now([({}, 3.5e-3), ({'pose_gain': 4.0}, 9.5e-3)])
+    ('gains', 'cycles', 'bound'), some_now([({}, 45, 3.5e-3), ({'pose_gain': 4.0}, 60, 9.5e-3)])
 )
-def test_an_unknown_rotating_load_moves_the_object_little(gains, bound):
+def test_an_unknown_rotating_load_moves_the_object_little(gains, cycles, bound):
     loop = Loop(**gains)
-    for k in range(60):
+    for k in range(cycles):
         size, turn = min(3.0, 0.12 * k), 3.0 * PERIOD * k
         loop.object.external_wrench = (size * math.cos(turn), size * math.sin(turn), 0.0)
         loop.run((0.0, 0.0, 0.0), PERIOD)
@@ -93,7 +93,7 @@ def test_an_unknown_rotating_load_moves_the_object_little(gains, bound):
 
 def test_softer_plant_has_less_squeeze_and_the_same_pose():
     loop = Loop(scale=0.7)
-    loop.run((0.03, 0.0, 0.1), 0.8)
+    loop.run((0.03, 0.0, 0.1), 0.4)
     assert loop.squeeze == pytest.approx(0.7 * loop.target, rel=0.01)
     assert max(loop.errors) < 5e-4
     assert np.degrees(abs(loop.error()[2])) < 0.1
@@ -112,11 +112,13 @@ def test_deviation_of_the_squeeze_grows_with_that_of_the_zeros(deviation):
     assert loop.control.belief is None
 
 
-@pytest.mark.parametrize(('zeros', 'reduced'), [(1e-3, True), (4e-2, False)])
-def test_only_a_known_squeeze_is_reduced(zeros, reduced):
-    loop = Loop(more=0.6, zero_deviation=zeros)
+@pytest.mark.parametrize(
+    ('zeros', 'more', 'duration', 'reduced'), [(1e-3, 0.8, 0.7, True), (4e-2, 0.6, 0.6, False)]
+)
+def test_only_a_known_squeeze_is_reduced(zeros, more, duration, reduced):
+    loop = Loop(more=more, zero_deviation=zeros)
     first = loop.squeeze
-    loop.run((0.02, 0.0, 0.0), 1.2 if reduced else 0.6)
+    loop.run((0.02, 0.0, 0.0), duration)
     assert loop.squeeze == pytest.approx(loop.target if reduced else 0.92 * first, rel=0.02)
 
 
@@ -140,18 +142,18 @@ def test_corrected_offsets_agree_with_attaching_again(size):
 
 def test_commands_toward_the_utilisation_bound_are_slowed():
     loop = Loop(force=40.0, max_utilisation=SqueezeSettings.max_utilisation)
-    loop.run((0.0, 0.0, 0.0), 1.5)
+    loop.run((0.0, 0.0, 0.0), 0.6)
     used = loop.object.grasp.sections.used.max()
     assert used == pytest.approx(1.0, abs=5e-3)
     assert used < 1.0 + 1e-9
     assert loop.statuses[-1] is Status.SLOWED_UTILISATION
     assert loop.squeeze < 30.0
     # The way back is free.
-    loop.control.settings = replace(loop.control.settings, force=20.0)
+    loop.control.settings = replace(loop.control.settings, force=24.0)
     loop.statuses.clear()
-    loop.run((0.0, 0.0, 0.0), 1.0)
+    loop.run((0.0, 0.0, 0.0), 0.5)
     assert Status.SLOWED_UTILISATION not in loop.statuses
-    assert loop.squeeze == pytest.approx(20.0, rel=5e-3)
+    assert loop.squeeze == pytest.approx(24.0, rel=5e-3)
 
 
 @pytest.mark.parametrize(('zeros', 'held'), [(1e-2, True), (1e-3, False)])
@@ -199,7 +201,7 @@ def test_the_servo_closes_in_place():
     start = ElasticObject(CYLINDER, FRICTION)
     start.follow(CONFIG)
     x, y, _ = start.pose(CONFIG)
-    plant_object, plant, decision, codes = servo_on_plant((0.0, 0.0, 0.0), 45, 28.0)
+    plant_object, plant, decision, codes = servo_on_plant((0.0, 0.0, 0.0), 26, 28.0)
     assert set(codes) <= {Status.OK, Status.ACCELERATING}
     assert decision.message == ''
     assert plant_object.grasp.squeeze == pytest.approx(28.0, rel=2e-3)

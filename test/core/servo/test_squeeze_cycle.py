@@ -142,7 +142,7 @@ def test_the_slip_margin_does_not_rely_on_an_estimated_load():
     control, alone = at_rest(), MODEL.slip_margin(FRICTION)
     for wrench in ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
         loaded = replace(AT_REST, body=roll_grip(MODEL, CONFIG, np.array(wrench)).body)
-        for _ in range(40):
+        for _ in range(20):
             control.follow(CONFIG, loaded, 0.02)
         assert control.belief.slip_margin == pytest.approx(alone, rel=0.05)
 
@@ -190,8 +190,8 @@ def slipped(away, speed=np.inf):
 @cache
 def _slipped(away, speed):
     control = at_rest(1.0, load=0.0)
-    for k in range(75):
-        off = np.array([0.0, min(away, speed * max(0.02 * k - 1.0, 0.0)), 0.0])
+    for k in range(45):
+        off = np.array([0.0, min(away, speed * max(0.02 * k - 0.4, 0.0)), 0.0])
         control.solve(np.zeros(3), 0.02, solve_at_rest)
         grip = replace(AT_REST, body=MODEL.body.moved_to(np.array(MODEL.pose) + off))
         control.follow(CONFIG, grip, 0.02)

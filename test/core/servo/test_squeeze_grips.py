@@ -36,7 +36,7 @@ def loop_of(shape, angle, members, more=1.0, config=HOME, **settings):
 )
 def test_pose_and_squeeze_of_a_grip_follow_their_references(shape, angle, members):
     loop = loop_of(shape, angle, members)
-    loop.run((0.01, -0.01, 0.03), 0.6)
+    loop.run((0.01, -0.01, 0.03), 0.4)
     assert max(loop.errors) < 2e-4
     assert max(loop.turned) < math.radians(0.1)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
@@ -49,18 +49,18 @@ def test_a_box_that_lies_on_a_face_stays_held(noise):
     loop = loop_of(shape, 2.1, CORNER, 1.05)
     assert len(loop.object.grasp.contacts.members) == 3
     loop.noise = noise
-    loop.run((0.01, 0.01, 0.05), 0.8)
+    loop.run((0.01, 0.01, 0.05), 0.5)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=0.03 + 10.0 * noise)
     assert loop.errors[-1] < 1e-3 + noise
 
 
 @pytest.mark.parametrize(
-    ('shape', 'angle', 'members', 'config'),
-    some_now([(Disc(0.83), 0.0, AROUND, OBLIQUE), (BOX, 0.2, APART, HOME)]),
+    ('shape', 'angle', 'members', 'config', 'more', 'duration'),
+    some_now([(Disc(0.83), 0.0, AROUND, OBLIQUE, 1.1, 0.9), (BOX, 0.2, APART, HOME, 1.2, 1.3)]),
 )
-def test_a_rising_target_closes_in_place(shape, angle, members, config):
-    loop = loop_of(shape, angle, members, 1.2, config)
-    loop.run((0.0, 0.0, 0.0), 1.3)
+def test_a_rising_target_closes_in_place(shape, angle, members, config, more, duration):
+    loop = loop_of(shape, angle, members, more, config)
+    loop.run((0.0, 0.0, 0.0), duration)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
     assert loop.errors[-1] < 2e-4
 

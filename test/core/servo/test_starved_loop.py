@@ -97,7 +97,7 @@ MORE = [(held, twist) for held in (DISC, ELLIPSE, CORNERS, TURNED) for twist in 
 @pytest.mark.parametrize(('held', 'twist'), some_now([*CASES, *MORE]))
 @pytest.mark.parametrize(
     ('duration', 'mean', 'noise'),
-    some_now([(1.5, 0.033, 0.0), *product((2.5,), (0.033, 0.1), (0.0, 1e-3))]),
+    some_now([(1.0, 0.033, 0.0), *product((2.5,), (0.033, 0.1), (0.0, 1e-3))]),
 )
 def test_a_loop_starved_of_processor_time_states_no_fault_of_the_grip(
     held, twist, duration, mean, noise

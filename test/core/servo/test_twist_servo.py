@@ -249,7 +249,7 @@ def simulated(*stuck):
 
 
 def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
-    made = servo({'failure_time': FAILURE_TIME, 'period': 0.01})
+    made = servo({'failure_time': FAILURE_TIME, 'period': 0.02})
     stuck = int(np.abs(made.decide(NOW).command.roller_velocities).argmax())
     name, robot = ROBOT.roller_names[stuck], simulated(ROBOT.roller_names[stuck])
     decisions = run(made, robot, 2.2)
@@ -271,7 +271,7 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
 
 
 def test_rollers_that_are_held_by_a_halt_are_not_flagged():
-    made, robot = servo({'failure_time': 0.5}), simulated(*ROBOT.roller_names)
+    made, robot = servo({'failure_time': 0.5, 'period': 0.02}), simulated(*ROBOT.roller_names)
     made.receive(halt=(Status.HALT_EMERGENCY_STOP, 'stopped'))
     assert not any(decision.failed for decision in run(made, robot, 1.2))
     made.receive(halt=None)
