@@ -125,7 +125,7 @@ def test_no_equilibrium_is_assumed_after_a_fault():
 
 
 @pytest.mark.parametrize('away', some_now(OUTSIDE))
-@pytest.mark.parametrize('direction', [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+@pytest.mark.parametrize('direction', some_now([((1.0, 0.0),), ((0.0, 1.0),), ((0.0, -1.0),)]))
 @pytest.mark.parametrize('speed', some_now([0.03, 0.005]))
 def test_an_object_that_does_not_follow_is_reported_within_20_mm(away, direction, speed):
     control, config, path = SqueezeControl(SETTINGS), HOME, 0.0
