@@ -12,6 +12,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip, least_friction_co
 from isotruss_ros.core.holding.contact_statics import build_statics
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, CENTER
 from isotruss_ros.core.holding.roll_grip import rolling_conditions
+from nightly import some_now
 import numpy as np
 import pytest
 
@@ -35,7 +36,7 @@ def test_attached_pose_along_the_bisector_is_the_given_one(statics):
     assert (moved * along.conjugate()).real == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize('steps', [2, 4, 8, 10])
+@pytest.mark.parametrize('steps', some_now([8, 2, 4, 10], 2))
 def test_box_with_one_face_in_contact_is_at_its_given_position_across_the_chord(steps):
     box = Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)
     members = 'north/P-Z', 'north/Z-R'

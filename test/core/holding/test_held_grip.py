@@ -140,7 +140,7 @@ def test_face_ends_close_and_open_as_the_object_rolls():
         assert seen == corners
 
 
-@pytest.mark.parametrize(('farthest', 'steps', 'turned'), [(0.4, 20, 0.35), (0.16, 1, 0.15)])
+@pytest.mark.parametrize(('farthest', 'steps', 'turned'), [(0.4, 10, 0.35), (0.16, 1, 0.15)])
 def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
     polygon = ConvexObject(regular_polygon(24, 0.15), (*CYLINDER.pose[:2], 0.1))
     disc, grip = attach_grip(CONFIG, turned_disc(0.1)), attach_grip(CONFIG, polygon)
@@ -238,17 +238,34 @@ def test_squeeze_stiffness_agrees_with_opening_members(shape, angle, members):
 
 
 @pytest.mark.parametrize(
-    ('shape', 'angle', 'friction'),
-    some_now([(BOX, 1.0, 0.8), (BOX, 0.0, 5.0), (BOX, 0.0, 0.8), (Disc(0.4), 0.4, 5.0)], 2),
-    ids=['slips', 'an end of a face opens first', 'on a face', 'lets go'],
+    ('shape', 'angle', 'friction', 'directions'),
+    some_now(
+        [
+            (BOX, 1.0, 0.8, 8),
+            (BOX, 0.0, 5.0, 8),
+            (BOX, 1.0, 0.8, 24),
+            (BOX, 0.0, 5.0, 24),
+            (BOX, 0.0, 0.8, 24),
+            (Disc(0.4), 0.4, 5.0, 24),
+        ],
+        2,
+    ),
+    ids=[
+        'slips',
+        'an end of a face opens first',
+        'slips, 24 directions',
+        'an end of a face opens first, 24 directions',
+        'on a face',
+        'lets go',
+    ],
 )
-def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction):
+def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction, directions):
     grip = held(shape, angle)
     assert grip.hold(friction) is HoldStatus.HELD
     margin = grip.slip_margin(friction)
     assert margin > 0.0
     sticking = []
-    for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
+    for angle in np.linspace(0.0, 2.0 * np.pi, directions, endpoint=False):
         for across in (-0.7, 0.0, 0.7):
             along = np.sqrt(1.0 - across**2) * np.array([np.cos(angle), np.sin(angle)])
             unit = np.append(along, across * grip.body.arm)
@@ -342,7 +359,7 @@ def test_contact_beside_a_guide_ring_rolls_in_one_step_as_in_many(beyond):
         grip = placed(diameter)
         return min(*grip.state.feet, *(grip.statics.bent.lines.length - grip.state.feet)) - ring
 
-    one = many = placed(brentq(lambda size: beyond_ring(size) - beyond, 0.1, 0.2))
+    one = many = placed(brentq(lambda size: beyond_ring(size) - beyond, 0.1, 0.2, xtol=1e-6))
     travel = 3e-4 * np.array([0.3, -0.5, -0.9, -1.0, 0.6, 0.8])
     for share in np.linspace(0.1, 1.0, 10):
         many = roll_grip(many, HOME.moved_to(HOME.roller_positions + share * travel))

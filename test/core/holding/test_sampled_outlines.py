@@ -49,7 +49,10 @@ def held(seed, shape):
 
 @pytest.mark.parametrize(
     ('count', 'seed', 'shape'),
-    some_now(product((24, 96), range(4), SMOOTH), 5 * len(SMOOTH)),
+    some_now(
+        dict.fromkeys([*product([24], (1, 3), SMOOTH), *product((24, 96), range(4), SMOOTH)]),
+        2 * len(SMOOTH),
+    ),
     ids=repr,
 )
 def test_slip_margin_is_that_of_the_smooth_shape_within_one_percent(count, seed, shape):
@@ -74,7 +77,7 @@ def test_slip_margin_depends_on_no_corner_of_24(shape):
             FRICTION,
             members=members,
         ).slip_margin
-        for turned in np.linspace(0.0, 2.0 * np.pi / 24, 7)
+        for turned in np.linspace(0.0, 2.0 * np.pi / 24, 4)
     ]
     assert found == pytest.approx([found[0]] * len(found), rel=2e-3)
 
