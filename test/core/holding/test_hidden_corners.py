@@ -40,8 +40,8 @@ HEXAGON = Polygon(
     ]
 )
 DEEP = place_between(OPEN_CHAIN, ('middle/F-B', 'middle/C-F'), HEXAGON, -1.183, 0.0205)
-#: Seeds of random grasps and their numbers.
-SEEDS = some_now([(113, 6), *((seed, 24) for seed in range(100, 114))])
+#: Seeds of random grasps and their numbers. In the first ones, corners are found in all tests.
+SEEDS = some_now([(103, 6), *((seed, 24) for seed in range(100, 114))])
 
 
 def random_grasps(seed, count):
