@@ -11,7 +11,11 @@ from carries import make_robot, place
 from held_grips import APART, BOX
 from isotruss_ros import core
 from isotruss_ros.core.chance import probability
-from isotruss_ros.core.chance.criteria import find_criteria
+from isotruss_ros.core.chance.criteria import (
+    _bound_displacement,
+    find_criteria,
+    find_unknown_rates,
+)
 from isotruss_ros.core.chance.probability import (
     changed_grip,
     failure_probability,
@@ -70,6 +74,23 @@ def test_rates_of_criteria_are_those_of_exact_equilibria(name):
         # The dents of an object of another size are those of the given size.
         share = 1e-3 if k == len(spread) - 1 else 1e-4
         assert np.abs(rates - criteria.rates[near, k]).max() <= share * scale.max()
+
+
+def test_components_of_a_large_displacement_turn_with_the_chord():
+    grip = settle().equilibrium
+
+    def displaced(grip):
+        pose = np.add(grip.statics.body.pose, (0.02, -0.03, 0.0))
+        return replace(grip, statics=replace(grip.statics, body=grip.statics.body.moved_to(pose)))
+
+    rates, tubes = find_unknown_rates(grip)
+    bounds = _bound_displacement(displaced(grip), tubes, rates)
+    for k, change in enumerate(1e-5 * np.eye(3, rates.shape[1])):  # travel of three rollers [m]
+        ahead, behind = (
+            _bound_displacement(displaced(changed_grip(grip, way * change)), tubes, rates).values
+            for way in (1.0, -1.0)
+        )
+        assert bounds.rates[:, k] == pytest.approx((ahead - behind) / 2e-5, abs=1e-5)
 
 
 @pytest.mark.parametrize('correlation', [-0.9, 0.0, 0.7, 1.0])

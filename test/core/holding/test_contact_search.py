@@ -197,3 +197,15 @@ def test_an_end_of_a_face_that_grazes_touches_without_force(turns):
     assert kinds == sorted(kinds)
     assert {2, 3} == set(kinds)
     assert np.abs(np.diff(poses, axis=0)).max() < 5e-3
+
+
+@pytest.mark.parametrize(('share', 'opens'), [(-1e-7, True), (-1e-11, False), (1e-7, False)])
+def test_only_an_end_of_a_face_in_tension_opens(share, opens):
+    grip = held(BOX, 0.0)
+    unknowns = grip.state.unknowns.copy()
+    normal = unknowns[grip.state.places.normal]
+    normal[1] = share * normal.sum()
+    tense = replace(grip, state=replace(grip.state, unknowns=unknowns))
+    proposed = [chosen.origins.tolist() for chosen in contact_search._propose_sets(tense, True)]
+    others = [k for k in range(len(normal)) if k != 1]
+    assert (others in proposed) == opens
