@@ -19,7 +19,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_search import depths_in_others
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
-from isotruss_ros.core.holding.pressed_contacts import ANGLE
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
@@ -53,9 +53,10 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
     parts = [_criteria(start, friction, tubes, rates), _bound_displacement(start, tubes, rates)]
     rolling = start.statics.rolling_rows(start.state.unknowns, start.state.normals)
     at_start = _invariant_rates(start, tubes) + rolling @ rates
+    # At later equilibria, the contacts that remain have the rolling invariants of the start.
     for grip in critical:
         old, new = start.contacts, grip.contacts
-        # True where a contact (row) keeps the invariant of one of the start (column).
+        # True where a contact (row) is a contact of the start (column).
         kept = (new.members[:, None] == old.members) & (new.corners[:, None] == old.corners)
         residuals, tubes = _equation_rates(grip, rolls=True)
         residuals[grip.state.places.conditions] = _invariant_rates(grip, tubes) - kept @ at_start
@@ -90,16 +91,21 @@ def _equation_rates(grip: HeldGrip, rolls: bool = False) -> tuple[Array, LoadedT
 def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, rates: Array) -> Criteria:
     """Return four criteria that bound the object's displacement from its measured pose."""
     body, measured, normals = grip.body, grip.statics.body, grip.state.normals
+
+    # The chord between the normals turns with them.
     turns = tubes.changes.spins + rates[grip.state.places.inclinations]
     normal_rates = 1j * normals[:, None] * turns
-    # Components along and across the chord of the normals, which turns with them.
     chord, chord_rates = normals[0] - normals[-1], normal_rates[0] - normal_rates[-1]
-    axis = chord / abs(chord)
-    displacement = (body.middle - measured.middle) / axis
+    axis, chord_turns = chord / abs(chord), (chord_rates / chord).imag
+
+    # Motions of the centroid, at its pose in equilibrium and at its measured pose.
     body_rates = rates[0] + 1j * rates[1] + 1j * (body.middle - body.center) * rates[ANGLE]
     x, y, angle = tubes.changes.place
     measured_rates = x + 1j * y + 1j * (measured.middle - measured.center) * angle
-    moved = (body_rates - measured_rates) / axis - 1j * (chord_rates / chord).imag * displacement
+
+    # Displacement along + i across the chord; each component has a lower and an upper bound.
+    displacement = (body.middle - measured.middle) / axis
+    moved = (body_rates - measured_rates) / axis - 1j * chord_turns * displacement
     largest = MAX_DISPLACEMENT * grip.config.robot.description.tube_diameter
     values = [-displacement.real, -displacement.imag, displacement.real, displacement.imag]
     derivatives = np.array([-moved.real, -moved.imag, moved.real, moved.imag])
@@ -130,19 +136,30 @@ def scaled(body: ConvexObject, factor: float) -> ConvexObject:
 def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, rates: Array) -> Criteria:
     """Return the criteria of one equilibrium, given the rates (3 + 4k, p) of its unknowns."""
     indices, contacts, config = grip.state.places, grip.contacts, grip.config
-    normal, normal_rates = grip.normal_forces, contacts.sum_by_member(rates[indices.normal])
-    friction_rates = contacts.sum_by_member(rates[indices.friction])
-    used = grip.friction_forces / normal  # mobilised coefficient of friction
-    used_rates = (friction_rates - used[:, None] * normal_rates) / normal[:, None]
     columns, unit = GraspParameters.of(config), np.eye(rates.shape[1])
     by_friction, by_rollers = unit[columns.friction], unit[columns.rollers]
+
+    # Mobilised coefficients of friction T / N of the grasping members.
+    normal, normal_rates = grip.normal_forces, contacts.sum_by_member(rates[indices.normal])
+    friction_rates = contacts.sum_by_member(rates[indices.friction])
+    used = grip.friction_forces / normal
+    used_rates = (friction_rates - used[:, None] * normal_rates) / normal[:, None]
+
+    # Utilisation of all members.
     utilisation, utilisation_rates = tubes.utilisation(tubes.respond(rates))
+    every_member = np.arange(len(utilisation))
+
+    # Positions of the contacts along their members, and the lengths of these.
     feet, feet_rates, touched = grip.state.feet, rates[indices.feet], contacts.members
+    lengths = grip.statics.bent.lines.length
     length_rates = config.robot.topology.incidence[touched] @ by_rollers
+
+    # Distances from other members.
     others, depths = depths_in_others(grip)
     _, by_nodes, by_twist = collision_model(config.robot).body_distances(config, grip.body, others)
-    gap_rates = by_nodes @ config.node_jacobian @ by_rollers + by_twist @ rates[:3]
-    lengths, every_member = grip.statics.bent.lines.length, np.arange(len(utilisation))
+    gap_rates = by_nodes @ config.node_jacobian @ by_rollers + by_twist @ rates[:POSE]
+
+    # Violation, members, values and derivatives of each kind of criterion.
     groups = [
         ('slip at', grip.members, friction - used, by_friction - used_rates),
         ('slip at', grip.members, friction + used, by_friction + used_rates),
@@ -153,6 +170,6 @@ def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, rates: Array)
         ('contact with', others, -depths, gap_rates),
     ]
     names = config.robot.member_names
-    labels = [f'{what} {names[i]}' for what, members, *_ in groups for i in members.tolist()]
+    labels = [f'{kind} {names[i]}' for kind, members, *_ in groups for i in members.tolist()]
     _, _, values, derivatives = zip(*groups, strict=True)
     return Criteria(tuple(labels), np.concatenate(values), np.concatenate(derivatives))

@@ -108,20 +108,17 @@ def sample_friction(
     on_progress: Callable[[float], None] | None,
 ) -> Array:
     """Return the required friction (s,) in random samples; infinite if the object is not held."""
-    rng, deviations = np.random.default_rng(seed), np.sqrt(np.diag(covariance))
-    nominal = np.zeros(len(deviations))
-    changes = rng.multivariate_normal(nominal, covariance, samples)
-    # Values with the first five moments of a normal number, so that few dents are tabulated.
-    tabulated = np.append(np.r_[GraspParameters.of(grip.config).pressures], -1)
-    root, shares = math.sqrt(3.0), (1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0)
-    sigmas = rng.choice([-root, 0.0, root], (samples, len(tabulated)), p=shares)
-    changes[:, tabulated] = sigmas * deviations[tabulated]
+    changes = _draw_changes(grip, covariance, samples, seed)
     required: list[float] = []
-    # The first equilibrium with each set of corners in contact, its change, and its derivatives.
+    # The first equilibrium with each set of corners in contact, its change, and the derivatives of
+    # its unknowns, by which Newton's method starts at linearly extrapolated unknowns.
+    nominal = np.zeros(len(covariance))
     models = {grip.contacts.corners.tobytes(): (grip, nominal, find_unknown_rates(grip)[0])}
     for i, change in enumerate(changes):
-        # The unknowns of each are extrapolated linearly from its change.
-        starts = [(g, g.state.unknowns + by @ (change - at)) for g, at, by in models.values()]
+        starts = [
+            (near, near.state.unknowns + rates @ (change - near_change))
+            for near, near_change, rates in models.values()
+        ]
         try:
             drawn = changed_grip(grip, change, starts)
             held = assess_equilibrium(drawn.statics.body.pose, drawn, math.inf).held
@@ -138,3 +135,16 @@ def sample_friction(
     if not required:
         raise GraspError('no sample has a configuration: the roller offsets must deviate less')
     return np.array(required)
+
+
+def _draw_changes(grip: HeldGrip, covariance: Array, samples: int, seed: int) -> Array:
+    """Return random changes (s, p) of the parameters, normally distributed."""
+    rng = np.random.default_rng(seed)
+    changes = rng.multivariate_normal(np.zeros(len(covariance)), covariance, samples)
+    # Dents are tabulated for each pressure and size. So these have one of three values, with the
+    # first five moments of a normal number.
+    tabulated = np.append(np.r_[GraspParameters.of(grip.config).pressures], -1)
+    root, shares = math.sqrt(3.0), (1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0)
+    sigmas = rng.choice([-root, 0.0, root], (samples, len(tabulated)), p=shares)
+    changes[:, tabulated] = sigmas * np.sqrt(np.diag(covariance))[tabulated]
+    return changes
