@@ -49,13 +49,13 @@ def find_patches(
         is_pressed = skin.forces > 0.0
         if not is_pressed.any():
             continue
-        slopes = np.diff(skin.heights) / skin.spacing
-        slope_changes = np.append(slopes, slopes[-1]) - np.append(slopes[0], slopes)
-        curvature = np.maximum(slope_changes / skin.spacing, 0.0)  # of the object's surface
-        # Pressures of a round section, by the equilibrium of its wall.
+        # Curvature of the object's surface, zero at the ends and where the surface is hollow.
+        curvature = np.zeros(len(skin.heights))
+        curvature[1:-1] = np.maximum(np.diff(skin.heights, 2) / skin.spacing**2, 0.0)
+        # Pressures of a round section, by the equilibrium of its wall. The section is flat if a
+        # contact over half of its circumference needs a higher pressure to carry the loads.
         round_pressures = gauge[k] + tension[k] * curvature[is_pressed]
         loads = skin.forces[is_pressed] / skin.spacing
-        # The pressures at which a contact over half of the circumference carries the loads.
         flat_pressures = loads / (np.pi * radius)
         is_flat = (flat_pressures >= round_pressures).any()
         pressures = np.maximum(round_pressures, flat_pressures)
