@@ -106,26 +106,29 @@ def search_contacts(
             proposed = [chosen.without(k) for k in face_ends.tolist()]
         else:
             proposed = _propose_sets(grip, rolls)
-        if grip is not None and not proposed:
-            if rolls:
-                return grip
-            pressing.append(grip)
-            # Without a history, the other sets that followed from the same equilibrium compete.
-            siblings = [item for item, origin in waiting if origin is previous]
-            waiting = [(item, previous) for item in siblings if item.grazing is None]
-        elif not pressing:
+        if grip is None or proposed:
+            if pressing:
+                continue
+            # Sets wait with the equilibrium from which they follow; those with a grazing end are
+            # solved last.
             origin = grip or previous
             waiting += [(item, origin) for item in proposed if item.grazing is None]
-            # Sets with a grazing end are solved last.
             waiting[:0] = [(item, origin) for item in proposed if item.grazing is not None]
-    # The nearest to the measured place.
+        elif rolls:
+            return grip
+        else:
+            # Without a history, the other sets that follow from the same equilibrium compete.
+            pressing.append(grip)
+            siblings = [item for item, origin in waiting if origin is previous]
+            waiting = [(item, previous) for item in siblings if item.grazing is None]
+    # The equilibrium nearest to the measured position.
     return min(pressing, key=lambda g: abs(g.body.middle - g.statics.body.middle), default=None)
 
 
 def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
     """Return sets without the grip's largest violation, most likely last; or an empty list."""
+    # A contact in tension opens. Each of two members keeps a contact; one of three may lose it.
     contacts, forces = grip.contacts, grip.state.normal_forces
-    # Each of two members keeps a contact; one of three members may lose it.
     may_open = contacts.at_faces | (rolls and contacts.owners[-1] > 1)
     weakest = int(np.where(may_open, forces, np.inf).argmin())
     if may_open[weakest] and forces[weakest] < -ROUNDING * np.abs(forces).sum():
@@ -153,7 +156,7 @@ def find_free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[Free
         touching = grip.contacts.corners[contacts]
         reachable = _reachable_corners(grip, int(contacts[0]), len(positions))
         corners = np.setdiff1d(reachable, touching)
-        # From each contact (column) to each corner (row) by the shorter way around the outline.
+        # The nearest contact. Rows: corners; columns: contacts; the shorter way round.
         distances = along_outline[corners, None] - along_outline[touching]
         distances -= circumference * np.round(distances / circumference)
         nearest = np.abs(distances).argmin(axis=1)
