@@ -142,11 +142,10 @@ class Polygon(PolygonalShape):
     @cached_property
     def _faces(self) -> list[tuple[Face, Face]]:
         """Return the faces before and after each corner."""
-        # Normal and length k are those of the face from corner k to the next corner. A face is
-        # shorter than the distance of the centres of arcs with different radii.
-        between_centers = np.roll(self.arc_centers, -1) - self.arc_centers
-        lengths = (between_centers * (1j * self.normals).conj()).real.tolist()
-        count, normals = len(self.vertices), self.normals.tolist()
+        count, centers = len(self.vertices), self.arc_centers
+        # Normal and length k are those of the face from corner k to the next corner.
+        lengths = np.abs(np.roll(centers, -1) - centers).tolist()
+        normals = self.normals.tolist()
         return [
             (
                 Face(-1, (k - 1) % count, normals[k - 1], lengths[k - 1]),
@@ -174,7 +173,9 @@ class Polygon(PolygonalShape):
         """Return the normals' angles (k,) in the middles of arcs, and arc lengths (k,) there."""
         middle_angles = np.angle(self.normals[0]) + self._directions - 0.5 * self.turns
         half_arcs = 0.5 * self.radii * self.turns
-        face_lengths = np.array([following.length for _, following in self._faces])
+        # A face is shorter than the distance of the centres of arcs with different radii.
+        between_centers = np.roll(self.arc_centers, -1) - self.arc_centers
+        face_lengths = (between_centers * (1j * self.normals).conj()).real
         between_middles = half_arcs[:-1] + face_lengths[:-1] + half_arcs[1:]
         return middle_angles, np.append(0.0, np.cumsum(between_middles))
 

@@ -48,7 +48,7 @@ class Face(NamedTuple):
     step: int  #: 1 for the face after this corner, counter-clockwise; -1 for the face before it
     corner: int  #: index of the corner at the other end of the face
     normal: complex  #: outward unit normal, x + iy
-    length: float  #: length, without the arcs at rounded corners [m]
+    length: float  #: length between the corners, or between the centres of their arcs [m]
 
 
 class PatchEnd(NamedTuple):
