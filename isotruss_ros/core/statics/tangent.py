@@ -161,22 +161,12 @@ def linearize(
     kept: Sequence[UnloadedBlocks] = (),
 ) -> Tangent:
     """Return a frame linearised about unknowns (u,), near axial forces (p,) [N] or NaN."""
-    layout, constraints = frame.layout, frame.layout.numbering.constraints
-    count = layout.numbering.rows
+    layout, count = frame.layout, frame.layout.numbering.rows
     multipliers, displacements = unknowns[:count], unknowns[count:].reshape(-1, 3)
 
-    # Chords of the parts, then their forces and stiffness.
-    shifts, turns = displacements[:, 0] + 1j * displacements[:, 1], displacements[:, 2]
-    difference = (shifts[layout.end] - shifts[layout.start]) * frame.axis.conj()
-    chord = frame.length + difference
+    # Forces and stiffness of the parts.
+    chord, elongations, rotations = _displace_chords(frame, displacements)
     length = np.abs(chord)
-    # (l^2 - l0^2) / (l + l0), because l - l0 has large rounding errors.
-    square_growth = 2.0 * frame.length * difference.real + difference.real**2 + difference.imag**2
-    elongations = square_growth / (length + frame.length)
-    start_turns, end_turns = turns[layout.start], turns[layout.end]
-    rotations = np.array([start_turns + end_turns, start_turns - end_turns])
-    rotations *= 0.5
-    rotations[0] -= np.arctan2(chord.imag, chord.real)
     # The imaginary parts of columns are derivatives by rest lengths, on which elongations depend.
     complex_elongations = elongations + (frame.length - frame.columns.values[0])
     evaluated = frame.columns.evaluate(complex_elongations, rotations, axial)
@@ -189,19 +179,10 @@ def linearize(
     scaled_motions = motions * frame.scale[layout.places][:, None]
     member_matrices = scaled_motions.swapaxes(1, 2) @ stiffness @ scaled_motions
 
-    # Constraints, with multipliers as forces: symmetric matrices of the multiplier, and then the
-    # displacements, of each constraint.
-    slopes, gaps, geometric_stiffness = constraints.linearize(
-        frame.points, displacements, multipliers, layout.rows
-    )
-    row_matrices = np.zeros((len(slopes), slopes.shape[1] + 1, slopes.shape[1] + 1))
-    row_matrices[:, 0, 1:] = row_matrices[:, 1:, 0] = slopes
-    row_matrices[:, 1:, 1:] = geometric_stiffness
+    row_forces, row_matrices = _linearize_constraints(frame, displacements, multipliers)
+    carried += np.bincount(layout.row_places.ravel(), row_forces.ravel(), len(unknowns))
     scale = frame.scale[layout.row_places]
     row_matrices *= scale[:, :, None] * scale[:, None]
-    row_forces = slopes * multipliers[layout.rows, None]
-    carried += np.bincount(layout.row_places[:, 1:].ravel(), row_forces.ravel(), len(unknowns))
-    carried[layout.rows] = gaps
 
     # Blocks that are kept undeformed.
     kept_forces, kept_stiffnesses = [], []
@@ -224,3 +205,41 @@ def linearize(
         matrices=[group.assemble(member_matrices, row_matrices) for group in layout.groups],
         kept=(kept, kept_forces, kept_stiffnesses),
     )
+
+
+def _displace_chords(frame: Frame, displacements: Array) -> tuple[Points, Array, Array]:
+    """
+    Return the chords between displaced nodes, in axes of the members at rest.
+
+    :return: (p,) chords, x + iy [m]; (p,) their elongations [m]; and (2, p) rotations s and b of
+        the ends relative to the chords, see `EndForces` [rad].
+    """
+    start, end = frame.layout.start, frame.layout.end
+    shifts, turns = displacements[:, 0] + 1j * displacements[:, 1], displacements[:, 2]
+    difference = (shifts[end] - shifts[start]) * frame.axis.conj()
+    chord = frame.length + difference
+    # (l^2 - l0^2) / (l + l0), because l - l0 has large rounding errors.
+    square_growth = 2.0 * frame.length * difference.real + difference.real**2 + difference.imag**2
+    elongations = square_growth / (np.abs(chord) + frame.length)
+    rotations = np.array([turns[start] + turns[end], turns[start] - turns[end]])
+    rotations *= 0.5
+    rotations[0] -= np.arctan2(chord.imag, chord.real)
+    return chord, elongations, rotations
+
+
+def _linearize_constraints(
+    frame: Frame, displacements: Array, multipliers: Array
+) -> tuple[Array, Array]:
+    """
+    Return the constraints' gaps and forces on nodes, and their symmetric matrices.
+
+    Rows (q, 1 + w) belong to the multiplier of a constraint, and then to displacements of nodes.
+    """
+    rows = frame.layout.rows
+    slopes, gaps, geometric_stiffness = frame.layout.numbering.constraints.linearize(
+        frame.points, displacements, multipliers, rows
+    )
+    matrices = np.zeros((len(slopes), slopes.shape[1] + 1, slopes.shape[1] + 1))
+    matrices[:, 0, 1:] = matrices[:, 1:, 0] = slopes
+    matrices[:, 1:, 1:] = geometric_stiffness
+    return np.column_stack([gaps, slopes * multipliers[rows, None]]), matrices
