@@ -23,7 +23,7 @@ from isotruss_ros.core.statics.equilibrium import (
     solve,
     state_under,
 )
-from isotruss_ros.core.statics.frame import Frame, keep_apart
+from isotruss_ros.core.statics.frame import Frame, keep_apart, largest_motion
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import Structure, structure_of
 from isotruss_ros.core.statics.tangent import linearize, Tangent
@@ -94,7 +94,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         """
         path = follow_loads(_unloaded(self.structure, self.frame), self.loads, MAX_LIMIT_FACTOR)
         if path.limit == np.inf and path.factors[-1] < MAX_LIMIT_FACTOR:
-            farthest = np.abs(path.tangents[-1].displacements[:, :2]).max()
+            farthest = largest_motion(path.tangents[-1].displacements)
             raise SolverError(
                 f'no limit load up to {path.factors[-1]:.3g} times these loads; the search '
                 f'ended there, because the robot had moved by {farthest:.3g} m'
@@ -191,8 +191,8 @@ def _bend(straight: Tangent, loads: Array) -> FrameState:
     bent = bend(straight, loads)
     if bent is not None:
         by_loads = bent.frame.displacements(bent.respond(loads.reshape(-1, 1)))[..., 0]
-        largest_unloaded = np.abs((bent.displacements - by_loads)[:, :2]).max()
-        largest = np.abs(bent.displacements[:, :2]).max()
+        largest_unloaded = largest_motion(bent.displacements - by_loads)
+        largest = largest_motion(bent.displacements)
         if largest_unloaded <= MAX_UNLOADED_SHARE * largest and bent.is_stable:
             return state_under(bent, loads)
     path = follow_loads(straight, loads, 1.0)

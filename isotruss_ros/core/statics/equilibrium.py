@@ -21,7 +21,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.blocks import Condensed
-from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.frame import Frame, largest_motion
 from isotruss_ros.core.statics.tangent import linearize, Tangent, TUBE_CURVATURE
 import numpy as np
 
@@ -125,12 +125,12 @@ def bend(start: Tangent, loads: Array) -> Tangent | None:
     for count in range(MAX_NEWTON_ITERATIONS):
         _, step = tangent.solve((applied - tangent.carried)[:, None])
         moved = frame.displacements(step)
-        largest = float(np.abs(moved[:, :2]).max())
+        largest = largest_motion(moved)
         from_start = tangent.displacements + moved[..., 0] - start.displacements
         if count == 0:
             predicted = largest
         # An equilibrium far beyond the linear prediction is on another branch.
-        elif not np.abs(from_start[:, :2]).max() <= MAX_GROWTH * predicted:
+        elif not largest_motion(from_start) <= MAX_GROWTH * predicted:
             return None
         force_changes, _ = tangent.force_changes(moved)
         axial = tangent.forces.values[:, 0] + force_changes[:, 0, 0]
@@ -175,10 +175,10 @@ def follow_loads(
     step = last_factor
     for _ in range(400):
         factor, tangent = path.factors[-1], path.tangents[-1]
-        if factor >= last_factor or np.abs(tangent.displacements[:, :2]).max() > farthest:
+        if factor >= last_factor or largest_motion(tangent.displacements) > farthest:
             return path
         moved = start.frame.displacements(tangent.respond(loads.reshape(-1, 1)))
-        motion = np.abs(moved[:, :2]).max()
+        motion = largest_motion(moved)
         bounded_step = MAX_DISPLACEMENT_STEP / motion if motion > 0.0 else np.inf
         step = min(2.0 * step, bounded_step, last_factor - factor)
         bent = bend(tangent, (factor + step) * loads)

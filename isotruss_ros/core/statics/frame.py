@@ -124,6 +124,11 @@ class Frame:
         return np.stack([moved.real, moved.imag, rotation + slope], axis=1)
 
 
+def largest_motion(displacements: Array) -> float:
+    """Return the largest component of the nodes' translations, from displacements (n, 3, ...)."""
+    return float(np.abs(displacements[:, :2]).max())
+
+
 def keep_apart(pieces: Indices, positions: Array, length: Array) -> Array:
     """Return positions (c,) of cuts [m], shifted so that no part of a member is too short."""
     shifted, lengths, piece_of = positions.tolist(), length.tolist(), pieces.tolist()
