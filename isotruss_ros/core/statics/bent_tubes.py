@@ -18,7 +18,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.beam_column import end_forces
-from isotruss_ros.core.statics.frame import Frame, keep_apart
+from isotruss_ros.core.statics.frame import Frame, keep_apart, largest_motion
 from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import linearize, Tangent
 from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
@@ -184,36 +184,48 @@ class BentTubes:
     @cached_property
     def responses(self) -> LoadResponses:
         """Return the responses to loads and to motions of the load points."""
-        tangent, layout, to_robot = self.tangent, self.frame.layout, self.lines.turns
-        slopes, by_length = tangent.slopes, tangent.length_rates
-        count, motions = len(self.members), self._motion_columns
-        # Right-hand sides: unit loads on the nodes at the load points, whose unknowns are the last
-        # ones; then the forces of lengthened parts, and the imbalance.
-        right = np.zeros((len(tangent.unknowns), 4 * count + 1))
-        node_rows = np.arange(-3 * count, 0).reshape(-1, 3)
-        load_columns = np.arange(3 * count).reshape(count, 1, 3)
-        right[node_rows[:, :, None], load_columns] = to_robot / self.stiffness
-        forces = by_length[layout.parts, :, None] * self._length_by_motions[layout.parts, None]
-        right[:, motions] = -tangent.sum_forces(layout.parts, forces)
-        right[:, -1] = right[:, : 3 * count] @ self.state.loads.ravel() - tangent.carried
-        _, unknowns = tangent.solve(right)
+        tangent, layout, slopes = self.tangent, self.frame.layout, self.tangent.slopes
+        count, motions, beside = len(self.members), self._motion_columns, layout.beside
+        _, unknowns = tangent.solve(self._right_sides())
+
         # Displacements of the nodes in axes of the members, and inclinations beside the nodes.
-        to_member = to_robot.swapaxes(1, 2)
-        at_points = to_member @ unknowns[node_rows]
-        at_points[:, 2] = _mean((slopes.by_ends @ unknowns[layout.places[layout.beside]])[:, 0])
+        to_member = self.lines.turns.swapaxes(1, 2)
+        at_points = to_member @ unknowns[self._node_rows]
+        at_points[:, 2] = _mean((slopes.by_ends @ unknowns[layout.places[beside]])[:, 0])
         # The length of a part between two load points of one member depends on both.
-        by_lengths = (slopes.by_forces * by_length[layout.beside]).sum(axis=1)[:, None]
-        at_points[:, 2, motions] += _mean(by_lengths * self._length_by_motions[layout.beside])
+        by_lengths = (slopes.by_forces * tangent.length_rates[beside]).sum(axis=1)[:, None]
+        at_points[:, 2, motions] += _mean(by_lengths * self._length_by_motions[beside])
         # The displacement is relative to the place, which moves along its member.
         load_points = np.arange(count)
         at_points[load_points, 0, motions.start + load_points] -= 1.0
+
         # The last column includes the responses in the linearised state.
-        linearised = (to_member @ tangent.unknowns[node_rows][:, :, None])[..., 0]
+        linearised = (to_member @ tangent.unknowns[self._node_rows][:, :, None])[..., 0]
         linearised[:, 2] = _mean(slopes.values)
         at_points[..., -1] += linearised
         matrix = at_points[..., : 3 * count].reshape(count, 3, count, 3)
         constant = at_points @ self._factors(np.zeros((count, 3)), np.zeros(count))
         return LoadResponses(unknowns, at_points, matrix, at_points[..., motions], constant)
+
+    def _right_sides(self) -> Array:
+        """Return the loads (u, 4k + 1) to which the columns of `LoadResponses` respond."""
+        tangent, parts, count = self.tangent, self.frame.layout.parts, len(self.members)
+        loads = np.zeros((len(tangent.unknowns), 4 * count + 1))
+        # Unit loads on the nodes at the load points, from axes of the members.
+        load_columns = np.arange(3 * count).reshape(count, 1, 3)
+        loads[self._node_rows[:, :, None], load_columns] = self.lines.turns / self.stiffness
+        # Forces of lengthened parts.
+        by_motions = self._length_by_motions[parts, None]
+        forces = tangent.length_rates[parts, :, None] * by_motions
+        loads[:, self._motion_columns] = -tangent.sum_forces(parts, forces)
+        # Loads without equilibrium in the linearised state.
+        loads[:, -1] = loads[:, : 3 * count] @ self.state.loads.ravel() - tangent.carried
+        return loads
+
+    @property
+    def _node_rows(self) -> Indices:
+        """Return the indices (k, 3) of the displacements at the load points, which are last."""
+        return np.arange(-3 * len(self.members), 0).reshape(-1, 3)
 
     @property
     def _motion_columns(self) -> slice:
@@ -231,7 +243,7 @@ class BentTubes:
             positions = Cuts.of(self.structure, self.members, positions).places
         factors = self._factors(loads, positions)
         relative, _ = self._displace(factors)
-        largest = np.abs(self.frame.displacements(relative)[:, :2]).max()
+        largest = largest_motion(self.frame.displacements(relative))
         shorter = self.frame.length[self.frame.layout.beside].reshape(2, -1).min(axis=0)
         weighted = np.abs(factors[self._motion_columns]) * np.sqrt(PLACE_LENGTH / shorter)
         return float(max(largest, weighted.max()))
@@ -284,7 +296,7 @@ class BentTubes:
         if not layout.kept:
             return layout.active
         changes = self.responses.unknowns @ self._factors(loads, positions)
-        motion = np.abs(self.frame.displacements(changes)[:, :2]).max()
+        motion = largest_motion(self.frame.displacements(changes))
         active = [layout.active]
         for blocks, forces, stiffness in zip(*self.tangent.kept, strict=True):
             hinge_forces = forces + (stiffness @ changes[blocks.outer][:, :, None])[..., 0]
