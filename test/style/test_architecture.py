@@ -138,15 +138,17 @@ def test_held_objects_import_nothing_of_the_analysis_of_a_fixed_object(package):
     assert 'core.fixed_object' not in packages
 
 
-#: Largest number of lines of the files that packages consist of or import.
-LINES = {('holding', 'safety'): 10_250, ('servo',): 13_300, ('planning',): 13_150}
+#: Largest number of lines of the files that packages consist of or import, without blank lines and
+#: comments, which cost a reader nothing.
+LINES = {('holding', 'safety'): 7_950, ('servo',): 10_300, ('planning',): 10_250}
 
 
 @pytest.mark.parametrize('packages', LINES, ids='-'.join)
 def test_packages_and_their_imports_stay_small(packages):
     files = set().union(*(import_closure(f'core.{package}') for package in packages))
-    lines = sum(len(FILES[file].read_text(encoding='utf-8').splitlines()) for file in files)
-    assert lines <= LINES[packages]
+    texts = [FILES[file].read_text(encoding='utf-8') for file in files]
+    lines = [line.strip() for text in texts for line in text.splitlines()]
+    assert sum(bool(line) and not line.startswith('#') for line in lines) <= LINES[packages]
 
 
 def test_no_files_import_each_other():
