@@ -146,72 +146,94 @@ class ContactStatics:
         pushes: Pushes | None = None,
     ) -> tuple[Array, ContactForces]:
         """Return the residual (3 + 4k,) of the equations, see `Places`, and the state."""
-        indices, lines = self.places, self.bent.lines
-        count, arm = len(self.sides), self.body.arm
-        center = complex(unknowns[0], unknowns[1])
-        turn = cmath.rect(1.0, unknowns[ANGLE])
-        feet = unknowns[indices.feet]
-        pushes = pushes or self.pushes(unknowns)
-        member_normals = pushes.member_normals
-        normals = lines.axis * member_normals
-        in_object = normals * turn.conjugate()
-        points, radii = self.body.shape.surface_at(self.contacts.corners, in_object)
-        to_member = lines.axis.conj()
-        # From the object's origin to the contacts, in member axes. If the object turns while the
-        # tube does not, the contact point moves back on the object's surface.
-        to_contacts = to_member * turn * points
-        contacts_by_angle = 1j * (to_contacts - radii * member_normals)
-
-        # Touch and balance are affine functions of the loads (k, 3). Here they are evaluated
-        # without their constants, which follow below.
+        indices, axis, arm = self.places, self.bent.lines.axis, self.body.arm
         affine, moment_row = slice(indices.balance.stop), indices.balance.stop - 1
         residual = np.empty(indices.size)
         jacobian = np.zeros((indices.size, indices.size))
-        compliance = self.bent.responses
-        # Forces on the object, x + iy, by unit loads along and across the members.
-        reactions = -lines.axis[:, None] * [1.0, 1j]
-        by_loads = np.zeros((affine.stop, count, 3))
-        by_loads[: 3 * count] = compliance.matrix.reshape(3 * count, count, 3)
-        by_loads[-3:-1, :, :2] = reactions.real, reactions.imag
-        by_loads[-1, :, :2] = (-1j * to_contacts).view(np.float64).reshape(count, 2) / arm
+
+        # Contact points from the object's origin, in member axes. If the object turns while the
+        # tube does not, the contact point moves back on the object's surface.
+        turn = cmath.rect(1.0, unknowns[ANGLE])
+        pushes = pushes or self.pushes(unknowns)
+        normals = axis * pushes.member_normals
+        in_object = normals * turn.conjugate()
+        points, radii = self.body.shape.surface_at(self.contacts.corners, in_object)
+        to_contacts = axis.conj() * turn * points
+        contacts_by_angle = 1j * (to_contacts - radii * pushes.member_normals)
+
+        # Touch and balance without the terms that do not depend on the loads.
+        by_loads = self._load_matrix(to_contacts)
         residual[affine] = by_loads.reshape(affine.stop, -1) @ pushes.loads.ravel()
         # Axes: equation r, cause n as in `Pushes.rates`, contact k, component c of its load.
         by_cause = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
         jacobian[affine, indices.causes] = by_cause[:, :3].reshape(affine.stop, -1)
         jacobian[affine, ANGLE] = by_cause[:, 3].sum(axis=1)
 
-        # Gaps (along + i across) at straight tubes, and displacements by the contacts' positions.
-        to_starts = to_member * (lines.start - center)
-        gaps = to_starts - to_contacts + feet - pushes.skin * member_normals
-        touch = residual[: 3 * count].reshape(count, 3)
-        touch += compliance.constant + compliance.rates @ feet
-        touch[:, :2] += gaps.view(np.float64).reshape(count, 2)
-        touch[:, 2] -= unknowns[indices.inclinations]
-        touch_rows = jacobian[: 3 * count].reshape(count, 3, -1)
-        # The object's displacement changes the gaps as unit loads change the forces on it.
-        touch_rows[:, :2, :2] = reactions.view(np.float64).reshape(count, 2, 2)
-        touch_rows[:, 0, indices.feet] = np.eye(count)
-        touch_rows[:, :, indices.feet] += compliance.rates
-        dents_by_angle = pushes.depth_by_angle * member_normals
-        gaps_by_angle = contacts_by_angle + dents_by_angle
-        touch_rows[:, :2, ANGLE] -= gaps_by_angle.view(np.float64).reshape(count, 2)
-        # Derivatives of each contact's gaps by its own inclination and normal force. Axes: contact
-        # k, equation a of touch, and kind n of unknown: position, inclination, normal, friction.
-        by_kind = touch_rows[:, :, POSE:].reshape(count, 3, 4, count)
-        at_same_contact = np.einsum('kank->kan', by_kind)
-        by_inclination = dents_by_angle - 1j * (radii + pushes.skin) * member_normals
-        gap_rates = np.array([by_inclination, pushes.depth_by_force * member_normals]).T
-        at_same_contact[:, 0, 1:3] += gap_rates.real
-        at_same_contact[:, 1, 1:3] += gap_rates.imag
-        at_same_contact[:, 2, 1] -= 1.0
+        # Touch: gaps between the object and the tubes.
+        self._add_gaps(residual, jacobian, unknowns, pushes, to_contacts, contacts_by_angle, radii)
 
-        # The arms of the forces turn with the normals and with the object.
+        # Balance: external wrench; the arms of the forces turn with the normals and the object.
         residual[indices.balance] += wrench
         jacobian[moment_row, indices.inclinations] += radii * unknowns[indices.normal] / arm
         moment_by_angle = -complex(np.vdot(contacts_by_angle, pushes.member_forces)).imag
         jacobian[moment_row, ANGLE] = moment_by_angle / arm
+
         residual[indices.conditions], jacobian[indices.conditions] = conditions(unknowns, normals)
         return residual, ContactForces(unknowns, normals, pushes.loads, jacobian)
+
+    def _load_matrix(self, to_contacts: Points) -> Array:
+        """Return the derivatives (3k + 3, k, 3) of touch and balance by the loads."""
+        lines, count = self.bent.lines, len(self.sides)
+        by_loads = np.empty((3 * count + 3, count, 3))
+        by_loads[:-3] = self.bent.responses.matrix.reshape(3 * count, count, 3)
+        # The forces on the object are opposite to those on the tubes.
+        by_loads[-3:-1] = -lines.turns[:, :2].swapaxes(0, 1)
+        arms = (-1j * to_contacts).view(np.float64).reshape(count, 2)
+        by_loads[-1, :, :2], by_loads[-1, :, 2] = arms / self.body.arm, 0.0
+        return by_loads
+
+    def _add_gaps(
+        self,
+        residual: Array,
+        jacobian: Array,
+        unknowns: Array,
+        pushes: Pushes,
+        to_contacts: Points,
+        contacts_by_angle: Points,
+        radii: Array,
+    ) -> None:
+        """Add the gaps between object and tubes, without loads, to the equations of touch."""
+        indices, lines, compliance = self.places, self.bent.lines, self.bent.responses
+        count, feet = len(self.sides), unknowns[indices.feet]
+        # Axes: contact, equation of touch (along, across, inclination), unknown.
+        touch = residual[: 3 * count].reshape(count, 3)
+        touch_rows = jacobian[: 3 * count].reshape(count, 3, -1)
+
+        # Gaps (along + i across) at straight tubes, and displacements by the contacts' positions.
+        center = complex(unknowns[0], unknowns[1])
+        to_starts = lines.axis.conj() * (lines.start - center)
+        gaps = to_starts - to_contacts + feet - pushes.skin * pushes.member_normals
+        touch += compliance.constant + compliance.rates @ feet
+        touch[:, :2] += gaps.view(np.float64).reshape(count, 2)
+        touch[:, 2] -= unknowns[indices.inclinations]
+
+        # Derivatives by the object's pose, and by the positions of the contacts.
+        touch_rows[:, :2, CENTER] = -lines.turns[:, :2, :2].swapaxes(1, 2)
+        dents_by_angle = pushes.depth_by_angle * pushes.member_normals
+        gaps_by_angle = contacts_by_angle + dents_by_angle
+        touch_rows[:, :2, ANGLE] -= gaps_by_angle.view(np.float64).reshape(count, 2)
+        touch_rows[:, 0, indices.feet] = np.eye(count)
+        touch_rows[:, :, indices.feet] += compliance.rates
+
+        # Derivatives by the inclination and the normal force of the same contact. Axes: contact k,
+        # equation a of touch, and kind n of unknown: position, inclination, normal, friction.
+        by_kind = touch_rows[:, :, POSE:].reshape(count, 3, 4, count)
+        at_same_contact = np.einsum('kank->kan', by_kind)
+        by_inclination = dents_by_angle - 1j * (radii + pushes.skin) * pushes.member_normals
+        gap_rates = np.array([by_inclination, pushes.depth_by_force * pushes.member_normals]).T
+        at_same_contact[:, 0, 1:3] += gap_rates.real
+        at_same_contact[:, 1, 1:3] += gap_rates.imag
+        at_same_contact[:, 2, 1] -= 1.0
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns."""
@@ -285,6 +307,7 @@ class ContactStatics:
             # For NaN the comparisons are false, so NaN is not a solution.
             error = float((np.abs(residual) / tolerance).max())
             is_solved = error <= 1.0
+
             if not is_solved:
                 next_unknowns = statics._advance(state, residual)
                 if next_unknowns is None:
@@ -292,17 +315,19 @@ class ContactStatics:
                 unknowns, pushes = next_unknowns, statics.pushes(next_unknowns)
                 if not np.abs(pushes.loads).max() <= MAX_LOAD:
                     return None  # the iteration diverges
+
+            # The end of the iteration. Tubes are not modelled beyond the ends of their members, so
+            # contacts there converge slowly, and are accepted before.
             feet = unknowns[indices.feet]
             motion = statics.bent.distance(pushes.loads, feet)
             is_linearised = motion <= reach or moves_by_rounding
-            # Tubes are not modelled beyond the ends of their members, so these contacts converge
-            # slowly.
             is_beyond_end = motion <= FOLLOWED_MOTION and not statics.are_on_members(feet)
             if is_beyond_end or (is_solved and is_linearised):
                 inclination = np.abs(unknowns[indices.inclinations]).max()
                 return (statics, state) if inclination <= MAX_INCLINATION else None
+
+            # The tubes are linearised again. In soft structures, nodes then move by rounding.
             if not is_linearised and (is_solved or error < least_error):
-                # In soft structures, nodes move by rounding.
                 moves_by_rounding, least_error = motion <= ROUNDING, error
                 statics = replace(statics, bent=statics.bent.update(pushes.loads, feet))
         return None
