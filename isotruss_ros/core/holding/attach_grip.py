@@ -68,8 +68,10 @@ def attach_grip(
     """
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
+
+    # The grasping members.
     if members is None:
-        # The deepest members, which are those that overlap, or the two nearest.
+        # Those that overlap are the deepest; if these are fewer than two, the two nearest.
         count = max(int(np.count_nonzero(depths > 0.0)), 2)
         if count > GRIP_SIZES[-1]:
             raise NotHeldError(HoldStatus.OTHER_CONTACT)
@@ -77,6 +79,8 @@ def attach_grip(
     members = np.sort(np.asarray(members, dtype=np.intp))
     if depths[members].min() <= -config.robot.description.tube_diameter:
         raise NotHeldError(HoldStatus.NO_CONTACT)
+
+    # Search for the contacts that press.
     wrench = scaled_wrench(external_wrench, body.arm)
     max_sets = QUICK_SETS if quick else MAX_SEARCH_STEPS
     newton_steps = MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS
@@ -161,8 +165,11 @@ def least_friction_conditions(
     # Rows: equal ratios, then the position between two members, then linear conditions.
     position_row = len(ratio_forms)
     linear_row = position_row + has_two_members
+
     # The chord is the mean of the first member's normals minus that of the second member's.
     chord_shares = np.where(owners == 0, 1.0, -1.0) / np.bincount(owners)[owners]
+
+    # Linear conditions: coefficients times unknowns are equal to constants.
     coefficients, constants = np.zeros((count, indices.size)), np.zeros(count)
     if grazing is not None:
         coefficients[linear_row, indices.normal.start + grazing] = 1.0
@@ -181,20 +188,25 @@ def least_friction_conditions(
     def conditions(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         residual = coefficients @ unknowns - constants
         derivative = coefficients.copy()
+
+        # Ratios T / N are equal: quadratic forms of the forces, divided by the squeeze.
         if has_faces:
             forces = unknowns[indices.forces]
             squeeze = max(float(np.abs(forces[:count]).sum()), 1e-3)
             ratio_slopes = ratio_forms @ forces * FRICTION_COMPLIANCE / squeeze
             residual[:position_row] = 0.5 * ratio_slopes @ forces
             derivative[:position_row, indices.forces] = ratio_slopes
+
+        # The displacement d of the centroid across the chord is zero: Re(across* d) = 0, where the
+        # unit vector across the chord turns with the tubes.
         if has_two_members:
-            # Displacement of the object's centroid across the chord, which turns with the tubes.
             chord = complex(chord_shares @ normals)
             length = max(abs(chord), 1e-9)
             across = 1j * chord / length
             centroid = cmath.rect(1.0, unknowns[ANGLE]) * body.shape.centroid
             displacement = complex(unknowns[0], unknowns[1]) + centroid - body.middle
             residual[position_row] = (across.conjugate() * displacement).real
+            # Derivatives by the pose, and by the inclinations, which turn normals and chord.
             position_slope = derivative[position_row]
             by_object_angle = (across.conjugate() * 1j * centroid).real
             position_slope[:POSE] = across.real, across.imag, by_object_angle

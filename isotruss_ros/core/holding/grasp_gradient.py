@@ -100,30 +100,40 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
             rates = np.zeros(columns.size)
             rates[columns.rollers], rates[columns.place] = self.settled.lost.slip_margin_rates()
             return rates
-        # The margin is reserve / size of the nearest plane, see `SlipPlanes`.
+
+        # The margin is reserve / size of the nearest plane, see `SlipPlanes`. The reserve is the
+        # plane's row times the contact forces; the size is the row times their response to the
+        # unit wrench normal to the plane, about the centroid and then about the origin.
         grip, response = self.settled.equilibrium, self.settled.equilibrium.response
         planes = slip_planes(response, self.settled.friction)
         nearest = int((planes.reserve / planes.size).argmin())
         row, by_friction = planes.rows[nearest], planes.friction_rates[nearest]
         slope, size = planes.slope[nearest], planes.size[nearest]
         about_middle, forces = planes.about_middle, grip.state.places.forces
-        # Unit wrench normal to the plane, about the centroid and then about the origin.
         central_wrench = slope @ about_middle / size
         wrench = about_middle @ central_wrench
+
+        # Changes of the contact forces and of their response.
         reserve_rates = row @ self._unknown_rates[forces]
         response_rates = self._response_rates(response.change @ wrench[:, None])
         size_rates = row @ grip.respond(response_rates)[forces, :, 0]
+
         # The moment about the origin changes, because the centroid moves around it.
         swing = about_middle[2, 1] * central_wrench[0] - about_middle[2, 0] * central_wrench[1]
         size_rates -= slope[2] * swing * self._unknown_rates[ANGLE]
-        # The first 2 m planes are slip of the members; then follow as many for each end of a face.
-        # Of these, the planes of opening depend on one force.
+
+        # Changes of the row itself: after an end of a face has opened, the row depends on the
+        # redistribution of its force. The first 2 m planes are slip of the members; then follow as
+        # many for each end. Of these, the planes of opening have a constant row: one force.
         end_number, plane = divmod(nearest - 2 * len(grip.members), 2 * len(grip.members))
-        if end_number >= 0 and np.count_nonzero(row) > 1:  # slip after an end has opened
+        is_opening = np.count_nonzero(row) == 1
+        if end_number >= 0 and not is_opening:
             end = int(response.ends[end_number])
             by_release = planes.rows[plane] @ self._release_rates(end_number)
             reserve_rates += by_release * grip.state.forces[end]
             size_rates += by_release * (response.forces[end] @ wrench)
+
+        # The row depends on the coefficient of friction.
         reserve_rates[columns.friction] += by_friction @ grip.state.forces
         size_rates[columns.friction] += by_friction @ response.forces @ wrench
         return (reserve_rates - planes.margin * size_rates) / size

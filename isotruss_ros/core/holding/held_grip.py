@@ -272,13 +272,15 @@ class HeldGrip:
         return float(changes.sum()) / len(self.members)
 
     def extrapolate(self, travel: Array) -> Array:
-        """Return the unknowns (3 + 4k,), extrapolated to additional roller travel (r,) [m]."""
+        """Return the unknowns (3 + 4k,) predicted after additional roller travel (r,) [m]."""
         if self.motion is None:
             return self.state.unknowns
         previous_travel, change = self.motion
         square = float(previous_travel @ previous_travel)
-        # Component along the previous motion, bounded: a much shorter one predicts nothing.
-        multiple = float(travel @ previous_travel) / square if square > 0.0 else 0.0
+        if square == 0.0:
+            return self.state.unknowns
+        # Multiple of the previous motion, bounded: a much shorter motion predicts nothing.
+        multiple = float(travel @ previous_travel) / square
         multiple = max(-MAX_EXTRAPOLATION, min(multiple, MAX_EXTRAPOLATION))
         return self.state.unknowns + multiple * change
 

@@ -55,10 +55,13 @@ def roll_contacts(
     """Return the equilibrium with given rolling contacts, or None; new ones have no friction."""
     travel = config.roller_positions - grip.config.roller_positions
     are_same_contacts = chosen.contacts is grip.contacts
-    new_contacts = np.flatnonzero(chosen.origins < 0)
+
     # New contacts have the origin -1; their anchors and angles are replaced below.
+    new_contacts = np.flatnonzero(chosen.origins < 0)
     anchors = grip.anchors[chosen.origins]
     previous_angles = grip.angles[chosen.origins]
+
+    # Where Newton's method starts: at the bent tubes, or for other contacts at straight tubes.
     if are_same_contacts:
         starts = [grip.extrapolate(travel), grip.state.unknowns]
         structure = structure_under(config, grip.pressures)
@@ -69,6 +72,7 @@ def roll_contacts(
         starts = [_start_from(grip, initial, chosen.origins)]
         angles = np.angle(initial.straight_normals / grip.body.turn)
         previous_angles[new_contacts] = angles[new_contacts]
+
     conditions = rolling_conditions(initial, anchors, previous_angles, new_contacts)
     for start in starts:
         solution = initial.settle(start, wrench, conditions, MAX_SEARCH_STEPS, FOLLOWED_MOTION)
