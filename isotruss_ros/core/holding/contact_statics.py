@@ -147,7 +147,8 @@ class ContactStatics:
     ) -> tuple[Array, ContactForces]:
         """Return the residual (3 + 4k,) of the equations, see `Places`, and the state."""
         indices, axis, arm = self.places, self.bent.lines.axis, self.body.arm
-        affine, moment_row = slice(indices.balance.stop), indices.balance.stop - 1
+        count, moment_row = len(self.sides), indices.balance.stop - 1
+        affine = slice(indices.balance.stop)
         residual = np.empty(indices.size)
         jacobian = np.zeros((indices.size, indices.size))
 
@@ -162,7 +163,11 @@ class ContactStatics:
         contacts_by_angle = 1j * (to_contacts - radii * pushes.member_normals)
 
         # Touch and balance without the terms that do not depend on the loads.
-        by_loads = self._load_matrix(to_contacts)
+        by_loads = np.zeros((affine.stop, count, 3))
+        by_loads[:-3] = self.bent.responses.matrix.reshape(3 * count, count, 3)
+        # The forces on the object are opposite to those on the tubes.
+        by_loads[-3:-1] = -self.bent.lines.turns[:, :2].swapaxes(0, 1)
+        by_loads[-1, :, :2] = (-1j * to_contacts).view(np.float64).reshape(count, 2) / arm
         residual[affine] = by_loads.reshape(affine.stop, -1) @ pushes.loads.ravel()
         # Axes: equation r, cause n as in `Pushes.rates`, contact k, component c of its load.
         by_cause = np.einsum('rkc,nck->rnk', by_loads, pushes.rates)
@@ -180,17 +185,6 @@ class ContactStatics:
 
         residual[indices.conditions], jacobian[indices.conditions] = conditions(unknowns, normals)
         return residual, ContactForces(unknowns, normals, pushes.loads, jacobian)
-
-    def _load_matrix(self, to_contacts: Points) -> Array:
-        """Return the derivatives (3k + 3, k, 3) of touch and balance by the loads."""
-        lines, count = self.bent.lines, len(self.sides)
-        by_loads = np.empty((3 * count + 3, count, 3))
-        by_loads[:-3] = self.bent.responses.matrix.reshape(3 * count, count, 3)
-        # The forces on the object are opposite to those on the tubes.
-        by_loads[-3:-1] = -lines.turns[:, :2].swapaxes(0, 1)
-        arms = (-1j * to_contacts).view(np.float64).reshape(count, 2)
-        by_loads[-1, :, :2], by_loads[-1, :, 2] = arms / self.body.arm, 0.0
-        return by_loads
 
     def _add_gaps(
         self,
