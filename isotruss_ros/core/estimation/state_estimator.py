@@ -79,7 +79,7 @@ class StateEstimator:
     @single_threaded
     def take_grip(self, record: GripRecord | None) -> None:
         """
-        Use the grip that a control loop estimates from now on; poses are not used meanwhile.
+        Use the grip estimated by a control loop from now on, instead of measured poses.
 
         :param record: the grip with its estimate, which is not solved for again; None: poses are
             used.
@@ -120,18 +120,22 @@ class StateEstimator:
             if self.belief.state.jump <= JUMP_LENGTH and not self.belief.slipped:
                 return True
         # Without a belief, and after a jump or slip, a belief starts at the measured pose.
+        # Without a belief, and after a jump or slip, a belief starts at the measured pose.
+        self.belief = self._start_belief(self.grip.moved_to(pose), deviations)
+        return self.belief is not None
+
+    def _start_belief(self, grip: Grip, deviations: Array) -> GripBelief | None:
+        """Return the belief that starts at a measured grip; None if the object is not held."""
         self._used_offsets = self._filter.offsets
         config = self._tracker.configuration(self._readings.last[1] + self._used_offsets)
-        grip, covariance = self.grip.moved_to(pose), self._filter.offset_covariance
-        self.belief = None
+        covariance = self._filter.offset_covariance
         try:
             grasp = attach_model(config, grip, self._pressures, self.settings.zero_deviation)
             belief = GripBelief(grasp, grip, self.settings, covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
-            return False
-        if belief.squeeze > belief.geometric_deviation and belief.hold is HoldStatus.HELD:
-            self.belief = belief
-        return self.belief is not None
+            return None
+        is_held = belief.squeeze > belief.geometric_deviation and belief.hold is HoldStatus.HELD
+        return belief if is_held else None
 
     @single_threaded
     def take_markers(self, time: float, joints: Markers, deviation: float) -> bool:
@@ -163,7 +167,7 @@ class StateEstimator:
         offsets_before = offset_filter.offsets
         if not offset_filter.take_markers(time, markers, deviation, readings, reach, model):
             return False
-        if belief is not None:
+        if belief is not None:  # the belief of the grip depends on the offsets
             belief.correct_zeros(offset_filter.offsets - offsets_before)
             belief.state.prior = offset_filter.offset_covariance
         return True
@@ -173,6 +177,7 @@ class StateEstimator:
         """Return the estimate at the last encoder reading; None before the first one."""
         if not self._readings:
             return None
+        # Offsets and joint positions, whose covariance is B C B^T plus that of joint errors.
         self._roll()
         time, readings = self._readings.last
         offset_filter, belief = self._filter, self.belief
@@ -187,6 +192,8 @@ class StateEstimator:
         )
         if belief is None:
             return estimate
+
+        # Pose and squeeze, with the errors of the model.
         grip = belief.estimate if self._record is None else self._record.estimate
         model_errors = self.settings.pose_error / belief.scale
         pose_covariance = grip.pose_covariance + np.diag(model_errors**2)
@@ -217,7 +224,9 @@ class StateEstimator:
         positions, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
         if belief is None:
             return positions, rates
-        # Displacement of the joints by the contact forces, and its derivatives by the offsets.
+
+        # Displacement of the joints by the contact forces. Its derivatives by the offsets are
+        # those of the loaded joints minus those of the unloaded ones.
         grasp = belief.grasp if self._record is None else self._held
         displacement = held_joints(grasp).ravel() - grasp.config.nodes.ravel()[:count]
         at_rest = belief.cache.by_offsets
