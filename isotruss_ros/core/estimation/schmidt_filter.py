@@ -15,7 +15,7 @@ import numpy as np
 
 
 def condition(covariance: Array, rates: Array, noise: Array) -> tuple[Array, Array, Array]:
-    """Return the Kalman gain K (n, m), I - K H (n, n) for `rates` H, and the new covariance."""
+    """Return the Kalman gain K, I - K H and the covariance after a measurement by `rates` H."""
     gain = np.linalg.solve(rates @ covariance @ rates.T + noise, rates @ covariance).T
     remaining = np.eye(len(covariance)) - gain @ rates
     updated = remaining @ covariance @ remaining.T + gain @ noise @ gain.T
@@ -41,14 +41,14 @@ class SchmidtFilter:
         self.sensitivity = np.zeros((len(covariance), len(self.prior)))
 
     def resize(self, size: int, first: int, variance: float) -> None:
-        """Resize the state; components from `first` on restart with a prior `variance`."""
+        """Resize the state; set the components from index `first` on to a prior `variance`."""
         covariance, sensitivity = self.covariance, self.sensitivity
         self.reset(variance * np.eye(size))
         self.covariance[:first, :first] = covariance[:first, :first]
         self.sensitivity[:first] = sensitivity[:first]
 
     def spread(self, rates: Array, by_parameters: Array) -> Array:
-        """Return the covariance (m, m) of outputs with `rates` by state and `by_parameters`."""
+        """Return the covariance (m, m) of outputs with these Jacobians by state and parameters."""
         total_rates = by_parameters + rates @ self.sensitivity  # by the parameters
         return rates @ self.covariance @ rates.T + total_rates @ self.prior @ total_rates.T
 
@@ -56,17 +56,20 @@ class SchmidtFilter:
         """
         Propagate the covariances by variances of the state's noise and the parameters' drift.
 
-        The state was biased by the parameters before their drift. Its sensitivity to the later
-        ones is smaller (Hsieh and Chen 1999).
+        The state x becomes A x with A = diag(`decay`). It was biased by the parameters before
+        their drift; its sensitivity to the later ones is smaller (Hsieh and Chen 1999).
         """
+        # Parameters with the covariance C drift to C' = C + D. Linear regression of the earlier on
+        # the later ones has the matrix R = C C'^-1 and residuals with the covariance C - R C.
         prior_before = self.prior
         self.prior = prior_before + np.diag(drift)
-        # The parameters before the drift are `regression` times those after it, with a residual.
         regression = prior_before @ np.linalg.pinv(self.prior, hermitian=True)
-        residual = prior_before - regression @ prior_before  # its covariance
-        sensitivity_before = decay[:, None] * self.sensitivity
-        self.sensitivity = sensitivity_before @ regression
-        by_residual = sensitivity_before @ residual @ sensitivity_before.T
+        residual = prior_before - regression @ prior_before
+
+        # S' = A S R, and P' = A P A^T + N + A S (C - R C) (A S)^T.
+        decayed = decay[:, None] * self.sensitivity
+        self.sensitivity = decayed @ regression
+        by_residual = decayed @ residual @ decayed.T
         covariance = self.covariance * np.outer(decay, decay) + np.diag(noise)
         self.covariance = covariance + 0.5 * (by_residual + by_residual.T)
 
