@@ -58,7 +58,7 @@ class ContactWalk:
         self._walk = self._walk + noise
 
     def exclude_jump(self, jump: Array) -> None:
-        """Do not count a jump (3, c) of the pose's derivatives by roller offsets as motion."""
+        """Exclude a jump (3, c) of the derivatives by offsets from the detection of slip."""
         self._jumps = self._jumps + jump
 
     def add(
@@ -73,6 +73,7 @@ class ContactWalk:
             error of an offset moves the pose.
         :param offsets: (c, c) covariance of the roller offsets [m^2].
         """
+        # The sum before this time starts a window; sums older than a window's interval leave it.
         by_offsets = rates - self._jumps
         before = _Sum(time, self._correction, self._walk, prior, by_offsets)
         self._correction = self._correction + change
@@ -80,17 +81,20 @@ class ContactWalk:
             window.append(before)
             while time - window[0].time > interval:
                 window.popleft()
-        # The first axis of the following arrays is that of the windows.
+
+        # Sum of the corrections in each window. First axis: window.
         starts = [window[0] for window in self._windows]
         sums = self._correction - np.array([start.correction for start in starts])
+        self.length = float(np.hypot.reduce(sums, axis=1).max())
+
+        # Covariances of the sums without slip: S = prior + walk + noise + B C B^T.
         walks = self._walk - np.array([start.walk for start in starts])
         rate_changes = by_offsets - np.array([start.by_offsets for start in starts])
         by_rate_changes = rate_changes @ offsets @ rate_changes.transpose(0, 2, 1)
-        # Covariances of the sums without slip.
         covariances = np.array([start.prior for start in starts]) + walks + noise + by_rate_changes
-        self.length = float(np.hypot.reduce(sums, axis=1).max())
+
+        # Largest Mahalanobis distance of a sum s from zero, sqrt(s^T S^-1 s).
         weighted = np.linalg.solve(covariances, sums[:, :, None])[:, :, 0]  # sums are columns
-        # The largest Mahalanobis distance of a sum from zero.
         self.deviations = math.sqrt((sums * weighted).sum(axis=1).max())
 
 

@@ -65,7 +65,7 @@ class EquilibriumCache:
         self.forget_motion(grasp)
 
     def take(self, grasp: HeldGrip) -> None:
-        """Set the equilibrium and the derivatives at it; changes since then are zero."""
+        """Set the equilibrium and the derivatives at it; reset the changes since then."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
         # The fourth row is the opening rate of the grip, on which the squeeze depends.
         self.travel_rates = grip_jacobian(grasp.config, self.grip)[:4].copy()
@@ -93,10 +93,12 @@ class EquilibriumCache:
         """
         Predict the change of pose and squeeze by roller travel since the equilibrium.
 
-        :return: the travel (r,) [m], and whether the neglected motion may be extrapolated to it.
+        :return: the travel (r,) [m], and whether it is short enough for the extrapolation of the
+            motion that (19) neglects.
         """
         start = self.grasp.config.roller_positions + self.zero_corrections
         travel = config.roller_positions - start
+        # (19) neglects a part of the motion, which is assumed to be proportional to the travel.
         last_travel = self._last_travel
         ratio = float(travel @ last_travel) / max(float(last_travel @ last_travel), MODEL_ERROR**2)
         bounded_ratio = max(-MAX_EXTRAPOLATION, min(ratio, MAX_EXTRAPOLATION))
@@ -123,7 +125,7 @@ class EquilibriumCache:
         self._pending_forces = self._pending_forces + forces
 
     def correct_zeros(self, correction: Array, sensitivity: Array) -> None:
-        """Add a correction (r,) of the offsets [m]; shifts follow by the state's `sensitivity`."""
+        """Correct the roller offsets by (r,) [m], and the shifts by `sensitivity` times that."""
         shifts = (sensitivity[SHIFTS:] @ correction)[self.grasp.contacts.owners]
         self._anchors = self._anchors + self.grasp.statics.anchor_rates @ correction + shifts
         self.zero_corrections = self.zero_corrections + correction
@@ -138,7 +140,7 @@ class EquilibriumCache:
         return float((reserves / planes.size).min())
 
     def learn(self, grasp: HeldGrip, travel: Array, change: Array, elapsed: float) -> None:
-        """Update drift and `usage` by the next equilibrium, after travel (r,) and change (4,)."""
+        """Update drift and `usage` from the change (4,) of the outputs to the next equilibrium."""
         if grasp.contacts is not self.grasp.contacts:  # a discontinuity
             self.forget_motion(grasp)
             return

@@ -160,7 +160,7 @@ class GripBelief:
 
     @property
     def regulated(self) -> Array:
-        """Return pose and squeeze (4,) for control, with corrections delayed by two filters."""
+        """Return pose and squeeze (4,) for control, whose corrections are low-pass filtered."""
         return self.outputs - self.lag.filters.sum(axis=0)
 
     @property
@@ -201,6 +201,8 @@ class GripBelief:
         cache, lag, state = self.cache, self.lag, self.state
         lag.time += elapsed
         interval = lag.time - self._equilibrium_time
+
+        # Prediction from the last equilibrium, to first order.
         has_corrections = cache.zero_corrections.any()
         travel, is_predictable = cache.predict(config)
         predicted_motion = cache.predicted[:3]
@@ -210,11 +212,15 @@ class GripBelief:
         if is_early and is_predictable and not has_corrections:
             lag.record(lag.pose_at_equilibrium + predicted_motion, motion_since_reading, age)
             return HoldStatus.HELD
+
+        # The next equilibrium.
         rolled = cache.roll(config, pressures)
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
         if rolled is None or hold not in (HoldStatus.HELD, HoldStatus.SLIPS):
             lag.rolled_poses.add(lag.time, lag.pose_at_equilibrium)  # the object has not moved
             return HoldStatus.HELD if self.attach(config, pressures) else hold
+
+        # Motion of the object since the last equilibrium.
         change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)
         motion = predicted_motion if has_corrections else change[:3]
         if has_corrections:
@@ -225,8 +231,12 @@ class GripBelief:
         lag.pose_at_equilibrium = lag.pose_at_equilibrium + motion
         lag.record(lag.pose_at_equilibrium, motion_since_reading, age)
         self.take(rolled)
+
+        # Process noise; the expected load decays, which moves the estimated pose.
         load_change = state.propagate(interval, self.scale * motion, np.abs(travel), cache)
         lag.hold_back(cache.rates[:, LOAD] @ load_change / cache.scale)
+
+        # A search replaces derivatives that are no longer valid, and contacts that slip.
         are_rates_invalid = np.abs(cache.corrections_since_search).max() > MAX_FIRST_ORDER_TRAVEL
         # A search after a shorter time would attribute transient loads to the contacts.
         is_load_over = lag.time - self._search_time > self.settings.load_time
@@ -242,15 +252,20 @@ class GripBelief:
         :param age: time from the stamp of the pose to the last call of `follow` [s].
         """
         cache, lag, rolled_poses = self.cache, self.lag, self.lag.rolled_poses
-        time = lag.time - age - self.state.delay
+        time = lag.time - age - self.state.delay  # at which the pose was measured
         rolled_pose = rolled_poses.at(time)
-        # The velocity is from earlier readings, whose noise is independent of the innovation's.
+
+        # Velocity before that time; readings then have noise independent of the innovation's.
         interval_end = rolled_poses.at(time - DELAY_DEVIATION)
         interval_start = rolled_poses.at(time - 2.0 * DELAY_DEVIATION)
         velocity = self.scale * (interval_end - interval_start) / DELAY_DEVIATION
+
+        # Innovation: measured pose minus the pose that was estimated for that time.
         motion_since = pose_difference(rolled_poses.last[1], rolled_pose)
         innovation = self.scale * pose_difference(pose, self.pose - motion_since)
         self.state.noise.add(self.scale * pose_difference(pose, rolled_pose))
+
+        # Kalman update; for control, the correction passes the low-pass filters.
         outputs_before = self.outputs
         change = self.state.correct(innovation, velocity, cache, lag.time)
         cache.shift(change[SHIFTS:])
@@ -296,6 +311,7 @@ class GripBelief:
         shifts = np.zeros(len(start.members))
         # The second step has the derivatives at the first solution.
         for _ in range(0 if self.is_assumed else 2):
+            # Gauss-Newton step for the shifts that explain the pose.
             gain = self.state.initialise(cache, friction)
             error = self.scale * pose_difference(pose, self.grasp.pose)
             error_without_shifts = error + cache.rates[:3, SHIFTS:] @ shifts
@@ -335,7 +351,7 @@ class GripBelief:
         self._fit_state()
 
     def _fit_state(self) -> None:
-        """Fit the size of the state to a new equilibrium; new shifts get a wide prior."""
+        """Resize the state to a new equilibrium's members, with a wide prior of the shifts."""
         self._equilibrium_time = self.lag.time
         size = self.cache.rates.shape[1]
         if size != len(self.state.covariance):

@@ -65,7 +65,7 @@ def shift_deviations(grasp: HeldGrip, by_shifts: Array, friction: float) -> Arra
 
 
 def output_scale(grasp: HeldGrip) -> Array:
-    """Return factors (4,) on pose and squeeze, the arm [m] for the rotation and else 1."""
+    """Return the scale factors (4,) of pose and squeeze: the arm [m] for rotation, else 1."""
     return np.array([1.0, 1.0, grasp.arm, 1.0])
 
 

@@ -60,18 +60,19 @@ class GripState(SchmidtFilter):
         self.walk, self.noise = ContactWalk(), PoseNoise(noise)
 
     def initialise(self, cache: EquilibriumCache, friction: float) -> Array:
-        """Set the prior covariance, condition it on a pose, and return the Kalman gain (n, 3)."""
+        """Set the prior covariance, update it by a measured pose, and return the gain (n, 3)."""
         settings = self._settings
-        variances = np.diag(self.covariance).copy()
+        variances = np.diag(self.covariance).copy()  # that of the delay is kept
         variances[LOAD] = settings.load**2
         variances[BIAS] = settings.pose_error**2
         variances[SHIFTS:] = shift_deviations(cache.grasp, cache.by_shifts, friction) ** 2
         self.reset(np.diag(variances))
+
+        # Shifts, with the covariance S of the pose, explain a part of its change B c by roller
+        # offsets c. With the covariance M of model errors, M (S + M)^-1 B c is unexplained.
         rates, by_offsets = cache.rates[:3], cache.by_offsets.outputs[:3]
-        # Covariances of the pose by shifts within friction, and by errors of the model.
         by_shifts = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
         by_model = settings.pose_error**2 * np.eye(3)
-        # Offsets cause the part of the pose that the shifts do not explain.
         unexplained = by_model @ np.linalg.solve(by_shifts + by_model, by_offsets)
         self.covariance[BIAS, BIAS] += unexplained @ self.prior @ unexplained.T
         return self.condition(rates, by_offsets, np.diag(self.noise.variances))
@@ -89,21 +90,27 @@ class GripState(SchmidtFilter):
 
         The object's `speeds` (3,) are those at the pose's time, rotations times the arm [m/s].
         """
+        # Measurement model of the pose, and of its part by contacts and unexplained pose (walk). A
+        # pose with a longer delay is that of an earlier time, so its derivative is -speeds.
         noise = np.diag(self.noise.variances)
         by_offsets = cache.by_offsets.outputs[:3]
         rates = cache.rates[:3].copy()
         rates[:, DELAY] = -speeds
-        # The part of the pose by contacts and unexplained pose.
         walk_rates = cache.rates[:3].copy()
         walk_rates[:, LOAD] = 0.0
         walk_covariance = walk_rates @ self.covariance @ walk_rates.T
+
+        # A jump is an innovation that is too large for its covariance. After a jump, contacts and
+        # unexplained pose may be anywhere.
         covariance = rates @ self.covariance @ rates.T + noise
         self.innovation = float(error @ np.linalg.solve(covariance, error))
         self.jump = math.hypot(*error) if self.innovation > MAX_DEVIATIONS**2 else 0.0
-        if self.jump > 0.0:  # contacts and unexplained pose may be anywhere
+        if self.jump > 0.0:
             added = np.zeros(len(self.covariance))
             added[BIAS] = added[SHIFTS:] = self.jump**2
             self.covariance = self.covariance + np.diag(added)
+
+        # Kalman update of the state; the caller shifts the contacts.
         change = self.condition(rates, by_offsets, noise) @ error
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
         delay = self.delay + float(change[DELAY])
@@ -122,13 +129,16 @@ class GripState(SchmidtFilter):
         `elapsed` time [m].
         """
         settings = self._settings
-        remaining = math.exp(-elapsed / settings.load_time)
-        slip_variances = settings.slip**2 * SLIP_LENGTH * travel
         noise, decay = np.zeros(len(self.covariance)), np.ones(len(self.covariance))
+
+        # Random walks of unexplained pose, offsets and shifts, as the object and rollers move.
+        slip_variances = settings.slip**2 * SLIP_LENGTH * travel
         noise[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*motion)
         noise[SHIFTS:] = slip_variances.max()
-        # The contacts' walk does not contain the noise of the load, which is added after it.
         self.walk.spread(cache.rates[:3] * noise @ cache.rates[:3].T)
+
+        # The load is a first-order Gauss-Markov process, which is not part of the walk.
+        remaining = math.exp(-elapsed / settings.load_time)
         noise[LOAD] = settings.load**2 * (1.0 - remaining**2)
         decay[LOAD] = remaining
         self.predict(decay, noise, slip_variances)

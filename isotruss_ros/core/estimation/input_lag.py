@@ -37,7 +37,7 @@ class InputLag:
         self.filters = np.zeros((2, 4))
 
     def record(self, pose: Array, motion: Array, age: float) -> None:
-        """Store the pose (3,) by roller travel, and that `age` [s] ago, before a `motion` (3,)."""
+        """Store the present pose (3,), and the pose without the `motion` of the last `age` [s]."""
         # The last call's prediction is replaced, because rollers may follow their commands late.
         self.rolled_poses.add(*self._measured)
         self._measured = self.time - age, pose - motion

@@ -45,7 +45,9 @@ def judge_markers(
     all_markers = np.ones(count, dtype=bool)
     if passes_gate(coordinates, covariance):
         return all_markers, np.zeros_like(reach)
-    # The slip of each roller by weighted least squares, and the roller whose slip explains most.
+
+    # First hypothesis: slip of each roller by weighted least squares, (b^T S^-1 z) / (b^T S^-1 b);
+    # the best roller has the smallest residual.
     weighted = np.linalg.solve(covariance, by_rollers)
     information = np.maximum(np.einsum('ij,ij->j', by_rollers, weighted), 1e-12)
     slips = np.diag(np.clip(weighted.T @ coordinates / information, -reach, reach))
@@ -53,7 +55,10 @@ def judge_markers(
     distances = [_squared_distance(residual, covariance) for residual in residuals]
     best = int(np.argmin(distances))
     is_slip = passes_gate(residuals[best], covariance)
+
+    # Second hypothesis: wrong markers.
     consistent, mean_square = _reject_markers(coordinates, covariance)
+
     # A slip that explains all markers is more probable than two simultaneous wrong markers. With
     # one wrong marker, the mean squares per degree of freedom decide; the slip uses one degree.
     if count - consistent.sum() == 1:
@@ -62,7 +67,7 @@ def judge_markers(
 
 
 def _reject_markers(coordinates: Array, covariance: Array) -> tuple[Flags, float]:
-    """Return the mask (k,) of consistent markers, and their mean square; none: infinite [-]."""
+    """Return the mask (k,) of consistent markers, and their mean squared distance [-]."""
 
     def select(markers: Flags) -> tuple[Array, Array]:
         rows = np.flatnonzero(np.repeat(markers, 2))
@@ -73,7 +78,7 @@ def _reject_markers(coordinates: Array, covariance: Array) -> tuple[Flags, float
         # Masks of the present markers without one of them; the best mask lacks the worst marker.
         masks = consistent & ~np.eye(len(consistent), dtype=bool)[consistent]
         consistent = min(masks, key=lambda markers: _squared_distance(*select(markers)))
-    if 2 * consistent.sum() < len(consistent):
+    if 2 * consistent.sum() < len(consistent):  # most are wrong, so all are rejected
         return np.zeros_like(consistent), math.inf
     return consistent, _squared_distance(*select(consistent)) / (2 * consistent.sum())
 

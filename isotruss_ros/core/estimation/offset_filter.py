@@ -77,7 +77,7 @@ class OffsetFilter:
     @property
     def is_improbable(self) -> bool:
         """
-        Return whether the mean is improbable for the prior, for example of an upright robot.
+        Return whether the mean is improbable for the prior, as it may be if the robot is upright.
 
         Then the measured joints have errors that are not in the state.
         """
@@ -98,7 +98,7 @@ class OffsetFilter:
         self._prior, self.covariance = self._prior + added, self.covariance + np.diag(added)
 
     def expect(self, joints: JointModel, rows: Indices, state: Array) -> tuple[Array, Array]:
-        """Return expected marker coordinates (m,) in `rows` for a state, and their Jacobian."""
+        """Return expected marker coordinates `rows` (m,) for a state, and their Jacobian."""
         offsets, errors = np.split(state, [self._count])
         positions, by_offsets = joints(offsets)
         by_errors = self._by_errors[rows]
@@ -130,9 +130,10 @@ class OffsetFilter:
         """
         Update the offsets with a message of markers; return whether at least one was used.
 
-        The encoder readings (r,) are those at that time, `reach` (r,) is the range of the stored
-        ones [m].
+        The encoder readings (r,) are those at this time; `reach` (r,) is the range of recent
+        readings, by which a roller can have slipped [m].
         """
+        # Measured and expected coordinates, and the covariance of the innovation.
         names = np.array(list(markers))
         first_rows = 2 * np.array([self._joint_names.index(name) for name in markers])
         rows = np.column_stack([first_rows, first_rows + 1]).ravel()  # x and y of each marker
@@ -143,6 +144,8 @@ class OffsetFilter:
         encoder_noise = self._settings.encoders**2 * by_offsets @ by_offsets.T
         noise = deviation**2 * np.eye(len(rows)) + encoder_noise
         covariance = rates @ self.covariance @ rates.T + noise
+
+        # Selection of consistent markers; a slip makes the offset of its roller uncertain.
         is_used, slip = judge_markers(measured - expected, covariance, by_offsets, reach)
         self.inflate(slip**2)
         swap = None if is_used.all() else find_swap(measured, expected, covariance)
@@ -156,6 +159,8 @@ class OffsetFilter:
             self._inconsistent = 0
         if not is_used.any():
             return False
+
+        # Update by the consistent markers, and detection of slipping rollers.
         used = np.flatnonzero(np.repeat(is_used, 2))  # indices of coordinates
         self.update(measured.ravel()[used], noise[np.ix_(used, used)], rows[used], joints)
         variances = np.diag(self.offset_covariance) + self._settings.joint_error**2
