@@ -177,25 +177,20 @@ class SqueezeControl:
         if self.fault is Status.HALT_OSCILLATES:
             stopped = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(stopped, np.zeros(3), 0.0, self.fault)
-        squeeze = float(belief.regulated[3])
-        force = self.settings.force
-        # While the squeeze would be unknown even with an exact stiffness, the excess of the first
-        # estimate is added: opening the grip could release the object, and the measured pose would
-        # not show the loss until the object is moved.
-        if self._excess > 0.0 and not is_squeeze_known(force, belief.geometric_deviation):
-            force += self._excess
-        force_rate = min(MAX_SQUEEZE_GAIN, self.gain) * (force - squeeze) - belief.cache.drift[3]
-        bounded_rate = max(-MAX_FORCE_RATE, min(force_rate, MAX_FORCE_RATE))
-        opening_rate = bounded_rate / belief.grasp.squeeze_stiffness()
+        opening_rate = self._opening_rate(belief)
         if self.fault is not None:
             return replace(solve(np.zeros(3), opening_rate), scale=0.0, status=self.fault)
+
+        # Twist with the correction of the pose.
         twist = np.asarray(twist)
         correction = self._last_correction = self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening_rate, solve)
         if command.status in CHANGED and not twist.any():
             # Contacts or limits do not admit the correction of the pose.
             command = replace(command, status=Status.OK)
-        excess_margin = belief.slip_margin - MIN_RELATIVE_MARGIN * squeeze
+
+        # Limits on the loss of slip margin and on the utilisation.
+        excess_margin = belief.slip_margin - MIN_RELATIVE_MARGIN * float(belief.regulated[3])
         share = belief.cache.usage.margin_share(command, period, excess_margin)
         if share < 1.0 and twist.any():
             slowed = _solve_within_limits(share * twist + correction, opening_rate, solve)
@@ -205,12 +200,25 @@ class SqueezeControl:
         return belief.cache.usage.limit_utilisation(command, period, self.settings.max_utilisation)
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
-        """Let the desired pose follow the executed twist less `missing`, which limits removed."""
+        """Let the desired pose move with the executed twist; limits have removed `missing`."""
         if command.status in CHANGED:
             # Where the twist is unreachable, its correction is as well: the desired pose follows.
             self._velocity = command.achieved_twist - self._last_correction - missing
         else:
             self._velocity = command.scale * np.asarray(twist) - missing
+
+    def _opening_rate(self, belief: GripBelief) -> float:
+        """Return the opening rate of the grip by proportional control of the squeeze [m/s]."""
+        force = self.settings.force
+        # While the squeeze would be unknown even with an exact stiffness, the excess of the first
+        # estimate is added: opening the grip could release the object, and the measured pose would
+        # not show the loss until the object is moved.
+        if self._excess > 0.0 and not is_squeeze_known(force, belief.geometric_deviation):
+            force += self._excess
+        error = force - float(belief.regulated[3])
+        force_rate = min(MAX_SQUEEZE_GAIN, self.gain) * error - belief.cache.drift[3]
+        bounded_rate = max(-MAX_FORCE_RATE, min(force_rate, MAX_FORCE_RATE))
+        return bounded_rate / belief.grasp.squeeze_stiffness()
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
         """Return the twist (3,) that corrects the pose error and the motion that (19) neglects."""
