@@ -93,16 +93,10 @@ class TwistServo(ServoState):
             ok = command.status is Status.OK
             message, is_solved = '' if ok else describe(command, settings.joint is None), True
         except IsotrussError as error:
-            status, message = halt_for(error), str(error)
-            # The twist is checked first.
+            command, message = self._halt(halt_for(error), now), str(error)
+            # The twist is checked first, so a fault of another input leaves it valid.
             if isinstance(error, InputError) and error.name != 'twist':
                 twist = np.asarray(received.twist.value)  # type: ignore[union-attr]
-            if squeeze is not None and status is Status.HALT_NO_GRASP:
-                squeeze.lose()
-            elif squeeze is not None:
-                self._watch(squeeze, status, now)
-            stopped = np.zeros(len(self.robot.roller_names))
-            command = RollerCommand(stopped, np.zeros(3), 0.0, status)
         self._history.record(now, command.roller_velocities)
         names = tuple(name for name in self.robot.roller_names if name in failed)
         if squeeze is None or squeeze.belief is None:
@@ -112,6 +106,14 @@ class TwistServo(ServoState):
             message = '; '.join(filter(None, (message, squeeze.note(force))))
         frequency, delay = squeeze.frequency or 0.0, squeeze.belief.state.delay
         return Decision(command, twist, message, names, frequency, squeeze.gain, force, delay)
+
+    def _halt(self, status: Status, now: float) -> RollerCommand:
+        """Return the command that stops the rollers, and update the belief of the grip."""
+        if self.squeeze is not None and status is Status.HALT_NO_GRASP:
+            self.squeeze.lose()
+        elif self.squeeze is not None:
+            self._watch(self.squeeze, status, now)
+        return RollerCommand(np.zeros(len(self.robot.roller_names)), np.zeros(3), 0.0, status)
 
     def command(self, velocities: Array, now: float) -> Array:
         """
@@ -154,7 +156,8 @@ class TwistServo(ServoState):
         """Return the command for the configuration predicted at the cycle's midpoint."""
         config, predicted, last_speeds = self._predict(rollers, pose, now)
         squeeze = None if predicted is None else self.squeeze
-        # The twist is that of `contacts`; `grip` has the object at its estimated pose.
+        # The twist moves the `contacts` of the equilibrium without load; the limits are those of
+        # the object at its estimated pose (`grip`).
         contacts = grip = predicted
         if squeeze is not None:
             hold = self._follow(squeeze, config, predicted, (rollers, pose), now, gripped=True)
@@ -163,6 +166,8 @@ class TwistServo(ServoState):
                 raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, reasons)))
             contacts = squeeze.belief.cache.grip
             grip = contacts.moved_to(squeeze.belief.pose)
+
+        # Command within the limits on roller speeds.
         watch = None if self._guard is None else self._guard.watch(config, grip)
         period = self.settings.period
         limits = self._limits if watch is None else (*self._limits, *watch.limits)
@@ -176,6 +181,8 @@ class TwistServo(ServoState):
             desired = self._solve_joint(config, twist, limits, handling)
         else:
             desired = solve(twist) if squeeze is None else squeeze.solve(twist, period, solve)
+
+        # Command within the limits on acceleration and, in discrete time, on the barriers.
         command = desired
         if desired.status < Status.HALT_NO_TWIST:
             last_step, largest = self._history.step, self._largest_change(now)
@@ -261,12 +268,15 @@ class TwistServo(ServoState):
             covariance, stamp = estimate.value.covariance, estimate.time
         squeeze.take_offsets(rollers.value.offsets, covariance, stamp)
         squeeze.take_pressures(fresh_pressures(now, settings.pressure_timeout, pressures))
+
         # In a late loop, commands are valid for longer than the period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, settings.timeout)
+
+        # The sample is the last pose up to the time of the rollers; later poses are stored until
+        # the travel up to them is measured.
         if squeeze.belief is None:
             self._poses = Timeline()
-        # Poses later than the measured rollers wait until the travel up to them is measured.
         self._poses.add(pose.time, pose)
         self._poses.discard_before(rollers.time)
         pose_time, measured_pose = self._poses.first
