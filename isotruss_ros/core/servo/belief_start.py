@@ -59,17 +59,17 @@ class BeliefStart:
         """
         calibrated = PRIOR.calibrated(config.robot.description, settings.zero_deviation)
         prior = replace(calibrated, load=settings.load or PRIOR.load)
-        self._assuming = gripped and self._missed and not self._assuming
+        self._assuming = gripped and self._missed and not self._assuming  # every second search
         try:
             start = grip
-            if self._assuming:  # all members have the same indentation
+            if self._assuming:  # the same indentation of all members
                 shape, angle = grip.body.shape, grip.body.pose.angle
                 centered = place_between(config, grip.members, shape, angle, self._depth)
                 start = grip.moved_to(centered.body.pose)
             grasp = attach_model(config, start, pressures, prior.zero_deviation)
             force_error = abs(grasp.squeeze - settings.force)
             if self._assuming and force_error > 2.0 * PRIOR.squeeze_error * settings.force:
-                # The next search has the depth for the desired squeeze, if both are proportional.
+                # The next search changes the depth in proportion to the squeeze.
                 depth = self._depth * settings.force / grasp.squeeze
                 self._depth = min(depth, 4.0 * PRIOR.zero_deviation)
                 raise NotHeldError(HoldStatus.NO_BALANCE)

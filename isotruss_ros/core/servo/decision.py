@@ -73,7 +73,7 @@ def halt_for(error: IsotrussError) -> Status:
 
 def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """
-    Return the deviation of a command from the commanded twist in words; empty without one.
+    Return a text on the deviation of a command from the commanded twist, empty if none.
 
     :param keeps_contacts: True for the twist of an object; false for the velocity of a joint.
     """
