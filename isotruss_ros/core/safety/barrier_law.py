@@ -55,7 +55,7 @@ class BarrierLaw:
 
     @cached_property
     def safety_margin(self) -> float:
-        """Return the distance above the bound at which a barrier value must not decrease."""
+        """Return the margin above the bound at which a barrier value must not decrease further."""
         return SAFETY_MARGIN_SHARE * self.band
 
     def class_k_bound(self, margins: Array) -> Array:
@@ -74,13 +74,14 @@ class BarrierLaw:
         sample [m].
         """
         small = MIN_MARGIN_SHARE * self.safety_margin
-        # Larger margins decay toward zero, without the safety margin, by at most twice the class-K
-        # rate, and keep a fraction.
+        # Margins above `small` decrease by at most twice the class-K rate toward zero (without the
+        # safety margin), and to no less than a fraction or `small`.
         decay = 2.0 * duration * self.class_k_bound(margins + self.safety_margin)
         bounds = np.maximum(np.maximum(MIN_MARGIN_SHARE * margins, margins - decay), small)
-        second_order = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
+
         # Smaller margins decrease by effects of second order only. A positive margin keeps a
         # remainder, so that the sum of such effects does not cross the bound.
+        second_order = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
         remainder = np.where(margins > 0.0, np.minimum(margins, MIN_MARGIN_SHARE * small), -np.inf)
         bounds_of_small = np.maximum(margins - second_order, remainder - ROUNDING)
         return np.where(margins > small, bounds, bounds_of_small)
@@ -186,10 +187,12 @@ class BarrierLimit:
         violated = np.flatnonzero(end_margins < bounds)
         if not len(violated):
             return None
-        # After a share s of the motion, the excess of a margin over its bound is c + b s + a s^2.
+
+        # After a share s of the motion, the excess of a margin over its bound is c + b s + a s^2;
+        # its first zero is 2 c / (sqrt(b^2 - 4 a c) - b).
         c, b = start_margins - bounds, self.matrix @ travel
         a = end_margins - start_margins - b
         root = np.sqrt(np.maximum(b**2 - 4.0 * a * c, 0.0))
-        shares = np.minimum(2.0 * c / np.maximum(root - b, EPSILON), 1.0)  # first zeros
+        shares = np.minimum(2.0 * c / np.maximum(root - b, EPSILON), 1.0)
         names = tuple(self.barrier.names(self.indices[violated]))
         return BarrierViolation(float(shares[violated].min()), self.status, names)

@@ -77,9 +77,9 @@ class NeighborList:
     def find_close(
         self, config: Configuration, grip: Grip | None, measure: Callable[[Selection], Array]
     ) -> tuple[Indices, Array]:
-        """Return indices and distances [m] of close pairs; it measures those that may be close."""
-        # As in a Verlet list: all pairs are measured again after a motion by the skin, the listed
-        # ones after a motion by which one of them could become close.
+        """Return indices and distances [m] of close pairs; `measure` evaluates distances."""
+        # Verlet list: all pairs are measured after a motion by the skin, the listed ones after a
+        # motion by which one of them could become close.
         if self._all_state is None or not self._all_state.holds(config, grip):
             measured = measure(ALL_VALUES)
             self._list = np.flatnonzero(measured < self.listed_below)

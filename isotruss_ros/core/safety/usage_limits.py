@@ -53,7 +53,7 @@ class UsageLimits:
         return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
 
     def _share(self, row: int, command: RollerCommand, largest: float, period: float) -> float:
-        """Return the factor (0 to 1) at which a quantity (row of `_rates`) grows by `largest`."""
+        """Return the factor (0 to 1) on a command that limits a quantity's growth to `largest`."""
         increase = float(self._rates[row] @ (period * command.roller_velocities))
         return 1.0 if increase <= max(largest, 0.0) else max(largest, 0.0) / increase
 
