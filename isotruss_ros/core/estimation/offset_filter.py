@@ -153,8 +153,11 @@ class OffsetFilter:
         self.findings['used'] = tuple(sorted(names[is_used].tolist()))
         self.findings['left_out'] = tuple(sorted(names[~is_used].tolist()))
         self.findings['swapped'] = tuple(sorted(swapped_names))
+
+        # After several inconsistent messages, as after a restart of the encoders, the offsets are
+        # unknown.
         self._inconsistent = 0 if is_used.any() or swapped_names else self._inconsistent + 1
-        if self._inconsistent >= MAX_INCONSISTENT_MESSAGES:  # e.g. after a restart of the encoders
+        if self._inconsistent >= MAX_INCONSISTENT_MESSAGES:
             self.inflate(np.full(self._count, np.inf))
             self._inconsistent = 0
         if not is_used.any():
