@@ -245,6 +245,16 @@ def test_a_late_pose_is_compared_with_the_motion_up_to_its_stamp(age):
     assert np.array(belief.pose) == pytest.approx(before, abs=1e-5)
 
 
+def test_a_pose_is_compared_with_the_estimate_before_the_delay():
+    belief = believed()
+    carry(belief, 10 * PERIOD, speed=1.0)
+    belief.state.delay = 2.0 * PERIOD
+    estimate, earlier = np.array(belief.pose), rolled(8, PERIOD, 1.0).pose
+    assert np.linalg.norm(estimate - earlier) > 1e-3
+    belief.observe(earlier, 0.0)
+    assert np.array(belief.pose) == pytest.approx(estimate, abs=1e-5)
+
+
 def test_a_constant_offset_of_the_pose_is_no_squeeze():
     belief = believed()
     carry(belief, 3.0, 1e-4)
