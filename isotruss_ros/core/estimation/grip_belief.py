@@ -213,7 +213,6 @@ class GripBelief:
             lag.record(lag.pose_at_equilibrium + predicted_motion, motion_since_reading, age)
             return HoldStatus.HELD
 
-        # The next equilibrium.
         rolled = cache.roll(config, pressures)
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
         if rolled is None or hold not in (HoldStatus.HELD, HoldStatus.SLIPS):
@@ -236,14 +235,18 @@ class GripBelief:
         load_change = state.propagate(interval, self.scale * motion, np.abs(travel), cache)
         lag.hold_back(cache.rates[:, LOAD] @ load_change / cache.scale)
 
-        # A search replaces derivatives that are no longer valid, and contacts that slip.
-        are_rates_invalid = np.abs(cache.corrections_since_search).max() > MAX_FIRST_ORDER_TRAVEL
-        # A search after a shorter time would attribute transient loads to the contacts.
-        is_load_over = lag.time - self._search_time > self.settings.load_time
-        slips = rolled.required_friction > self._friction
-        if are_rates_invalid or (slips and is_load_over and not self.is_assumed):
+        if self._is_search_due():
             self.attach(config, pressures)
         return HoldStatus.HELD  # slip is detected from the poses
+
+    def _is_search_due(self) -> bool:
+        """Return whether derivatives are no longer valid, or contacts slip in the model."""
+        corrections = np.abs(self.cache.corrections_since_search)
+        are_rates_invalid = bool(corrections.max() > MAX_FIRST_ORDER_TRAVEL)
+        # A search after a shorter time would attribute transient loads to the contacts.
+        is_load_over = self.lag.time - self._search_time > self.settings.load_time
+        slips = self.grasp.required_friction > self._friction
+        return are_rates_invalid or (slips and is_load_over and not self.is_assumed)
 
     def observe(self, pose: Pose, age: float) -> None:
         """
