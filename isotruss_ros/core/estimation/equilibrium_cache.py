@@ -94,11 +94,11 @@ class EquilibriumCache:
         Predict the change of pose and squeeze by roller travel since the equilibrium.
 
         :return: the travel (r,) [m], and whether it is short enough for the extrapolation of the
-            motion that (19) neglects.
+            motion that `travel_rates` neglect.
         """
         start = self.grasp.config.roller_positions + self.zero_corrections
         travel = config.roller_positions - start
-        # (19) neglects a part of the motion, which is assumed to be proportional to the travel.
+        # The motion that `travel_rates` neglect is assumed to be proportional to the travel.
         last_travel = self._last_travel
         ratio = float(travel @ last_travel) / max(float(last_travel @ last_travel), MODEL_ERROR**2)
         bounded_ratio = max(-MAX_EXTRAPOLATION, min(ratio, MAX_EXTRAPOLATION))

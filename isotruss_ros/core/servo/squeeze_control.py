@@ -181,7 +181,6 @@ class SqueezeControl:
         if self.fault is not None:
             return replace(solve(np.zeros(3), opening_rate), scale=0.0, status=self.fault)
 
-        # Twist with the correction of the pose.
         twist = np.asarray(twist)
         correction = self._last_correction = self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening_rate, solve)

@@ -107,8 +107,7 @@ class Swings:
         self._travel += travel
         self._poses += 1
 
-        # The extremum follows the value until the value has returned by the smallest swing. The
-        # sign is 1 toward a maximum and -1 toward a minimum.
+        # The extremum follows the value until the value has returned by the smallest swing.
         distance = self._sign * (self._extremum - value)
         if distance <= 0.0:
             self._extremum = value
