@@ -200,13 +200,13 @@ class DentTable:
 
     def _weigh(self, angle: float, polynomial_angle: float) -> tuple[list[int], Array]:
         """Return four samples' numbers, and their weights (2, 4) at an angle, with derivatives."""
-        # The samples are the two before and the two after the angle of the polynomial; the second
-        # one has the number `base`.
+        # The polynomial interpolates the two samples before and the two after its own angle; the
+        # second of the four has the number `base`. It is evaluated at `angle`, which may differ.
         base = math.floor(self._fractional_number(polynomial_angle, 0)[0])
         if self._faces:
             base = min(base, self._last_number - 1)
         number, rate = self._fractional_number(angle, base)
-        x = number - base  # from 0 to 1 between the second and the third sample
+        x = number - base  # 0 at the second sample, 1 at the third
         powers = [x**n for n in range(6)]
         power_rates = [0.0, *(rate * n * power for n, power in enumerate(powers[:-1], start=1))]
         # Quintic polynomials, with the first and second central differences at both samples: for

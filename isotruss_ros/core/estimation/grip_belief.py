@@ -134,12 +134,13 @@ class GripBelief:
         """
         Return the hold status at the start, `FAR` if the measured pose is not explained.
 
-        The required friction has the relative error of the squeeze, but does not depend on the
-        stiffness.
+        A hold is refused only if it slips within the error of the model.
         """
         grasp, start_pose = self.grasp, self._start_grip.body.pose
         if grasp.sections.used.max() > MAX_UTILISATION and not self.is_assumed:
             return HoldStatus.WRINKLES
+        # The required friction has the relative error that geometry causes in the squeeze; the
+        # stiffness scales all forces.
         relative_error = 2.0 * self.geometric_deviation / max(self.squeeze, SMALLEST_NORMAL)
         hold = grasp.hold(self._friction * (1.0 + relative_error))
         is_far = hold is HoldStatus.HELD and not self.state.explains(start_pose, self.cache)

@@ -120,7 +120,6 @@ class StateEstimator:
             if self.belief.state.jump <= JUMP_LENGTH and not self.belief.slipped:
                 return True
         # Without a belief, and after a jump or slip, a belief starts at the measured pose.
-        # Without a belief, and after a jump or slip, a belief starts at the measured pose.
         self.belief = self._start_belief(self.grip.moved_to(pose), deviations)
         return self.belief is not None
 

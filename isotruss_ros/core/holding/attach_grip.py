@@ -80,7 +80,8 @@ def attach_grip(
     if depths[members].min() <= -config.robot.description.tube_diameter:
         raise NotHeldError(HoldStatus.NO_CONTACT)
 
-    # Search for the contacts that press.
+    # Search for the contacts that press. A quick search has fewer sets of contacts, and fewer
+    # iterations for each of them, to end within a control cycle.
     wrench = scaled_wrench(external_wrench, body.arm)
     max_sets = QUICK_SETS if quick else MAX_SEARCH_STEPS
     newton_steps = MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS

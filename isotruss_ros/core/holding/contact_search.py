@@ -267,7 +267,8 @@ def add_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSet
         points = [shape.point_at(corner, normal) for corner in corners[is_on_member].tolist()]
         is_one_dent = abs(points[0] - points[-1]) < radius
         return [alone] if is_one_dent else [alone, replaced]
-    # Or the corner and the nearest contact are the ends of a face.
+    # Or the corner and the nearest contact are the ends of a face; contacts are in the order of
+    # their positions along the outline. If an object rolls, the corner is a new contact.
     nearest_alone = ContactSet.of(contacts).without(other_end)
     index = int(np.searchsorted(nearest_alone.origins, free.contact)) + (free.face_distance > 0.0)
     face = nearest_alone.with_contact(index, member, free.corner, -1 if rolls else free.contact)

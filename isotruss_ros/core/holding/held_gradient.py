@@ -138,6 +138,7 @@ class LoadedTubes(NamedTuple):
         contact_rates = 1j * radii[:, None] * spins * normals
         feet = lines.start + lines.axis * state.feet + displaced[:, 0] + 1j * displaced[:, 1]
         gaps = feet[:, None] - body.center - to_contacts
+        # The last term is the rotation of the members' axes, in which the gaps are.
         foot_rates = node_rates[:, 0] + 1j * node_rates[:, 1] - 1j * spins * gaps
         gap_rates = (foot_rates - contact_rates + self.depth_rates * normals) / axis
         slope_rates = at_constant_unknowns.inclinations - spins
@@ -155,8 +156,9 @@ class LoadedTubes(NamedTuple):
             rows = statics.rolling_rows(state.unknowns, state.normals)
         conditions = rows[:, indices.inclinations] @ spins
         if not sticks:
-            # Other conditions depend on the pose relative to the measured pose. They use the
-            # centroid, which has turned about the origin since the measurement.
+            # Other conditions depend on the pose relative to the measured pose, of which x and y
+            # are those of the centroid. If the measured angle changes, both centroids turn about
+            # their origins; `turning` is the difference.
             measured = statics.body
             shift = measured.middle - measured.center - (body.middle - body.center)
             turning = np.outer([-shift.imag, shift.real, 0.0], self.changes.place[ANGLE])

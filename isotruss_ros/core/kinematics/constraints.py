@@ -122,7 +122,7 @@ class Constraints:
         """
         m = self._topology.n_modules
         members, ab, ac = slice(m), slice(m, 2 * m), slice(2 * m, 3 * m)
-        length_weights, bisection_weights = weights[: 4 * m], weights[4 * m : 5 * m]
+        length_weights, bisection_weights, _ = np.split(weights, [4 * m, 5 * m])
         # Complex vectors v (4m, 1) between nodes, and their changes (4m, p) by the motions.
         spans = self.spans(points)[:, None]
         node_motions = np.ascontiguousarray(motions.T).view(np.complex128).T

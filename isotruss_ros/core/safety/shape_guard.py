@@ -148,6 +148,7 @@ class Watch(NamedTuple):
         """
         travel = duration * command.roller_velocities
         longest = float(np.abs(travel).max())
+        # Without limits no barrier is near, and a short step crosses none.
         if longest == 0.0 or not (self.limits or longest > BAND_STEP):
             return command
         scale, last_violation = 1.0, None
@@ -161,6 +162,7 @@ class Watch(NamedTuple):
             scale = 0.0
         if last_violation is None:
             return command
+        # A twist of another direction than commanded is reported rather than a lower speed.
         changes_direction = command.status in (Status.UNREACHABLE, Status.SLIDING)
         status = command.status if changes_direction and scale > 0.0 else last_violation.status
         return command.slowed(scale, status, last_violation.names)
@@ -168,10 +170,15 @@ class Watch(NamedTuple):
     def _find_violation(
         self, travel: Array, velocities: Array, duration: float
     ) -> BarrierViolation | None:
-        """Return the worst violation of a barrier by a roller travel (r,); None if none."""
+        """
+        Return the worst violation of a barrier by the travel (r,) of a sample; None if none.
+
+        Without a margin to interpolate, half of the travel is proposed.
+        """
         middle, grip, limits = self.config, self.grip, self.limits
         try:
-            # The velocities have moved the robot to the midpoint of the sample.
+            # The travel counts from the start of the sample; the configuration is that at its
+            # midpoint, which half of the sample with the velocities has reached.
             end = middle.moved_to(middle.roller_positions + travel - 0.5 * duration * velocities)
         except ConfigurationError:
             return BarrierViolation(0.5, Status.SLOWED_RIGIDITY, ())

@@ -236,6 +236,7 @@ class SqueezeControl:
                 config, grip, self.settings, gripped, self._pressures, self._zero_covariance
             )
         except NotHeldError as error:
+            # A belief was lost, and no other one starts: a fault, because the object was held.
             if self._lost is not None:
                 self.fail(Status.HALT_NOT_HELD, f'not held: {self._lost.value}')
             self._lost = None

@@ -190,7 +190,8 @@ class BentTubes:
 
         # Displacements of the nodes in axes of the members, and inclinations beside the nodes.
         to_member = self.lines.turns.swapaxes(1, 2)
-        at_points = to_member @ unknowns[self._node_rows]
+        node_rows = np.arange(-3 * count, 0).reshape(-1, 3)
+        at_points = to_member @ unknowns[node_rows]
         at_points[:, 2] = _mean((slopes.by_ends @ unknowns[layout.places[beside]])[:, 0])
         # The length of a part between two load points of one member depends on both.
         by_lengths = (slopes.by_forces * tangent.length_rates[beside]).sum(axis=1)[:, None]
@@ -200,7 +201,7 @@ class BentTubes:
         at_points[load_points, 0, motions.start + load_points] -= 1.0
 
         # The last column includes the responses in the linearised state.
-        linearised = (to_member @ tangent.unknowns[self._node_rows][:, :, None])[..., 0]
+        linearised = (to_member @ tangent.unknowns[node_rows][:, :, None])[..., 0]
         linearised[:, 2] = _mean(slopes.values)
         at_points[..., -1] += linearised
         matrix = at_points[..., : 3 * count].reshape(count, 3, count, 3)
@@ -211,9 +212,10 @@ class BentTubes:
         """Return the loads (u, 4k + 1) to which the columns of `LoadResponses` respond."""
         tangent, parts, count = self.tangent, self.frame.layout.parts, len(self.members)
         loads = np.zeros((len(tangent.unknowns), 4 * count + 1))
-        # Unit loads on the nodes at the load points, from axes of the members.
+        # Unit loads on the nodes at the load points, which are the last ones; from member axes.
+        node_rows = np.arange(-3 * count, 0).reshape(-1, 3)
         load_columns = np.arange(3 * count).reshape(count, 1, 3)
-        loads[self._node_rows[:, :, None], load_columns] = self.lines.turns / self.stiffness
+        loads[node_rows[:, :, None], load_columns] = self.lines.turns / self.stiffness
         # Forces of lengthened parts.
         by_motions = self._length_by_motions[parts, None]
         forces = tangent.length_rates[parts, :, None] * by_motions
@@ -221,11 +223,6 @@ class BentTubes:
         # Loads without equilibrium in the linearised state.
         loads[:, -1] = loads[:, : 3 * count] @ self.state.loads.ravel() - tangent.carried
         return loads
-
-    @property
-    def _node_rows(self) -> Indices:
-        """Return the indices (k, 3) of the displacements at the load points, which are last."""
-        return np.arange(-3 * len(self.members), 0).reshape(-1, 3)
 
     @property
     def _motion_columns(self) -> slice:

@@ -59,6 +59,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
         held=held,
         constraints=Bisections(np.stack([a, b, c, d, e], axis=1)),  # (3)
     )
+    # BD, CE and DE' are pieces of tubes; C and E are on the member of the previous module.
     pieces, modules = np.arange(3 * m, 6 * m).reshape(3, -1), np.arange(m)
     owners = np.stack([modules, topology.previous, modules])
     return FrameLayout(tube_stiffness(robot.description), numbering, pieces, owners)

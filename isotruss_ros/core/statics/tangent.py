@@ -167,7 +167,8 @@ def linearize(
     # Forces and stiffness of the parts.
     chord, elongations, rotations = _displace_chords(frame, displacements)
     length = np.abs(chord)
-    # The imaginary parts of columns are derivatives by rest lengths, on which elongations depend.
+    # Complex-step derivatives by rest lengths: in divided members, these have imaginary parts in
+    # the columns, and elongations have the opposite ones.
     complex_elongations = elongations + (frame.length - frame.columns.values[0])
     evaluated = frame.columns.evaluate(complex_elongations, rotations, axial)
     stiffness = chord_stiffness(length, evaluated)
