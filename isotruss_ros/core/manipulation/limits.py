@@ -34,7 +34,7 @@ class Rows(NamedTuple):
     upper: Array  #: (k,) upper bounds of the rows [m/s]
 
     def slack(self, speeds: Array) -> Array:
-        """Return the slack (k,) of roller speeds to the nearer bounds, negative beyond [m/s]."""
+        """Return the distances (k,) of speeds (r,) to the nearer bounds, negative beyond [m/s]."""
         rates = self.matrix.dot(speeds)
         return np.minimum(self.upper - rates, rates - self.lower)
 
