@@ -91,18 +91,15 @@ def _equation_rates(grip: HeldGrip, rolls: bool = False) -> tuple[Array, LoadedT
 def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, rates: Array) -> Criteria:
     """Return four criteria that bound the object's displacement from its measured pose."""
     body, measured, normals = grip.body, grip.statics.body, grip.state.normals
-
     # The chord between the normals turns with them.
     turns = tubes.changes.spins + rates[grip.state.places.inclinations]
     normal_rates = 1j * normals[:, None] * turns
     chord, chord_rates = normals[0] - normals[-1], normal_rates[0] - normal_rates[-1]
     axis, chord_turns = chord / abs(chord), (chord_rates / chord).imag
-
     # Motions of the centroid, at its pose in equilibrium and at its measured pose.
     body_rates = rates[0] + 1j * rates[1] + 1j * (body.middle - body.center) * rates[ANGLE]
     x, y, angle = tubes.changes.place
     measured_rates = x + 1j * y + 1j * (measured.middle - measured.center) * angle
-
     # Displacement along + i across the chord; each component has a lower and an upper bound.
     displacement = (body.middle - measured.middle) / axis
     moved = (body_rates - measured_rates) / axis - 1j * chord_turns * displacement

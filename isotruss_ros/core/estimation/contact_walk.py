@@ -81,18 +81,15 @@ class ContactWalk:
             window.append(before)
             while time - window[0].time > interval:
                 window.popleft()
-
         # Sum of the corrections in each window. First axis: window.
         starts = [window[0] for window in self._windows]
         sums = self._correction - np.array([start.correction for start in starts])
         self.length = float(np.hypot.reduce(sums, axis=1).max())
-
         # Covariances of the sums without slip: S = prior + walk + noise + B C B^T.
         walks = self._walk - np.array([start.walk for start in starts])
         rate_changes = by_offsets - np.array([start.by_offsets for start in starts])
         by_rate_changes = rate_changes @ offsets @ rate_changes.transpose(0, 2, 1)
         covariances = np.array([start.prior for start in starts]) + walks + noise + by_rate_changes
-
         # Largest Mahalanobis distance of a sum s from zero, sqrt(s^T S^-1 s).
         weighted = np.linalg.solve(covariances, sums[:, :, None])[:, :, 0]  # sums are columns
         self.deviations = math.sqrt((sums * weighted).sum(axis=1).max())

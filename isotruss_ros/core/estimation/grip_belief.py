@@ -258,17 +258,14 @@ class GripBelief:
         cache, lag, rolled_poses = self.cache, self.lag, self.lag.rolled_poses
         time = lag.time - age - self.state.delay  # at which the pose was measured
         rolled_pose = rolled_poses.at(time)
-
         # Velocity before that time; readings then have noise independent of the innovation's.
         interval_end = rolled_poses.at(time - DELAY_DEVIATION)
         interval_start = rolled_poses.at(time - 2.0 * DELAY_DEVIATION)
         velocity = self.scale * (interval_end - interval_start) / DELAY_DEVIATION
-
         # Innovation: measured pose minus the pose that was estimated for that time.
         motion_since = pose_difference(rolled_poses.last[1], rolled_pose)
         innovation = self.scale * pose_difference(pose, self.pose - motion_since)
         self.state.noise.add(self.scale * pose_difference(pose, rolled_pose))
-
         # Kalman update; for control, the correction passes the low-pass filters.
         outputs_before = self.outputs
         change = self.state.correct(innovation, velocity, cache, lag.time)

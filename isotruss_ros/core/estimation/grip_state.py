@@ -67,7 +67,6 @@ class GripState(SchmidtFilter):
         variances[BIAS] = settings.pose_error**2
         variances[SHIFTS:] = shift_deviations(cache.grasp, cache.by_shifts, friction) ** 2
         self.reset(np.diag(variances))
-
         # Shifts, with the covariance S of the pose, explain a part of its change B c by roller
         # offsets c. With the covariance M of model errors, M (S + M)^-1 B c is unexplained.
         rates, by_offsets = cache.rates[:3], cache.by_offsets.outputs[:3]
@@ -99,7 +98,6 @@ class GripState(SchmidtFilter):
         walk_rates = cache.rates[:3].copy()
         walk_rates[:, LOAD] = 0.0
         walk_covariance = walk_rates @ self.covariance @ walk_rates.T
-
         # A jump is an innovation that is too large for its covariance. After a jump, contacts and
         # unexplained pose may be anywhere.
         covariance = rates @ self.covariance @ rates.T + noise
@@ -109,7 +107,6 @@ class GripState(SchmidtFilter):
             added = np.zeros(len(self.covariance))
             added[BIAS] = added[SHIFTS:] = self.jump**2
             self.covariance = self.covariance + np.diag(added)
-
         # Kalman update of the state; the caller shifts the contacts.
         change = self.condition(rates, by_offsets, noise) @ error
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
@@ -130,13 +127,11 @@ class GripState(SchmidtFilter):
         """
         settings = self._settings
         noise, decay = np.zeros(len(self.covariance)), np.ones(len(self.covariance))
-
         # Random walks of unexplained pose, offsets and shifts, as the object and rollers move.
         slip_variances = settings.slip**2 * SLIP_LENGTH * travel
         noise[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*motion)
         noise[SHIFTS:] = slip_variances.max()
         self.walk.spread(cache.rates[:3] * noise @ cache.rates[:3].T)
-
         # The load is a first-order Gauss-Markov process, which is not part of the walk.
         remaining = math.exp(-elapsed / settings.load_time)
         noise[LOAD] = settings.load**2 * (1.0 - remaining**2)

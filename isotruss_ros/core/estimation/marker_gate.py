@@ -45,7 +45,6 @@ def judge_markers(
     all_markers = np.ones(count, dtype=bool)
     if passes_gate(coordinates, covariance):
         return all_markers, np.zeros_like(reach)
-
     # First hypothesis: slip of each roller by weighted least squares, (b^T S^-1 z) / (b^T S^-1 b);
     # the best roller has the smallest residual.
     weighted = np.linalg.solve(covariance, by_rollers)
@@ -55,10 +54,8 @@ def judge_markers(
     distances = [_squared_distance(residual, covariance) for residual in residuals]
     best = int(np.argmin(distances))
     is_slip = passes_gate(residuals[best], covariance)
-
     # Second hypothesis: wrong markers.
     consistent, mean_square = _reject_markers(coordinates, covariance)
-
     # A slip that explains all markers is more probable than two simultaneous wrong markers. With
     # one wrong marker, the mean squares per degree of freedom decide; the slip uses one degree.
     if count - consistent.sum() == 1:

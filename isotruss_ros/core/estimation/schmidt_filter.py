@@ -65,7 +65,6 @@ class SchmidtFilter:
         self.prior = prior_before + np.diag(drift)
         regression = prior_before @ np.linalg.pinv(self.prior, hermitian=True)
         residual = prior_before - regression @ prior_before
-
         # S' = A S R, and P' = A P A^T + N + A S (C - R C) (A S)^T.
         decayed = decay[:, None] * self.sensitivity
         self.sensitivity = decayed @ regression

@@ -191,7 +191,6 @@ class StateEstimator:
         )
         if belief is None:
             return estimate
-
         # Pose and squeeze, with the errors of the model.
         grip = belief.estimate if self._record is None else self._record.estimate
         model_errors = self.settings.pose_error / belief.scale
@@ -223,7 +222,6 @@ class StateEstimator:
         positions, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
         if belief is None:
             return positions, rates
-
         # Displacement of the joints by the contact forces. Its derivatives by the offsets are
         # those of the loaded joints minus those of the unloaded ones.
         grasp = belief.grasp if self._record is None else self._held

@@ -68,7 +68,6 @@ def attach_grip(
     """
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
-
     # The grasping members.
     if members is None:
         # Those that overlap are the deepest; if these are fewer than two, the two nearest.
@@ -79,7 +78,6 @@ def attach_grip(
     members = np.sort(np.asarray(members, dtype=np.intp))
     if depths[members].min() <= -config.robot.description.tube_diameter:
         raise NotHeldError(HoldStatus.NO_CONTACT)
-
     # Search for the contacts that press. A quick search has fewer sets of contacts, and fewer
     # iterations for each of them, to end within a control cycle.
     wrench = scaled_wrench(external_wrench, body.arm)
@@ -189,7 +187,6 @@ def least_friction_conditions(
     def conditions(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         residual = coefficients @ unknowns - constants
         derivative = coefficients.copy()
-
         # Ratios T / N are equal: quadratic forms of the forces, divided by the squeeze.
         if has_faces:
             forces = unknowns[indices.forces]
@@ -197,7 +194,6 @@ def least_friction_conditions(
             ratio_slopes = ratio_forms @ forces * FRICTION_COMPLIANCE / squeeze
             residual[:position_row] = 0.5 * ratio_slopes @ forces
             derivative[:position_row, indices.forces] = ratio_slopes
-
         # The displacement d of the centroid across the chord is zero: Re(across* d) = 0, where the
         # unit vector across the chord turns with the tubes.
         if has_two_members:

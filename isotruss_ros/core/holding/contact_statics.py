@@ -202,7 +202,6 @@ class ContactStatics:
         # Axes: contact, equation of touch (along, across, inclination), unknown.
         touch = residual[: 3 * count].reshape(count, 3)
         touch_rows = jacobian[: 3 * count].reshape(count, 3, -1)
-
         # Gaps (along + i across) at straight tubes, and displacements by the contacts' positions.
         center = complex(unknowns[0], unknowns[1])
         to_starts = lines.axis.conj() * (lines.start - center)
@@ -210,7 +209,6 @@ class ContactStatics:
         touch += compliance.constant + compliance.rates @ feet
         touch[:, :2] += gaps.view(np.float64).reshape(count, 2)
         touch[:, 2] -= unknowns[indices.inclinations]
-
         # Derivatives by the object's pose, and by the positions of the contacts.
         touch_rows[:, :2, CENTER] = -lines.turns[:, :2, :2].swapaxes(1, 2)
         dents_by_angle = pushes.depth_by_angle * pushes.member_normals
@@ -218,7 +216,6 @@ class ContactStatics:
         touch_rows[:, :2, ANGLE] -= gaps_by_angle.view(np.float64).reshape(count, 2)
         touch_rows[:, 0, indices.feet] = np.eye(count)
         touch_rows[:, :, indices.feet] += compliance.rates
-
         # Derivatives by the inclination and the normal force of the same contact. Axes: contact k,
         # equation a of touch, and kind n of unknown: position, inclination, normal, friction.
         by_kind = touch_rows[:, :, POSE:].reshape(count, 3, 4, count)

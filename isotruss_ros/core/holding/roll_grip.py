@@ -55,12 +55,10 @@ def roll_contacts(
     """Return the equilibrium with given rolling contacts, or None; new ones have no friction."""
     travel = config.roller_positions - grip.config.roller_positions
     are_same_contacts = chosen.contacts is grip.contacts
-
     # New contacts have the origin -1; their anchors and angles are replaced below.
     new_contacts = np.flatnonzero(chosen.origins < 0)
     anchors = grip.anchors[chosen.origins]
     previous_angles = grip.angles[chosen.origins]
-
     # Where Newton's method starts: at the bent tubes, or for other contacts at straight tubes.
     if are_same_contacts:
         starts = [grip.extrapolate(travel), grip.state.unknowns]

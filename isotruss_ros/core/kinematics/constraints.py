@@ -127,12 +127,10 @@ class Constraints:
         spans = self.spans(points)[:, None]
         node_motions = np.ascontiguousarray(motions.T).view(np.complex128).T
         changes = node_motions[self._heads] - node_motions[self._tails]
-
         # Lengths.
         lengths = np.abs(spans)
         normals = 1j * spans / lengths
         by_spans = length_weights * ((normals.conj() * changes).real / lengths) * normals
-
         # Bisections: the angle of each member counts at both of its ends, and that of each rod,
         # along AB + AC, twice with the opposite sign.
         member_weights = bisection_weights + bisection_weights[self._topology.following]

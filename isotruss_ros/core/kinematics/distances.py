@@ -159,14 +159,12 @@ def _pair_mask(robot: Mechanism) -> Array:
     # Columns: members, modules and rods, each numbered like its module.
     column = np.arange(m)
     start_joint = topology.joint
-
     # A member is connected to the modules at its ends, and a rod to the modules at its joint.
     module, joint_of_module = np.arange(m)[:, None], start_joint[:, None]
     with_members = (module != column) & (module != topology.following)
     with_modules = module < column  # each pair once
     with_rods = joint_of_module != start_joint
     module_rows = np.hstack([with_members, with_modules, with_rods])
-
     # A member and a rod are connected to the joints at their ends. The distance of a joint from a
     # module is not needed, because its rods end at the joint.
     joint = np.arange(j)[:, None]

@@ -125,7 +125,6 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     points = [0.5 * (patch[0].point + patch[-1].point) for patch in patches]
     distance = abs(points[1] - points[0])
     _require_apart(distance)
-
     # (15): velocities x + iy of the material at both points, for roller speeds of 1 m/s.
     x, y, spins = members.swapaxes(0, 1)
     arms = np.array([point - patch[0].start for point, patch in zip(points, patches, strict=True)])
@@ -138,7 +137,6 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     rotation = face_spins[0] if face_spins else relative.imag / distance
     from_midpoint = grip.body.center - 0.5 * (points[0] + points[1])
     center = 0.5 * (velocities[0] + velocities[1]) + 1j * from_midpoint * rotation
-
     # Residuals: opening rate, zero for a disc at a module at constant angle (14); and with faces,
     # their rotations relative to the line through the points, and to each other.
     residuals = [relative.real]

@@ -203,7 +203,6 @@ class RollingGrip:
         arcs = shape.unroll(self._unwrapped(lines.normals, angle)[owners], corners)
         gaps = sides * from_starts.imag
         anchors = from_starts.real - lines.travel[owners] - sides * arcs
-
         # Rates Im and Re of conj(e) (v + i omega arm), as of points fixed to the object: a contact
         # that moves along the surface changes no gap, and its position as much as the arc.
         local_arms = axes.conj() * arms

@@ -99,7 +99,6 @@ class Reach(NamedTuple):
         count, rows = len(weights), jacobian.take(working.indices, -1)
         rows[:count] *= weights[:, None]
         motion, twist_rows, contact_rows = jacobian[:count], rows[:count], rows[count:]
-
         # Full rank: the smallest eigenvalue of the Gram matrix shows it in less time than the
         # singular value decompositions below.
         squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0].tolist()
@@ -145,13 +144,11 @@ def find_task(
     size = max(map(abs, twist.tolist() + opening)) or 1.0
     desired = reach.weights * (twist / size)
     norm = math.sqrt(desired.dot(desired))
-
     # Projection on the reachable twists.
     closest = reach.directions.dot(desired)
     unreachable = closest.dot(reach.directions) - desired
     missed = math.sqrt(unreachable.dot(unreachable)) / (norm or 1.0)
     status = Status.OK if missed <= ROUNDING else Status.UNREACHABLE
-
     # Right-hand side of (20): of the twist, then of the contacts.
     direction = np.zeros(len(reach.rows))
     direction[:dof] = closest
@@ -159,7 +156,6 @@ def find_task(
         direction[dof:] = np.divide(opening, size)
     if soft_rank > 0.0 and _damp(reach, direction, soft_rank):
         status = Status.UNREACHABLE
-
     # Least-cost speeds for the unit vector of the right-hand side.
     length = math.sqrt(direction.dot(direction))
     if length <= ROUNDING * norm:  # also if no roller speed produces the opening rate

@@ -223,7 +223,6 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     lengths = np.abs(spans)
     has_length = lengths > COINCIDENCE  # others have any axis
     axes = np.where(has_length, spans, 1.0) / np.where(has_length, lengths, 1.0)
-
     # Gaps to the infinite lines along the segments, and positions of the nearest points as shares
     # of the segments.
     normals = facing_normals(body.middle, starts, axes)
@@ -231,7 +230,6 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     points = body.center + body.turn * support_points
     gaps = ((starts - points) * normals.conj()).real
     shares = (axes.conj() * (points - starts)).real / np.maximum(lengths, COINCIDENCE)
-
     # Where the nearest point of the line is beyond an end of the segment, this end is nearest.
     beyond = np.flatnonzero((shares < 0.0) | (shares > 1.0) | ~has_length)
     if len(beyond):

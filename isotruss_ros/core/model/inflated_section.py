@@ -144,7 +144,6 @@ def _implausible_laws(file: RobotDescription, radius: float) -> Iterator[str]:
     for tube, pressure in file.pressures.items():
         for member_length in (file.min_length, file.max_length):
             small, large = _plausible_sections(radius, pressure, member_length, max_softening)
-
             # Plausible end stiffnesses. Bending and shear act on the span between guide rings.
             span = member_length - 2.0 * file.module.guide_ring_distance
             axial_range = small.axial / member_length, large.axial / member_length

@@ -85,7 +85,6 @@ class Polygon(PolygonalShape):
         starts = centers + radii * np.roll(self.normals, 1)
         ends = centers + radii * self.normals
         polygon = polygon_moments(np.stack([starts, centers, ends], axis=1).ravel())
-
         # ... and of the circular sectors of the arcs.
         areas = half_turns * radii**2
         centroids = centers + self._outward * radii * 2.0 * np.sin(half_turns) / (3.0 * half_turns)
@@ -187,12 +186,10 @@ class Polygon(PolygonalShape):
         from_centers = points[:, None] - self.arc_centers
         by_next_side = from_centers * self.normals.conj()
         along_previous_side = (from_centers * np.roll(self.normals, 1).conj()).imag
-
         # The nearest side has the largest signed distance.
         side_gaps = by_next_side.real - self.radii
         sides = side_gaps.argmax(axis=1)
         gaps, normals = side_gaps[rows, sides], self.normals[sides]
-
         # An arc is nearest where the vector from its centre is in its normal cone: before the next
         # side, and behind the previous side.
         in_cone = (by_next_side.imag < 0.0) & (along_previous_side > 0.0)

@@ -157,14 +157,12 @@ class Shape(ABC):
         deepest = PatchEnd(corner, point, (point * normal.conjugate()).real, 0.0)
         depth = max(deepest.height - skin, PLANNED_DEPTH * tube_radius)
         ends = self._ends_above(deepest.height - depth, deepest, normal, tube_radius)
-
         # Of ends with equal heights, the main end is the one nearest to the middle of the object.
         main_height = max(end.height for end in ends) - NEGLIGIBLE_SHARE * depth
         main = min(
             (end for end in ends if end.height >= main_height),
             key=lambda end: abs(((end.point - self.centroid) * normal.conjugate()).imag),
         )
-
         # The other end is the deepest one at a distance of a tube radius or more.
         others = [end for end in ends if abs(end.along - main.along) >= tube_radius]
         patch = [main, max(others, key=lambda end: end.height)] if others else [main]
@@ -239,7 +237,6 @@ class Shape(ABC):
         # The angle of its normal is between the samples before and after the best sample.
         padded = np.concatenate([sampled[-1:] - 2.0 * np.pi, sampled, sampled[:1] + 2.0 * np.pi])
         angles, low, high = sampled[best], padded[best], padded[best + 2]
-
         # Maximisation by Newton's method, or by bisection where a step leaves the bounds.
         corners = np.zeros(len(points), dtype=np.intp)
         for _ in range(MAX_NEWTON_ITERATIONS):

@@ -46,7 +46,6 @@ def finite_array(
     has_form = array.dtype.kind in 'iuf' and array.shape == shape
     if has_form and (np.abs(array) <= most).all():
         return array.astype(np.float64)
-
     # Message with the refused value, truncated, and the valid form.
     text = repr(values.tolist() if hasattr(values, 'tolist') else values)
     shown = text if len(text) <= 80 else text[:77] + '...'

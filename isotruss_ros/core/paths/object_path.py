@@ -140,13 +140,11 @@ def _sample_spline(poses: Array, durations: Array) -> Array:
     # Tangents of the parabola through each pose and its neighbours.
     tangents = np.gradient(poses, knots, axis=0, edge_order=2 if len(poses) > 2 else 1)
     spline = scipy.interpolate.CubicHermiteSpline(knots, poses, tangents)
-
     # Number of pieces of each segment, by distance and angle.
     steps = np.abs(np.diff(poses, axis=0))
     pieces = np.maximum(np.hypot(steps[:, 0], steps[:, 1]) / PIECE, steps[:, 2] / PIECE_TURN)
     pieces *= min(1.0, MAX_POSES / pieces.sum())
     counts = np.ceil(pieces).clip(1).astype(int)
-
     # The samples of a segment are at even steps of the parameter between its knots.
     knot_indices = np.concatenate([[0], np.cumsum(counts)])
     parameters = np.interp(np.arange(knot_indices[-1] + 1), knot_indices, knots)

@@ -149,7 +149,6 @@ class PathClock:
         if self._now > self._path_times.last[0]:
             self._path_times.add(self._now, self.time)
         self._path_times.discard_before(self._now - MAX_TIMEOUT)
-
         # Rate of path time, by ramps of constant slope 1 / ramp_time.
         time_step = min(elapsed, 2.0 * self.period)
         desired = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_LIMITED_RATE)

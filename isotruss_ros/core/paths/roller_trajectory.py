@@ -214,11 +214,9 @@ class RollerTrajectoryServo:
         self._measured = measured.time
         if now < self._start:
             return self._stop_step
-
         # Cycles may be late on a busy machine, or rare on a coarse clock.
         longest = min(MAX_TIME_STEP, self.timeout)
         elapsed, self._last_cycle = min(max(0.0, now - self._last_cycle), longest), now
-
         # At the end of the trajectory the roller offsets are kept, because each marker changes
         # their estimate by more than the tolerance.
         state = measured.value

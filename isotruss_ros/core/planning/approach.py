@@ -174,7 +174,6 @@ def _take_step(
     """
     config, diameter = state.config, state.config.robot.description.tube_diameter
     travel = _solve_step(state, closing, targets, step_share)
-
     # Bounds after the step. Gaps may become smaller than the program allows, because it is exact
     # only to first order. Quantities beyond their bounds must not become worse.
     min_rigidity = min(closing.needs.min_rigidity, state.modes.values[0])
@@ -201,7 +200,6 @@ def _solve_step(state: SearchState, closing: Closing, targets: Array, step_share
     config, members = state.config, closing.members
     length = step_share * config.robot.home.member_lengths.mean()
     bound_rows, lower = _bound_rows(state, closing, targets)
-
     # Desired changes of the members' gaps, and of their directions times an arm.
     rates = bound_rows[members]  # the first rows have the gaps of all parts
     changes = np.maximum(targets - state.gaps[members], -MAX_GAP_STEP * length)
@@ -217,7 +215,6 @@ def _solve_step(state: SearchState, closing: Closing, targets: Array, step_share
     nominal = np.zeros(len(longest))
     if closing.nominal_posture is not None:
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
-
     # The travel u minimises 1/2 |rates u - changes|^2 + MOTION_WEIGHT / 2 |u - nominal|^2.
     unit = np.eye(len(longest))
     hessian = rates.T @ rates + MOTION_WEIGHT * unit

@@ -110,7 +110,6 @@ def _unload(
     grasp = hold_between(config, closing) if held is None else held
     if grasp.normal_forces.min() <= 0.0:  # a member without contact force
         return path, closing
-
     # Unloading. On the straight line to a grip almost without forces, all contact forces decrease
     # in proportion; so the waypoints are near this line. On the shortest way to less squeeze, the
     # friction may rise until contacts slip.

@@ -78,7 +78,6 @@ class BarrierLaw:
         # safety margin), and to no less than a fraction or `small`.
         decay = 2.0 * duration * self.class_k_bound(margins + self.safety_margin)
         bounds = np.maximum(np.maximum(MIN_MARGIN_SHARE * margins, margins - decay), small)
-
         # Smaller margins decrease by effects of second order only. A positive margin keeps a
         # remainder, so that the sum of such effects does not cross the bound.
         second_order = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
@@ -187,7 +186,6 @@ class BarrierLimit:
         violated = np.flatnonzero(end_margins < bounds)
         if not len(violated):
             return None
-
         # After a share s of the motion, the excess of a margin over its bound is c + b s + a s^2;
         # its first zero is 2 c / (sqrt(b^2 - 4 a c) - b).
         c, b = start_margins - bounds, self.matrix @ travel

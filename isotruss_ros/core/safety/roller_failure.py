@@ -68,7 +68,6 @@ class FailureDetector:
         if not 0.0 < elapsed <= FAILURE_TIME:
             self._restart(slice(None), np.array([self._commanded, positions]))
             return
-
         # Commanded path, and ranges of commanded and measured travel since the restart.
         has_command = np.abs(speeds) >= MIN_SPEED
         step = elapsed * np.where(has_command, speeds, 0.0)
@@ -79,7 +78,6 @@ class FailureDetector:
         self._minimum = np.minimum(self._minimum, travel)
         self._maximum = np.maximum(self._maximum, travel)
         commanded_range, measured_range = self._maximum - self._minimum
-
         # The present commanded range is compared with the measured one after the settling time.
         # Drives cannot follow oscillations that are faster than this time.
         is_slow = commanded_range * self._duration >= 0.5 * SETTLING_TIME * self._path
@@ -87,7 +85,6 @@ class FailureDetector:
         is_long = self._duration >= self.failure_time - SETTLING_TIME
         is_new = is_slow & is_far & is_long & np.isnan(self._required_at)
         self._required[is_new], self._required_at[is_new] = commanded_range[is_new], time
-
         # Failed rollers, and those that evidently work; the comparison restarts for both.
         is_settled = time - self._required_at >= SETTLING_TIME
         is_due = is_settled & (self._duration >= self.failure_time)

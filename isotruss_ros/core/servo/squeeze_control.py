@@ -187,7 +187,6 @@ class SqueezeControl:
         if command.status in CHANGED and not twist.any():
             # Contacts or limits do not admit the correction of the pose.
             command = replace(command, status=Status.OK)
-
         # Limits on the loss of slip margin and on the utilisation.
         excess_margin = belief.slip_margin - MIN_RELATIVE_MARGIN * float(belief.regulated[3])
         share = belief.cache.usage.margin_share(command, period, excess_margin)

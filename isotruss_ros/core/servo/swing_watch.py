@@ -106,14 +106,12 @@ class Swings:
         self._age += elapsed
         self._travel += travel
         self._poses += 1
-
         # The extremum follows the value until the value has returned by the smallest swing.
         distance = self._sign * (self._extremum - value)
         if distance <= 0.0:
             self._extremum = value
         if distance <= max(smallest, TRAVEL_SHARE * self._travel):
             return False
-
         # The extremum ends a half period; after a long or unresolved one, counting restarts.
         if self._age > self._longest or self._poses < MIN_SWING_POSES:
             self._amplitudes.clear()

@@ -268,11 +268,9 @@ class TwistServo(ServoState):
             covariance, stamp = estimate.value.covariance, estimate.time
         squeeze.take_offsets(rollers.value.offsets, covariance, stamp)
         squeeze.take_pressures(fresh_pressures(now, settings.pressure_timeout, pressures))
-
         # In a late loop, commands are valid for longer than the period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, settings.timeout)
-
         # The sample is the last pose up to the time of the rollers; later poses are stored until
         # the travel up to them is measured.
         if squeeze.belief is None:

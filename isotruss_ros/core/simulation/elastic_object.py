@@ -106,7 +106,6 @@ class ElasticObject:
         """Hold the object at its first contact with two members, or else in `config`."""
         if not self._is_pressed(config):
             return
-
         # Bisection of the share of the motion after which two members are in contact.
         first_contact = config
         if previous is not None:

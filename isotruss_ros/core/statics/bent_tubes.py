@@ -187,7 +187,6 @@ class BentTubes:
         tangent, layout, slopes = self.tangent, self.frame.layout, self.tangent.slopes
         count, motions, beside = len(self.members), self._motion_columns, layout.beside
         _, unknowns = tangent.solve(self._right_sides())
-
         # Displacements of the nodes in axes of the members, and inclinations beside the nodes.
         to_member = self.lines.turns.swapaxes(1, 2)
         node_rows = np.arange(-3 * count, 0).reshape(-1, 3)
@@ -199,7 +198,6 @@ class BentTubes:
         # The displacement is relative to the place, which moves along its member.
         load_points = np.arange(count)
         at_points[load_points, 0, motions.start + load_points] -= 1.0
-
         # The last column includes the responses in the linearised state.
         linearised = (to_member @ tangent.unknowns[node_rows][:, :, None])[..., 0]
         linearised[:, 2] = _mean(slopes.values)
