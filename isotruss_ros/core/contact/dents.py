@@ -160,7 +160,7 @@ class DentTable:
         return skin._replace(forces=skin.forces * (force / total if total > 0.0 else 0.0))
 
     def smooth_near(self, force: float, angle: float) -> DentTable:
-        """Return a table with the interpolation polynomials of one force [N] and angle for all."""
+        """Return a table that interpolates with the polynomial near one force [N] and angle."""
         smooth = copy.copy(self)
         smooth._polynomial_at = abs(force) ** DEPTH_EXPONENT, angle
         return smooth
@@ -263,7 +263,7 @@ class Dents(NamedTuple):
         return [skin._replace(forces=self.scale * skin.forces) for skin in skins]
 
     def smooth_near(self, forces: Array, angles: Array) -> Dents:
-        """Return dents with the interpolation polynomials of given forces (k,) [N] and angles."""
+        """Return dents interpolated with the polynomials near given forces (k,) [N] and angles."""
         tables = [table.smooth_near(*at) for table, *at in self._contacts(forces, angles)]
         return self._replace(tables=tables)
 

@@ -65,7 +65,7 @@ class ContactWalk:
         self, time: float, change: Array, prior: Array, noise: Array, rates: Array, offsets: Array
     ) -> None:
         """
-        Add a change (3,) of the estimated pose by contacts and unexplained pose [m].
+        Add a correction (3,) of the estimated pose, without its part by the load [m].
 
         :param prior: (3, 3) covariance of contacts and unexplained pose before it [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].

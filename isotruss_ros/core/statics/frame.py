@@ -41,9 +41,9 @@ class Frame:
         span = points[end] - points[start]
         length = np.abs(span)
         columns = BeamColumns.of(length, section, numbering.pinned)
-        # Sums of the members' stiffnesses at each node: EA / l, and by the rotation of one end,
-        # which is half of each of s and b. Displacements along both axes have one scale, because
-        # across a bar the stiffness is zero.
+        # Sums of the members' stiffnesses at each node: EA / l, and by the rotation of one end. It
+        # changes s and b by a half each, so a quarter of their stiffnesses counts. Displacements
+        # along both axes have one scale, because across a bar the stiffness is zero.
         axial = 1.0 / columns.values[1]
         rotary = 0.25 * (columns.values[2] + columns.values[4])
         along = np.bincount(start, axial, count) + np.bincount(end, axial, count)
