@@ -11,6 +11,7 @@ from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.inputs import InputError, InputFault
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 
 
@@ -30,6 +31,9 @@ class Decision:
     :ivar squeeze: mean normal force of the members and its standard deviation [N]; None without an
         object.
     :ivar pose_delay: estimated time by which measured poses are older than their stamps say [s].
+    :ivar desired_pose: desired pose (x, y, angle) of the held object in the robot frame, half a
+        period after the decision [m, rad]: the pose at the start of the motion plus the executed
+        part of all twists. None at rest, and without squeeze control.
     """
 
     command: RollerCommand
@@ -40,6 +44,7 @@ class Decision:
     pose_gain: float = 0.0
     squeeze: tuple[float, float] | None = None
     pose_delay: float = 0.0
+    desired_pose: Pose | None = None
 
 
 def describe_squeeze(squeeze: float, deviation: float) -> str:

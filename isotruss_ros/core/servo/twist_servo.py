@@ -35,6 +35,7 @@ from isotruss_ros.core.manipulation.limits import Limit, stack_rows
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.solve_twist import solve_joint_velocity, solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError
@@ -104,8 +105,17 @@ class TwistServo(ServoState):
         force = squeeze.belief.squeeze, squeeze.belief.squeeze_deviation
         if is_solved:
             message = '; '.join(filter(None, (message, squeeze.note(force))))
-        frequency, delay = squeeze.frequency or 0.0, squeeze.belief.state.delay
-        return Decision(command, twist, message, names, frequency, squeeze.gain, force, delay)
+        return Decision(
+            command,
+            twist,
+            message,
+            names,
+            squeeze.frequency or 0.0,
+            squeeze.gain,
+            force,
+            squeeze.belief.state.delay,
+            None if squeeze.reference is None else Pose(*squeeze.reference.tolist()),
+        )
 
     def _halt(self, status: Status, now: float) -> RollerCommand:
         """Return the command that stops the rollers, and update the belief of the grip."""
