@@ -118,7 +118,7 @@ noble-all: venv
 	$(PYTEST) -m 'not system and not linter'
 	$(PYTEST) --dist loadgroup -m system
 	$(BIN)/python -m isotruss_ros.demo --output $(VENV)/demo
-	$(BIN)/python -m paper --output $(VENV)/paper
+	$(BIN)/python -m studies.paper --output $(VENV)/paper
 
 demo: venv
 	$(BIN)/python -m isotruss_ros.demo --plant $(PLANT) --sensors $(SENSORS)
@@ -127,10 +127,10 @@ view: venv
 	$(BIN)/python -m isotruss_ros.demo.view --plant $(PLANT) $(if $(OBJECT),--object '$(OBJECT)')
 
 paper: venv
-	$(BIN)/python -m paper
+	$(BIN)/python -m studies.paper
 
 plant: venv
-	$(BIN)/python -m comparison
+	$(BIN)/python -m studies.comparison
 
 # By what they show and what draws them; the films need Chromium and EGL, that in MuJoCo a machine that does
 # nothing else.
@@ -149,7 +149,7 @@ colcon: venv
 	tools/colcon.sh $(VENV) .colcon
 
 bench: venv
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m studies.benchmarks
 
 fuzz: venv $(STAMPS)/fuzz
 	tools/fuzz/run.sh $(BIN)/python $(MINUTES)

@@ -125,17 +125,22 @@ PICTURES = {
     ),
     'paper': Picture(
         tuple(f'docs/paper/figure_{number}.png' for number in (4, 5, 6, 7, 9)),
-        ('-m', 'paper'),
+        ('-m', 'studies.paper'),
         (
-            *(f'paper/figure_{number}_drawing.py' for number in (4, 5, 6, 7, 9)),
-            'paper/style.py',
+            *(f'studies/paper/figure_{number}_drawing.py' for number in (4, 5, 6, 7, 9)),
+            'studies/paper/style.py',
             'isotruss_ros/plotting/robot_drawing.py',
         ),
     ),
     'plant': Picture(
         ('docs/plant/boxes.png', 'docs/plant/carried.png'),
-        ('-m', 'comparison'),
-        ('comparison/box_picked.py', 'comparison/carried.py', 'paper/style.py', *DRAWING),
+        ('-m', 'studies.comparison'),
+        (
+            'studies/comparison/box_picked.py',
+            'studies/comparison/carried.py',
+            'studies/paper/style.py',
+            *DRAWING,
+        ),
     ),
 }
 

@@ -21,9 +21,9 @@ BOUNDS = {
 
 @pytest.fixture(scope='module')
 def counted():
-    """Return what benchmarks/call_path.py counts, in a process without other tests' caches."""
+    """Return the counts of the benchmark call_path, without the caches of other tests."""
     told = subprocess.run(
-        [sys.executable, '-m', 'benchmarks', 'call_path'],
+        [sys.executable, '-m', 'studies.benchmarks', 'call_path'],
         cwd=ROOT,
         capture_output=True,
         text=True,

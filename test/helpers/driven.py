@@ -5,11 +5,11 @@
 
 from dataclasses import replace
 
-from comparison.walks import rolled
 from isotruss_ros.core import TwistServo
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
+from studies.comparison.walks import rolled
 
 
 class Driven:

@@ -3,8 +3,6 @@
 
 """Configurations of the nine-member robot with an object between two of its members."""
 
-from comparison.walks import rolled
-from comparison.wedge import closed_to
 from isotruss_ros.core import (
     ConvexObject,
     Grip,
@@ -18,6 +16,8 @@ from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.pose import pose_difference
 import numpy as np
 import robots
+from studies.comparison.walks import rolled
+from studies.comparison.wedge import closed_to
 
 #: Settings of the squeeze control for the elastic plant, which has no masses, and pulls.
 MASSLESS = {'pose_gain': 20.0, 'load': 5.0}

@@ -3,10 +3,10 @@
 
 """The loop in MuJoCo with zeros that are off and rollers that slip, by what is estimated."""
 
-from comparison.estimated_carries import carry, SIX, THREE
-from comparison.random_carries import BOX, DISC
 from mujoco_worlds import needs_mujoco
 import pytest
+from studies.comparison.estimated_carries import carry, SIX, THREE
+from studies.comparison.random_carries import BOX, DISC
 
 pytestmark = [needs_mujoco, pytest.mark.nightly]
 CASES = [

@@ -3,8 +3,6 @@
 
 """Objects of any shape in MuJoCo: where their surface is, how they press, and files with them."""
 
-from comparison.grips import FINE, press_on, round_robot
-from comparison.wedge import closed_to, MODULE, pressed_into
 from isotruss_ros.cli.export_mujoco import main
 from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.manipulation.grip import members_at
@@ -13,6 +11,8 @@ from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
 import numpy as np
 import pytest
+from studies.comparison.grips import FINE, press_on, round_robot
+from studies.comparison.wedge import closed_to, MODULE, pressed_into
 
 BOX = ((-0.12, -0.09), (0.12, -0.09), (0.12, 0.09), (-0.12, 0.09))
 SHAPES = {

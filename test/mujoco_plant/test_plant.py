@@ -6,7 +6,6 @@
 from dataclasses import replace
 import importlib
 
-from comparison.grips import AWAY, mesh, move_to, press, PressedCase, release, round_robot, STILL
 from isotruss_ros.core import analyze_grasp, ConvexObject, deform, load_robot, Robot, settle_grasp
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -15,6 +14,16 @@ from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
 import numpy as np
 import pytest
+from studies.comparison.grips import (
+    AWAY,
+    mesh,
+    move_to,
+    press,
+    PressedCase,
+    release,
+    round_robot,
+    STILL,
+)
 
 
 @needs_mujoco

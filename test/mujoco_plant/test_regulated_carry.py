@@ -11,8 +11,6 @@ from dataclasses import replace
 from itertools import product
 
 from carries import FRICTION, GRASPS, make_robot, place
-from comparison.carrying import RATE, Regulated
-from comparison.grips import hold_at_home
 from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.core import Grip, Pose, Status
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -23,6 +21,8 @@ from mujoco_worlds import needs_mujoco
 from nightly import some_now
 import numpy as np
 import pytest
+from studies.comparison.carrying import RATE, Regulated
+from studies.comparison.grips import hold_at_home
 
 pytestmark = needs_mujoco
 

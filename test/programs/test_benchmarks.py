@@ -8,9 +8,9 @@ from pathlib import Path
 import subprocess
 import sys
 
-from benchmarks.__main__ import NAMES
 from nightly import some_now
 import pytest
+from studies.benchmarks.__main__ import NAMES
 
 ROOT = Path(__file__).parents[2]
 #: The shortest one first, which runs with all tests; call_path is run by test_call_path.
@@ -21,7 +21,7 @@ OTHERS = ['qp_solvers', *(name for name in NAMES if name not in ('call_path', 'q
 @pytest.mark.parametrize('name', some_now(OTHERS))
 def test_benchmark_runs_in_its_shortest_form(name):
     ran = subprocess.run(
-        [sys.executable, '-m', 'benchmarks', name],
+        [sys.executable, '-m', 'studies.benchmarks', name],
         cwd=ROOT,
         env=os.environ | {'BENCHMARK_SHARE': '0.001'},
         capture_output=True,

@@ -5,18 +5,18 @@
 
 from pathlib import Path
 
-from comparison import drops, faulty_carries
-from comparison.grips import PressedCase
-from comparison.page import FOLDER, page
-from comparison.random_carries import DISC
-from comparison.section import Check, Section
-from comparison.sections import SECTIONS
 from matplotlib.figure import Figure
 from mujoco_worlds import needs_mujoco
 from nightly import some_now
 import numpy as np
-from paper.tables import Table
 import pytest
+from studies.comparison import drops, faulty_carries
+from studies.comparison.grips import PressedCase
+from studies.comparison.page import FOLDER, page
+from studies.comparison.random_carries import DISC
+from studies.comparison.section import Check, Section
+from studies.comparison.sections import SECTIONS
+from studies.paper.tables import Table
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
 

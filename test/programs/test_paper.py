@@ -16,11 +16,11 @@ from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.wrinkling import find_utilisation
 from nightly import some_now
 import numpy as np
-from paper import figure_4, figure_5, figure_6, membrane, synthetic
-from paper.items import ITEMS
-from paper.page import FOLDER, page
-from paper.parameters import CYLINDERS, DEPTH, EDGES, PRESSURE, TUBE_DIAMETER, TUBE_LENGTH
 import pytest
+from studies.paper import figure_4, figure_5, figure_6, membrane, synthetic
+from studies.paper.items import ITEMS
+from studies.paper.page import FOLDER, page
+from studies.paper.parameters import CYLINDERS, DEPTH, EDGES, PRESSURE, TUBE_DIAMETER, TUBE_LENGTH
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
 RADIUS = 0.5 * TUBE_DIAMETER

@@ -53,7 +53,7 @@ REST = [
 ]
 ORDER = {name: place for place, line in enumerate(CORE + REST) for name in line}
 #: At the top of the sources only.
-NOT_INSTALLED = {'comparison', 'paper', 'examples', 'benchmarks', 'test'}
+NOT_INSTALLED = {'studies', 'examples', 'test'}
 
 
 def name_of(path):

@@ -99,7 +99,7 @@ def imports(folder):
                 continue
             for name in found:
                 names.setdefault(name.split('.')[0], path)
-    own = {'benchmarks', 'comparison', 'isotruss_ros', 'paper'}
+    own = {'isotruss_ros', 'studies'}
     foreign = names.keys() - sys.stdlib_module_names - own
     return {name: names[name] for name in foreign}
 

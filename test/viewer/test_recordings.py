@@ -32,7 +32,7 @@ TOP = Path(__file__).parents[2]
 #: Recordings that the sources contain.
 SHIPPED = sorted(
     path
-    for folder in ('docs', 'examples', 'test', 'paper')
+    for folder in ('docs', 'examples', 'test', 'studies')
     for path in (TOP / folder).rglob('*.mcap')
     if '_build' not in path.parts
 )

@@ -3,7 +3,6 @@
 
 """Contact with any convex object: against discs, distances, least squares, and itself."""
 
-from comparison.wedge import pressed_into
 from hypothesis import given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
@@ -21,6 +20,7 @@ import numpy as np
 import pytest
 import robots
 from shapes import dense_outline, random_shape, surface_distance
+from studies.comparison.wedge import pressed_into
 
 HOME = load_robot('nine_member').home
 MODULE = 'south/P'

@@ -35,7 +35,7 @@ OBJECTS = {
     'east': ConvexObject.disc((1.4, -0.85), 0.35),
     'south': ConvexObject.disc((0.05, -0.8), 0.3),
 }
-#: Centre and diameter of discs of benchmarks/grasp_planner.py.
+#: Centre and diameter of discs of studies/benchmarks/grasp_planner.py.
 SMALL = [
     (1.565, -0.668, 0.168),
     (1.415, -0.742, 0.180),

@@ -5,7 +5,6 @@
 
 from functools import cache
 
-from comparison import walks
 from driven import Driven
 from grips import held_at, rolled
 from hypothesis import assume, given, strategies
@@ -18,6 +17,7 @@ from nightly import some_now
 import numpy as np
 import pytest
 import robots
+from studies.comparison import walks
 
 #: Longer cycles, in which robots approach bounds [s].
 APPROACH_PERIOD = 0.05

@@ -5,8 +5,6 @@
 
 import os
 
-from comparison import walks
-from comparison.walks import margins, ROBOT
 from grips import rolled
 from isotruss_ros.core import (
     ConvexObject,
@@ -22,6 +20,8 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
+from studies.comparison import walks
+from studies.comparison.walks import margins, ROBOT
 
 #: Changes of the speed of a roller from cycle to cycle that do not count as chatter [m/s].
 CHATTER = 0.005

@@ -5,7 +5,6 @@
 
 import math
 
-from comparison.wedge import pressed_into
 from geometry_msgs.msg import Point, Pose
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_msgs.srv import AnalyzeGrasp
@@ -25,6 +24,7 @@ from manual_world import world
 import numpy as np
 from probe import DIAMETER, maker, MODULE, N, ROBOT
 import pytest
+from studies.comparison.wedge import pressed_into
 from visualization_msgs.msg import Marker, MarkerArray
 
 SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=0.01)
