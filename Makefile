@@ -35,7 +35,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls mutants soak coverage format clean
+.PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls mutants measure soak coverage \
+	format clean
 .PHONY: unit-tests system-tests docs-venv noble-venv noble-some noble-all FORCE
 
 help:
@@ -55,6 +56,7 @@ help:
 	@echo 'make fuzz     fuzz the readers of files, MINUTES=10 each (x86-64)'
 	@echo 'make calls    CALLS=100000 random calls of the core'
 	@echo 'make mutants MUTANTS=200 small faults in loop, holding and gate, of which the tests must notice 95 %; SEED=0'
+	@echo 'make measure  report sizes, structure, calls and tests beside those of the last release; STORE=VERSION'
 	@echo 'make soak     run the nodes at 1 kHz for MINUTES=15, WALKS=1000 walks at the edge of the shapes'
 	@echo 'make coverage run the tests and list lines and branches of the core that no test runs'
 	@echo 'make format   format the sources and fix what can be fixed'
@@ -166,6 +168,10 @@ calls: venv
 
 mutants: venv $(STAMPS)/mutants
 	$(BIN)/python tools/mutants.py --count $(MUTANTS) --seed $(SEED)
+
+# A report; no test bounds its figures.
+measure: venv
+	$(BIN)/python tools/measure.py $(if $(STORE),--store $(STORE))
 
 coverage: venv
 	EXAMPLES_SHARE=1 $(PYTEST) -m 'not system and not linter and not nightly' --cov=isotruss_ros.core --cov-branch \

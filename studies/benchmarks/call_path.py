@@ -1,25 +1,24 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-Length of the call paths of a twist, closure and the flag `held`, in files and moves.
+Length of the call paths of a twist, closure, a settled grasp and the flag `held`.
 
-The first table has four calls: one control cycle of `TwistServo.decide` with fresh inputs of a
+The table has five calls: one control cycle of `TwistServo.decide` with fresh inputs of a
 moving robot; one cycle of the node `manipulation`, from the messages to the command; one
-`analyze_grasp`, which computes closure by (10); and one `GraspMonitor.report` after robot and
-object have moved, which includes `settle_grasp`. `sys.setprofile` counts the called files of the
-package, and the moves: calls and returns between two of these files. The second table has the
-number of files that the parts of the core import, directly or indirectly, and their lines. Each
-row includes the rows before it.
+`analyze_grasp`, which computes closure by (10); one `settle_grasp`; and one `GraspMonitor.report`
+after robot and object have moved, which includes `settle_grasp`. `sys.setprofile` counts the
+called files of the package, the moves (calls and returns between two of these files), and the
+calls of Python and C functions.
 """
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 import sys
 from types import FrameType
+from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
@@ -49,30 +48,33 @@ PRESSED = core.ConvexObject.disc(
 #: Number of cycles after which the rollers have accelerated to the twist [-].
 CYCLES = 60
 
-#: First modules of the rows in the second table, below `isotruss_ros.core`.
-PARTS = {
-    'twist': ('manipulation.solve_twist',),
-    '+ analysis': ('fixed_object.analyze_grasp',),
-    '+ equilibrium': ('holding.settle_grasp',),
-    '+ safety': ('safety.shape_guard', 'safety.roller_failure'),
-    '+ servo': ('servo.twist_servo',),
-    '+ paths': ('paths.path_servo', 'paths.roller_trajectory'),
-    '+ estimator': ('estimation.state_estimator',),
-    '+ planner': ('planning.plan_grasps',),
-}
 
-
-def trace(call: Callable[[], object]) -> tuple[list[str], int]:
+class Walk(NamedTuple):
     """
-    Return the files of the package on a call path, and the moves between them.
+    Path of a call through the package.
+
+    :ivar files: files of the package whose functions are called.
+    :ivar moves: number of calls and returns between two of these files.
+    :ivar calls: number of calls of Python and C functions, also of other packages.
+    """
+
+    files: list[str]
+    moves: int
+    calls: int
+
+
+def trace(call: Callable[[], object]) -> Walk:
+    """
+    Return the path of a call through the package.
 
     :param call: function to trace.
     """
     files: set[str] = set()
-    current, moves = '', 0
+    current, moves, calls = '', 0, 0
 
     def note(frame: FrameType, event: str, _argument: object) -> None:
-        nonlocal current, moves
+        nonlocal current, moves, calls
+        calls += event in ('call', 'c_call')
         file = frame.f_code.co_filename
         if not file.startswith(PACKAGE) or event not in ('call', 'return'):
             return
@@ -92,10 +94,11 @@ def trace(call: Callable[[], object]) -> tuple[list[str], int]:
         call()
     finally:
         sys.setprofile(None)
-    return sorted(str(Path(file).relative_to(PACKAGE)) for file in files), moves - 1
+    names = sorted(str(Path(file).relative_to(PACKAGE)) for file in files)
+    return Walk(names, moves - 1, calls - 1)
 
 
-def control_cycle() -> tuple[list[str], int]:
+def control_cycle() -> Walk:
     """Trace the shortest of the last cycles of the twist servo."""
     center = core.tangent_center(ROBOT.home, MODULE, DIAMETER)
     grip = core.Grip.at_module(ROBOT, MODULE, core.ConvexObject.disc(center, DIAMETER))
@@ -116,10 +119,10 @@ def control_cycle() -> tuple[list[str], int]:
         now += PERIOD
     assert found[0].command.status is core.Status.OK, found[0].message
     # By rounding, a cycle may meet a configuration that a cache has, and compare them.
-    return min(paths[-5:], key=lambda path: path[1])
+    return min(paths[-5:], key=lambda walk: walk.moves)
 
 
-def node_tick() -> tuple[list[str], int]:
+def node_tick() -> Walk:
     """Trace the shortest of the last ticks of `manipulation`, each with fresh messages."""
     rclpy.init()
     # In simulated time, the inputs are as old on a busy machine as on an idle one.
@@ -141,17 +144,17 @@ def node_tick() -> tuple[list[str], int]:
         paths.append(trace(lambda calls=received: [call() for call in (*calls, node.cycle.run)]))
     assert node.details()['status'] == core.Status.OK.name, node.details()
     rclpy.shutdown()
-    return min(paths[-5:], key=lambda path: path[1])
+    return min(paths[-5:], key=lambda walk: walk.moves)
 
 
-def closure() -> tuple[list[str], int]:
+def closure() -> Walk:
     """Trace one analysis of a grasp in a new configuration."""
     core.analyze_grasp(ROBOT.home, PRESSED)
     config = ROBOT.configuration(np.full(len(ROBOT.roller_names), 1e-5))
     return trace(lambda: core.analyze_grasp(config, PRESSED))
 
 
-def analysis_cycle() -> tuple[list[str], int]:
+def analysis_cycle() -> Walk:
     """Trace one analysis of the grasp monitor, after some cycles that are not traced."""
     query = GraspQuery((), PRESSED, 0.5, (0.0, 0.0, 0.0), 0.005)
     monitor = GraspMonitor(ROBOT, query, 0.5, LatestInputs())
@@ -165,45 +168,23 @@ def analysis_cycle() -> tuple[list[str], int]:
     return traced
 
 
-def import_closure(modules: Iterable[str]) -> set[Path]:
-    """
-    Return the files of modules and of their direct and indirect imports.
-
-    :param modules: names of modules below `isotruss_ros.core`.
-    """
-    found: set[Path] = set()
-    waiting = list(modules)
-    while waiting:
-        path = Path(PACKAGE, 'core', *waiting.pop().split('.')).with_suffix('.py')
-        if path in found or not path.is_file():
-            continue
-        found.add(path)
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
-            if isinstance(node, ast.ImportFrom) and 'isotruss_ros.core.' in (node.module or ''):
-                inside = node.module.removeprefix('isotruss_ros.core.')
-                waiting += [inside, *(f'{inside}.{alias.name}' for alias in node.names)]
-    return found
-
-
-def part_rows() -> list[tuple[str, ...]]:
-    """Return the rows of the second table."""
-    rows, modules = [], []
-    for name, own in PARTS.items():
-        modules += own
-        files = import_closure(modules)
-        lines = sum(len(path.read_text(encoding='utf-8').splitlines()) for path in files)
-        rows.append((name, f'{len(files)}', f'{lines}'))
-    return rows
-
-
-def tables() -> Iterator[Table]:
-    """Yield the tables of the case."""
-    walks = {
+def walks() -> dict[str, Walk]:
+    """Return the walks by the name of their call."""
+    # A third call has all caches.
+    settled = [trace(lambda: core.settle_grasp(ROBOT.home, PRESSED)) for _ in range(3)]
+    return {
         'twist to roller command': control_cycle(),
         'tick of the node: twist': node_tick(),
         'closure by (10)': closure(),
+        'settle_grasp': settled[-1],
         'flag of the node: held': analysis_cycle(),
     }
-    rows = [(name, f'{len(w)}', f'{moves}', ', '.join(w)) for name, (w, moves) in walks.items()]
-    yield Table('', ('walk', 'files', 'moves', 'the files'), rows)
-    yield Table('', ('imports of', 'files', 'lines'), part_rows())
+
+
+def tables() -> Iterator[Table]:
+    """Yield the table of the case."""
+    rows = [
+        (name, f'{len(walk.files)}', f'{walk.moves}', f'{walk.calls}', ', '.join(walk.files))
+        for name, walk in walks().items()
+    ]
+    yield Table('', ('walk', 'files', 'moves', 'calls', 'the files'), rows)

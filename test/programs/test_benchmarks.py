@@ -13,8 +13,8 @@ import pytest
 from studies.benchmarks.__main__ import NAMES
 
 ROOT = Path(__file__).parents[2]
-#: The shortest one first, which runs with all tests; call_path is run by test_call_path.
-OTHERS = ['qp_solvers', *(name for name in NAMES if name not in ('call_path', 'qp_solvers'))]
+#: The shortest one first, which runs with all tests.
+OTHERS = ['qp_solvers', *(name for name in NAMES if name != 'qp_solvers')]
 
 
 @pytest.mark.timeout(600)

@@ -40,14 +40,6 @@ PRINTED = {
 }
 
 
-def test_there_are_enough_and_each_is_short():
-    assert len(CORE_EXAMPLES) >= 8
-    for path in EXAMPLES.glob('*.py'):
-        _, code = path.read_text(encoding='utf-8').split('\n\n', 1)  # below the notice
-        limit = 60 if path.stem == 'learning_loop' else 40
-        assert len(code.splitlines()) < limit, path
-
-
 #: With processes of its own, as a test of the sweep has them.
 SLOW = 'grasps_in_processes'
 

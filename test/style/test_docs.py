@@ -100,10 +100,6 @@ def python_blocks(text):
     return re.findall(r'```python\n(.*?)```', text, re.DOTALL)
 
 
-def test_readme_is_short():
-    assert len(README.splitlines()) <= 130
-
-
 def test_python_example_of_the_readme_runs(capsys):
     (example,) = python_blocks(README)
     exec(compile(example, 'README.md', 'exec'), {})
