@@ -222,18 +222,24 @@ class Timeline:
 
 
 class UsedReadings:
-    """Used readings of the last `HISTORY_DURATION`, by which repeated ones are recognised."""
+    """
+    Last used reading of each sensor, which distinguishes new measurements from repeated ones.
+
+    A new measurement has a later stamp and another value: noise differs in the last bit at least.
+    """
 
     def __init__(self) -> None:
-        self._used: dict[str, set[tuple[float, bytes]]] = {}
+        self._last: dict[str, tuple[float, bytes]] = {}
 
     def use(self, name: str, time: float, value: ArrayLike) -> bool:
-        """Record a reading; return whether its stamp [s] or its value is new."""
-        reading, used = (time, np.asarray(value).tobytes()), self._used.get(name, set())
-        if reading in used:
-            return False
-        stored = {before for before in used if before[0] > time - HISTORY_DURATION}
-        self._used[name] = stored | {reading}
+        """Record a reading with its stamp [s]; return whether it is a new measurement."""
+        last, content = self._last.get(name), np.asarray(value, dtype=float).tobytes()
+        if last is not None:
+            # A stamp that is much earlier is that of a clock that was set back.
+            is_late = last[0] - HISTORY_DURATION < time <= last[0]
+            if is_late or content == last[1]:
+                return False
+        self._last[name] = time, content
         return True
 
 

@@ -27,6 +27,7 @@ from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, MAX_LOAD
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
+from isotruss_ros.core.servo.repeated_pose import RepeatedPose
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from isotruss_ros.core.statics.section import tube_pressures
@@ -50,6 +51,7 @@ class ServoState:
         self._tracker = ConfigurationTracker(robot.home)
         self._detection_time = math.nan  # time of the roller state that was compared last [s]
         self._regulated: float | None = None  # time of the last cycle of the squeeze control
+        self._repeated_pose = RepeatedPose()
         self._poses = Timeline()  # last pose up to the time of the rollers, and the later ones
         self.apply(settings)
         # SciPy loads these parts at their first use, which must not be in a cycle.

@@ -158,6 +158,7 @@ class SqueezeControl:
         self._choose_gain(belief)
         belief.lag.advance(elapsed, 1.0 / self.gain)
         self._since += elapsed
+        self._pause(elapsed)
         # Without a sample, the pose of the grip is new.
         measured, age = sample or (StampedInput(grip.body.pose, math.nan), 0.0)
         if sample is None or self._readings.use('pose', measured.time, measured.value):
@@ -270,6 +271,14 @@ class SqueezeControl:
             notes.append(f'held, {describe_squeeze(*squeeze)}')
         return '; '.join(notes)
 
+    def _pause(self, elapsed: float) -> None:
+        """End the fault of an oscillation after the time at rest; poses may be equal at rest."""
+        if self.fault is Status.HALT_OSCILLATES:
+            self._rest -= elapsed
+            if self._rest <= 0.0:
+                self.fault = None
+                self.swings.forget()
+
     def judge(self, belief: GripBelief, elapsed: float, velocity: Array) -> None:
         """
         Detect oscillation, slip and loss from the belief after a new pose.
@@ -279,11 +288,6 @@ class SqueezeControl:
         :param elapsed: time since the previous pose [s].
         :param velocity: (3,) executed part of the twist [m/s, rad/s].
         """
-        if self.fault is Status.HALT_OSCILLATES:
-            self._rest -= elapsed
-            if self._rest <= 0.0:
-                self.fault = None
-                self.swings.forget()
         state = belief.state
         noise = math.sqrt(state.noise.variances.max())
         travel = elapsed * float(np.linalg.norm(belief.scale * velocity))
@@ -296,7 +300,8 @@ class SqueezeControl:
             self.slipped = slip
         elif slip < 0.5 * self.slipped:
             self.slipped = 0.0
-        cause = f'the object moved by {1e3 * slip:.0f} mm against the members'
+        moved = f'the object moved by {1e3 * slip:.0f} mm against the members'
+        cause = f'{moved}, or the tracker turned or jumped'
         if state.jump > JUMP_LENGTH:
             self.fail(Status.HALT_NOT_HELD, cause)
         elif belief.slipped:

@@ -90,7 +90,11 @@ class TwistServo(ServoState):
                 raise HaltError(*received.halt)
             stamped_twist, rollers, *pose = require_fresh(now, settings.timeout, **inputs)
             twist = np.asarray(stamped_twist.value)
+            if pose:
+                positions, arm = rollers.value.positions, settings.grip.body.arm
+                self._repeated_pose.check(pose[0], positions, now, settings.timeout, arm)
             command = self._solve(twist, rollers, pose[0] if pose else None, now)
+            self._repeated_pose.velocity = command.achieved_twist
             ok = command.status is Status.OK
             message, is_solved = '' if ok else describe(command, settings.joint is None), True
         except IsotrussError as error:

@@ -299,6 +299,39 @@ def test_an_object_that_is_taken_away_at_rest_is_no_fault():
     assert made.squeeze.fault is made.squeeze.belief is None
 
 
+@pytest.mark.parametrize(('repeats', 'stopped'), [(1, False), (20, False), (60, True)])
+def test_a_tracker_that_repeats_its_pose_beyond_the_timeout_stops_the_object(repeats, stopped):
+    config, body = gripped(35.0, squeeze=0.1)
+    held, period = ElasticObject(body, 0.5), 0.01
+    plant = SimulatedRobot(config, held, RollerFaults())
+    plant.advance(0.0)
+    squeeze = SqueezeSettings(held.grasp.squeeze, max_utilisation=math.inf)
+    grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
+    servo = TwistServo(config.robot, ServoSettings(grip, period, TIMEOUT, squeeze=squeeze))
+    start, statuses = plant.object_pose, []
+    for number in range(150):
+        now = number * period
+        if number % repeats == 0 and number < 120:
+            pose = plant.object_pose
+        state = RollerState(plant.roller_positions, plant.roller_velocities)
+        servo.receive(
+            twist=StampedInput((0.05, 0.0, 0.0), now),
+            rollers=StampedInput(state, now),
+            pose=StampedInput(pose, now),
+        )
+        command = servo.decide(now).command
+        statuses.append(command.status)
+        plant.command(command.roller_velocities)
+        plant.advance(period)
+    assert (Status.HALT_STALE_OBJECT_POSE in statuses[:120]) is stopped
+    assert statuses[-1] is Status.HALT_STALE_OBJECT_POSE
+    # A new pose resumes the motion.
+    if stopped:
+        assert statuses[59] is Status.HALT_STALE_OBJECT_POSE
+        assert statuses[61] < Status.HALT_NO_TWIST
+    assert plant.object_pose.x - start.x > 0.01
+
+
 @pytest.mark.parametrize(
     ('rollers_late', 'pose_late', 'every'),
     some_now([(5, 0, 1), (0, 5, 1), (0, 1, 2), (0, 0, 1), (1, 0, 1)]),

@@ -14,7 +14,6 @@ from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
@@ -382,17 +381,6 @@ def test_a_low_slip_margin_slows_the_twist_and_not_the_correction_of_the_pose():
         assert command.limiting == ('the slip margin',)
         expected = [0.02 * command.scale, 20.0 * 1e-4, 0.0]
         assert command.achieved_twist == pytest.approx(expected, abs=1e-6)
-
-
-def test_faults_are_judged_by_the_time_between_poses_and_the_executed_twist(monkeypatch):
-    control, judged = at_rest(), []
-    monkeypatch.setattr(control, 'judge', lambda _, *given: judged.append(given))
-    control.advance((0.02, 0.0, 0.1), RollerCommand(None, None, 0.5, Status.OK))
-    for stamp in (0.0, 0.0, 0.0, 1.0, 1.0):
-        sample = StampedInput(MODEL.pose, stamp), 0.01
-        assert control.follow(CONFIG, AT_REST, 0.01, sample) is HoldStatus.HELD
-    assert [elapsed for elapsed, _ in judged] == pytest.approx([0.01, 0.03])
-    assert judged[0][1] == pytest.approx([0.01, 0.0, 0.05])
 
 
 def test_an_oscillating_object_stops_the_rollers_and_halves_the_gain():
