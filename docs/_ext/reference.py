@@ -15,27 +15,6 @@ from isotruss_ros import core
 from isotruss_ros.core.model.robot_schema import ranged_numbers
 from node_pages import markdown_table
 
-#: Packages of the core in the order of their imports.
-PACKAGES = (
-    'numerics',
-    'model',
-    'kinematics',
-    'statics',
-    'contact',
-    'fixed_object',
-    'holding',
-    'chance',
-    'manipulation',
-    'safety',
-    'inputs',
-    'estimation',
-    'paths',
-    'planning',
-    'servo',
-    'simulation',
-)
-
-
 #: File with the example at the head of each page, one section for each.
 EXAMPLES = Path(__file__).with_name('package_examples.md')
 EXAMPLE = re.compile(r'^## (\w+)\n\n```python\n(.*?)\n```', re.MULTILINE | re.DOTALL)
@@ -74,13 +53,12 @@ def write_pages(folder: Path) -> None:
     :raises ValueError: packages, pages and examples do not correspond.
     """
     folder.mkdir(exist_ok=True)
-    found = {info.name for info in pkgutil.iter_modules(core.__path__)} - {'errors'}
-    if found != set(PACKAGES):
-        raise ValueError(f'packages of the core and of the reference differ: {found}')
+    packages = {info.name for info in pkgutil.iter_modules(core.__path__)}
     examples = dict(EXAMPLE.findall(EXAMPLES.read_text(encoding='utf-8')))
-    if examples.keys() != {'errors', *PACKAGES}:
+    if examples.keys() != packages:
         raise ValueError(
-            f'examples and packages differ: {examples.keys() ^ {"errors", *PACKAGES}}'
+            f'{EXAMPLES.name} has no section, or a section without a package of the core: '
+            f'{", ".join(sorted(examples.keys() ^ packages))}'
         )
     for name, example in examples.items():
         path = folder / f'{name}.rst'

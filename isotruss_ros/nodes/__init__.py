@@ -5,8 +5,8 @@
 ROS nodes, which connect `isotruss_ros.core` to topics, services and actions.
 
 Entry points: one module or package for each node, run by `isotruss_ros.executables`. In all
-modules `now` is the time of the node's clock [s]. Imports `core` and the packages that precede
-`nodes` in test/style/test_architecture.py.
+modules `now` is the time of the node's clock [s]. Imports `core` and the packages above `nodes` in
+the order of CONTRIBUTING.md.
 """
 
 import os

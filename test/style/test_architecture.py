@@ -1,58 +1,21 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Packages import only from those before them, and the core works without ROS."""
+"""Packages are imported in the order of CONTRIBUTING.md; the core works without ROS."""
 
 import ast
 from pathlib import Path
+import re
 import subprocess
 import sys
 
 from isotruss_ros import core
-import pytest
 
 ROOT = Path(__file__).parents[2]
-#: In this order; packages that share a line do not import each other.
-CORE = [
-    ['core.errors'],
-    ['core.numerics'],
-    ['core.inputs'],
-    ['core.model'],
-    ['core.kinematics'],
-    ['core.statics'],
-    ['core.contact', 'core.fixed_object', 'core.manipulation'],
-    ['core.holding'],
-    ['core.chance', 'core.safety'],
-    ['core.estimation', 'core.paths', 'core.planning'],
-    ['core.servo'],
-    ['core.simulation'],
-    ['core'],
-]
-NODES = [
-    ['nodes.grasp'],
-    ['nodes.conversions'],
-    ['nodes.framework'],
-    [
-        'nodes.bring_up',
-        'nodes.manipulation',
-        'nodes.pick_and_place',
-        'nodes.simulator',
-        'nodes.viewer',
-    ],
-    ['nodes'],
-]
-REST = [
-    ['extras', 'workers'],
-    ['mujoco_plant'],
-    ['calibration'],
-    ['plotting'],
-    ['viewer'],
-    *NODES,
-    ['cli', 'demo'],
-    ['executables'],
-]
-ORDER = {name: place for place, line in enumerate(CORE + REST) for name in line}
-#: At the top of the sources only.
+CONTRIBUTING = (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
+(LISTED,) = re.findall(r'### Order of packages\n.*?```text\n(.*?)```', CONTRIBUTING, re.DOTALL)
+#: Packages on one line do not import each other.
+ORDER = {name: place for place, line in enumerate(LISTED.splitlines()) for name in line.split()}
 NOT_INSTALLED = {'studies', 'examples', 'test'}
 
 
@@ -66,24 +29,25 @@ FILES = {name_of(path): path for path in (ROOT / 'isotruss_ros').rglob('*.py')}
 
 
 def package_of(module):
-    """Return the package in the list that a module belongs to."""
-    while module not in ORDER:
-        module, _, last = module.rpartition('.')
-        assert last, 'a package that is not in the list'
-    return module
+    """Return the listed package of a module."""
+    package = module
+    while package not in ORDER:
+        package, _, last = package.rpartition('.')
+        assert last, f'{module}: add its package to the order of packages in CONTRIBUTING.md'
+    return package
 
 
 def imports(tree):
-    """Return the modules of the package that a file imports, and what else it imports."""
+    """Return the modules of the package that a file imports, and the names of other packages."""
     ours, others = set(), set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            found = [(alias.name, '') for alias in node.names]
+            pairs = [(alias.name, '') for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            found = [(node.module, alias.name) for alias in node.names]
+            pairs = [(node.module, alias.name) for alias in node.names]
         else:
             continue
-        for module, name in found:
+        for module, name in pairs:
             top, _, inside = module.partition('.')
             if top != 'isotruss_ros':
                 others.add(top)
@@ -94,94 +58,46 @@ def imports(tree):
 
 
 TREES = {module: ast.parse(path.read_text(encoding='utf-8')) for module, path in FILES.items()}
-CORE_TREES = {module: tree for module, tree in TREES.items() if module.startswith('core')}
 IMPORTS = {module: imports(tree) for module, tree in TREES.items() if module}
 
 
-@pytest.mark.parametrize('module', sorted(IMPORTS))
-def test_imports_only_from_packages_before_its_own(module):
-    ours, others = IMPORTS[module]
-    package = package_of(module)
-    for imported in ours:
-        other = package_of(imported)
-        assert other == package or ORDER[other] < ORDER[package], f'{module} imports {imported}'
-    assert not others & NOT_INSTALLED
+def test_modules_import_their_own_package_and_packages_above_it():
+    wrong = [
+        f'{module} imports {imported}, whose package is not above its own in CONTRIBUTING.md'
+        for module, (ours, _) in IMPORTS.items()
+        for imported in ours
+        if package_of(imported) != package_of(module)
+        and ORDER[package_of(imported)] >= ORDER[package_of(module)]
+    ]
+    assert not wrong
 
 
-def import_closure(package):
-    """Return the modules that a package consists of or imports, directly and through others."""
-    waiting = [module for module in IMPORTS if package_of(module) == package]
-    found = set()
-    while waiting:
-        module = waiting.pop()
-        if module not in found:
-            found.add(module)
-            waiting += IMPORTS[module][0] & IMPORTS.keys()
-    return found
+def test_modules_import_only_packages_that_are_installed():
+    wrong = {module: others & NOT_INSTALLED for module, (_, others) in IMPORTS.items()}
+    assert not {module: names for module, names in wrong.items() if names}
 
 
-MECHANICS = ('model', 'kinematics', 'statics', 'contact', 'manipulation', 'holding', 'safety')
-LOOPS = {'core.servo', 'core.estimation', 'core.paths'}
-
-
-@pytest.mark.parametrize('package', [*MECHANICS, 'planning'])
-def test_mechanics_and_planning_import_no_loop(package):
-    assert not {package_of(module) for module in import_closure(f'core.{package}')} & LOOPS
-
-
-HELD = ('holding', 'safety', 'estimation', 'servo', 'paths', 'planning')
-
-
-@pytest.mark.parametrize('package', HELD)
-def test_held_objects_import_nothing_of_the_analysis_of_a_fixed_object(package):
-    packages = {package_of(module) for module in import_closure(f'core.{package}')}
-    assert 'core.fixed_object' not in packages
-
-
-def test_no_files_import_each_other():
+def test_modules_do_not_import_each_other_in_a_circle():
     left = {module: ours - {module} for module, (ours, _) in IMPORTS.items()}
     while left:
         free = {module for module, ours in left.items() if not ours & left.keys()}
-        assert free, f'a cycle through some of {sorted(left)}'
+        assert free, f'a circle of some of {sorted(left)}'
         left = {module: ours for module, ours in left.items() if module not in free}
 
 
-PACKAGES = [path.parent for path in FILES.values() if path.stem == '__init__']
+def test_reference_lists_the_packages_of_the_core_in_their_order():
+    page = (ROOT / 'docs' / 'api.md').read_text(encoding='utf-8')
+    packages = [f'core.{name}' for name in re.findall(r'^api/(\w+)$', page, re.MULTILINE)]
+    assert packages == [name for name in ORDER if name.startswith('core.')]
+    assert all(name in FILES for name in ORDER)
 
 
-@pytest.mark.parametrize('package', sorted(PACKAGES)[1:], ids=lambda path: path.name)
-def test_every_package_names_its_entry_points_and_imports(package):
-    said = ast.get_docstring(ast.parse((package / '__init__.py').read_text(encoding='utf-8')))
-    assert 'Entry point' in said
-    assert 'Imports' in said
-
-
-def test_objects_grips_and_barriers_are_closed_against_their_kinds():
-    kinds = {'ConvexObject', 'Grip', 'Shape', 'Disc', 'Ellipse', 'Polygon', 'HeldGrip'}
-    asked = [
-        f'{module}:{call.lineno}'
-        for module, tree in CORE_TREES.items()
-        for call in ast.walk(tree)
-        if isinstance(call, ast.Call) and getattr(call.func, 'id', '') == 'isinstance'
-        for name in ast.walk(call.args[1])
-        if getattr(name, 'id', '') in kinds or getattr(name, 'id', '').endswith('Barrier')
-    ]
-    assert not asked
-
-
-def test_caches_of_frozen_classes_are_fields_or_results_of_functions():
-    written = [
-        f'{module}:{node.lineno}'
-        for module, tree in CORE_TREES.items()
-        for node in ast.walk(tree)
-        for target in (getattr(node, 'value', None), getattr(node, 'func', None))
-        if (getattr(target, 'attr', '') == '__dict__' and isinstance(node, ast.Subscript))
-        or (
-            getattr(getattr(target, 'value', None), 'attr', '') == '__dict__'
-            and target.attr in {'update', 'setdefault', 'pop'}
-        )
-    ]
-    assert not written
+def test_docstrings_of_packages_name_entry_points_and_imports():
+    for module, path in FILES.items():
+        if path.stem == '__init__' and module:
+            text = ast.get_docstring(TREES[module])
+            assert 'Entry point' in text, f'{path}: name the entry points of the package'
+            assert 'Imports' in text, f'{path}: name the imported packages'
 
 
 SCRIPT = """
@@ -194,7 +110,7 @@ for name in blocked:
 
 from isotruss_ros import core
 
-assert 'jsonschema' not in sys.modules, 'the core imports it before a robot file is read'
+print(*sys.modules)
 for name in core.__all__:
     getattr(core, name)
 robot = core.load_robot('nine_member')
@@ -202,47 +118,41 @@ center = core.tangent_center(robot.home, 'east/Q', 0.3)
 grip = core.Grip.at_module(robot, 'east/Q', core.ConvexObject.disc(center, 0.3))
 command = core.solve_twist(robot.home, grip, [0.0, 0.01, 0.0])
 assert command.status is core.Status.OK, command
-print(*sorted({name.split('.')[0] for name, module in sys.modules.items() if module}))
+print(*(name for name, module in sys.modules.items() if module))
 """
-
-#: A third of the time of an import of the core without them.
-LATE = ('scipy.optimize', 'scipy.interpolate', 'scipy.special')
+#: Modules that a third of the time of an import of the core would be spent on.
+LATE = {'jsonschema', 'scipy.optimize', 'scipy.interpolate', 'scipy.special'}
 LOADING = """
 import sys
 
 from isotruss_ros import core
-
-print(*sys.modules)
-robot = core.load_robot('nine_member')
-disc = core.ConvexObject.disc((0.6, 0.3), 0.3)
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 
-grip = core.Grip.at_module(robot, 'east/Q', disc)
+robot = core.load_robot('nine_member')
+grip = core.Grip.at_module(robot, 'east/Q', core.ConvexObject.disc((0.6, 0.3), 0.3))
 core.TwistServo(robot, ServoSettings(grip, period=0.005, timeout=0.1))
 print(*sys.modules)
 """
 
 
-def run(script):
-    """Return what a script prints in a process of its own, in words by line."""
-    done = subprocess.run(
-        [sys.executable, '-c', script], capture_output=True, text=True, check=False, timeout=300
-    )
+def printed_names(script):
+    """Return the names on each line that a script prints in a process of its own."""
+    done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return [line.split() for line in done.stdout.splitlines()]
+    return [set(line.split()) for line in done.stdout.splitlines()]
 
 
-def test_there_are_few_names_at_the_top():
-    assert len(core.__all__) <= 40
+def test_core_works_without_ros_and_is_imported_without_slow_modules():
+    imported, used = printed_names(SCRIPT)
+    assert not imported & LATE
+    tops = {name.partition('.')[0] for name in used}
+    assert not [name for name in tops if name.endswith('_msgs') or name.startswith('rcl')]
 
 
-def test_core_works_without_ros():
-    (loaded,) = run(SCRIPT)
-    assert 'isotruss_ros' in loaded
-    assert not [name for name in loaded if name.endswith('_msgs') or name.startswith('rcl')]
+def test_twist_servo_has_loaded_its_solver_before_the_first_cycle():
+    (loaded,) = printed_names(LOADING)
+    assert 'scipy.optimize' in loaded
 
 
-def test_a_control_loop_has_its_solver_before_it_begins():
-    imported, ready = run(LOADING)
-    assert not set(LATE) & set(imported)
-    assert 'scipy.optimize' in ready
+def test_public_api_has_at_most_40_names():
+    assert len(core.__all__) <= 40, 'import a special name from its package instead'
