@@ -397,7 +397,9 @@ def test_an_object_is_picked_up_moved_and_placed(client):
     client.let_go()
     lay = client.place()
     code, said = operate('pick --squeeze 15')
-    (squeeze,) = re.findall(r'pick_object: held at north/\w by (\S+) N', said)
+    words = r'pick_object: held at north/\w, squeeze (\S+) N, deviation (\S+) N'
+    ((squeeze, deviation),) = re.findall(words, said)
+    assert 0.0 < float(deviation) < 0.5 * float(squeeze)
     # Commands that come late on a busy machine close the grip unevenly, and push the object.
     assert (code, 5.0 < float(squeeze) < 25.0) == (0, True)
     status, refused = client.end(client.begin(PICK))

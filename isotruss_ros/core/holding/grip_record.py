@@ -41,9 +41,12 @@ class GripRecord(NamedTuple):
     #: (t,) gauge pressure of each tube [Pa]; None: as in the robot file
     pressures: tuple[float, ...] | None = None
     estimate: GripEstimate | None = None  #: estimate of the control loop that holds the object
+    is_assumed: bool = False  #: whether the equilibrium is assumed, so that the squeeze is unknown
 
     @classmethod
-    def of(cls, grip: HeldGrip, estimate: GripEstimate | None = None) -> GripRecord:
+    def of(
+        cls, grip: HeldGrip, estimate: GripEstimate | None = None, is_assumed: bool = False
+    ) -> GripRecord:
         """Return the record of a grip whose tubes are bent."""
         bent = grip.statics.bent
         measured = grip.pressures != tube_pressures(grip.config.robot.description)
@@ -55,6 +58,7 @@ class GripRecord(NamedTuple):
             bent.values,
             grip.pressures if measured else None,
             estimate,
+            is_assumed,
         )
 
     def restore(self, config: Configuration, body: ConvexObject) -> HeldGrip:

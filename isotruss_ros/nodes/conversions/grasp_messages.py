@@ -132,6 +132,8 @@ def _planar(wrench: Wrench) -> tuple[float, float, float]:
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """Convert a grasp report to a message; for a report without result, with the worst values."""
     state = GraspState(code=int(report.code), message=report.message, chance=math.nan)
+    state.squeeze_deviation = report.squeeze_deviation
+    state.squeeze_assumed = report.is_squeeze_assumed
     state.held = HELD_VALUES[report.held]
     state.header = make_header(report.time, frame)
     if report.grasp is None:

@@ -36,6 +36,7 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
         travel=estimate.travel.tolist(),
         offsets=estimate.offsets.tolist(),
         offset_covariance=estimate.offset_covariance.ravel().tolist(),
+        improbable=estimate.is_improbable,
         joint_names=list(robot.topology.joint_names),
         joints=[Point(x=x, y=y) for x, y in estimate.joints.tolist()],
         joint_deviations=np.sqrt(np.diag(estimate.joint_covariance)).tolist(),
@@ -101,6 +102,7 @@ def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> Hel
         unknowns=record.unknowns.tolist(),
         places=record.places.tolist(),
         bent=record.bent.tolist(),
+        squeeze_assumed=record.is_assumed,
     )
     if estimate is not None:
         message.pose, message.pose_covariance = estimate.pose, estimate.pose_covariance.ravel()
@@ -159,4 +161,5 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
         np.array(message.bent),
         tuple(message.pressures) or None,
         estimate,
+        message.squeeze_assumed,
     )

@@ -111,8 +111,13 @@ class GraspMonitor:
         if query != self._answered or not _alike(record, self._record):
             self._report = _analyze(query, self._tracker.configuration, record)
             self._answered, self._record = query, record
-        analyzed = self._report.grasp is not None
-        return replace(self._report, time=min(rollers.time, pose.time) if analyzed else now)
+        if self._report.grasp is None:
+            return replace(self._report, time=now)
+        report = replace(self._report, time=min(rollers.time, pose.time))
+        if record is None or record.estimate is None:
+            return report
+        deviation, is_assumed = record.estimate.squeeze_deviation, record.is_assumed
+        return replace(report, squeeze_deviation=deviation, is_squeeze_assumed=is_assumed)
 
     @single_threaded
     def analyze_request(self, query: GraspQuery, now: float) -> GraspReport:

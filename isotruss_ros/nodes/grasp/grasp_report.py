@@ -96,6 +96,9 @@ class GraspReport:
     message: str  #: warnings, or the reason why there is no result; may be empty
     time: float  #: time of the oldest input, or time of the call if there is no result [s]
     grasp: AnalyzedGrasp | None = None  #: result of the analysis, if there is one
+    #: standard deviation of the squeeze by the control loop that holds the object [N]; NaN without
+    squeeze_deviation: float = math.nan
+    is_squeeze_assumed: bool = False  #: whether this loop assumes the equilibrium
 
     @property
     def held(self) -> bool | None:

@@ -10,14 +10,19 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import HeldGrip, ManipulationStatus
-from isotruss_ros.core import ConvexObject, Grip, Robot, Status
+from isotruss_ros.core import ConvexObject, Grip, Pose, Robot, Status
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
-from isotruss_ros.nodes.conversions.messages import HELD_VALUES, make_header, to_twist_message
+from isotruss_ros.nodes.conversions.messages import (
+    HELD_VALUES,
+    make_header,
+    to_pose_message,
+    to_twist_message,
+)
 from isotruss_ros.nodes.conversions.state_messages import to_grip_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -36,6 +41,7 @@ NORMAL_STATUSES = frozenset(
 )
 #: Smallest period of messages about the held object [s], equal to the period of grasp analyses.
 GRIP_PERIOD = 0.04
+UNKNOWN_POSE = Pose(math.nan, math.nan, math.nan)
 BOUNDS = ShapeBounds()
 SPECS = (
     common.FRICTION,
@@ -167,7 +173,9 @@ class StatusReport:
         held = False if fault is Status.HALT_NOT_HELD else True if belief is not None else None
         if not 0.0 <= now - self._told < GRIP_PERIOD:
             self._told = now
-            record = None if belief is None else GripRecord.of(belief.grasp, belief.estimate)
+            record = None
+            if belief is not None:
+                record = GripRecord.of(belief.grasp, belief.estimate, belief.is_assumed)
             self._grips.publish(to_grip_message(record, self._robot, now))
         command, cycle = decision.command, self._node.cycle
         slowness = '' if cycle is None else cycle.slowness
@@ -179,6 +187,7 @@ class StatusReport:
             message='; '.join(filter(None, (slowness, decision.message))),
             commanded=to_twist_message(decision.twist),
             achieved=to_twist_message(command.achieved_twist),
+            desired_pose=to_pose_message(decision.desired_pose or UNKNOWN_POSE),
             scale=command.scale,
             reachable_dof=command.reachable_dof,
             failed_rollers=decision.failed,
@@ -187,6 +196,7 @@ class StatusReport:
             pose_gain=decision.pose_gain,
             squeeze=squeeze,
             squeeze_deviation=deviation,
+            squeeze_assumed=belief is not None and belief.is_assumed,
             pose_delay=decision.pose_delay,
             held=HELD_VALUES[held],
         )

@@ -27,6 +27,7 @@ from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS, RETURN_SPEED,
 from isotruss_ros.core.planning.grasp_plan import path_times
 from isotruss_ros.core.planning.release import plan_release, Release
 from isotruss_ros.core.planning.violations import export_violation, violation_in_words
+from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
@@ -167,13 +168,15 @@ class GraspSequences:
         note = yield from self._bring_back(first)
         if note:
             state = yield from self._watch.confirm(True)
-        squeeze = float(np.mean(state.squeeze))
+        squeeze, deviation = float(np.mean(state.squeeze)), state.squeeze_deviation
         where = grasp.module or ', '.join(grasp.members)
         return PickObject.Result(
-            message=f'held at {where} by {squeeze:.3g} N{note}',
+            message=f'held at {where}, {_squeeze_in_words(squeeze, deviation)}{note}',
             module=grasp.module,
             members=state.grasping_members,
             squeeze=squeeze,
+            squeeze_deviation=deviation,
+            squeeze_assumed=state.squeeze_assumed,
             slip_margin=state.slip_margin,
         )
 
@@ -279,6 +282,13 @@ class GraspSequences:
         result = yield from self._trajectories.run(goal, progress)
         if result.error_code != result.SUCCESSFUL:
             raise StepError(StepOutcome.STOPPED, result.error_string)
+
+
+def _squeeze_in_words(squeeze: float, deviation: float) -> str:
+    """Return a text with the squeeze and its deviation [N], which is NaN if unknown."""
+    if math.isnan(deviation):
+        return f'squeeze {squeeze:.1f} N, deviation unknown: manipulation publishes no grip'
+    return describe_squeeze(squeeze, deviation)
 
 
 def _plan_error(plan: PlanGrasp.Result) -> StepError:

@@ -17,7 +17,7 @@ from isotruss_ros.core import (
     Uncertainty,
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import (
     LatestInputs,
@@ -73,8 +73,11 @@ def assert_no_answer(report, code):
 def test_forces_are_those_of_the_grip_that_the_loop_has():
     grip = attach_grip(ROBOT.home, ConvexObject.disc(CENTER, DIAMETER))
     grip = roll_grip(replace(grip, anchors=grip.anchors - np.array([0.002, -0.002])), ROBOT.home)
-    record = StampedInput(GripRecord.of(grip), NOW)
+    estimate = GripEstimate(np.array(POSE), np.eye(3), 20.0, 3.0, 0.0)
+    record = StampedInput(GripRecord.of(grip, estimate, is_assumed=True), NOW)
     report = monitor(held_grip=record, wrench=None).report(NOW)
+    assert (report.squeeze_deviation, report.is_squeeze_assumed) == (3.0, True)
+    assert math.isnan(monitor().report(NOW).squeeze_deviation)
     found = report.grasp.settled
     assert found.slip_margin == pytest.approx(grip.slip_margin(FRICTION), rel=1e-3)
     assert list(found.normal_forces.values()) == pytest.approx(grip.normal_forces, rel=1e-3)

@@ -20,7 +20,8 @@ ESTIMATE = GripEstimate(np.array([0.5, 0.4, 0.1]), 1e-6 * np.eye(3), 20.0, 3.0, 
 
 def message():
     """Return the message of a grip, as it comes over the network."""
-    packed = serialize_message(to_grip_message(GripRecord.of(GRIP, ESTIMATE), NINE, 2.5))
+    record = GripRecord.of(GRIP, ESTIMATE, is_assumed=True)
+    packed = serialize_message(to_grip_message(record, NINE, 2.5))
     return deserialize_message(packed, HeldGrip)
 
 
@@ -32,6 +33,7 @@ def test_grips_survive_a_round_trip():
     assert record.estimate.pose.tolist() == ESTIMATE.pose.tolist()
     assert record.estimate.pose_covariance.tolist() == ESTIMATE.pose_covariance.tolist()
     assert record.estimate[2:] == ESTIMATE[2:]
+    assert record.is_assumed
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,13 @@
 
 """Whether the object is held: yes, no or unknown, in messages and for motions of the object."""
 
+import math
+
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject
 from isotruss_msgs.msg import GraspState, ManipulationStatus, StateEstimate
 from isotruss_ros.core import Pose
-from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.conversions.messages import make_header, read_pose, to_pose_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
@@ -15,12 +17,18 @@ from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.viewer import message_checks
 from manual_world import world
 from nav_msgs.msg import Path
+import numpy as np
 from probe import CENTER, maker, overrides
 import pytest
 
 NO, YES, UNKNOWN = GraspState.HELD_NO, GraspState.HELD_YES, GraspState.HELD_UNKNOWN
 TIMEOUT = 0.5
 SILENT = None
+
+
+def planar(message):
+    """Return the pose (x, y, angle) in a message."""
+    return np.array(read_pose('pose', message))
 
 
 class EndlessMotion:
@@ -128,23 +136,29 @@ def test_analysis_of_joint_states_from_the_future_is_no_loss():
 PLANT = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.025, 'rate': 20.0}
 
 
-def status_of(**values):
-    """Return the status of a loop after a zero twist at an object that is held."""
+def status_of(twist=(0.0, 0.0, 0.0), **values):
+    """Return status and measured pose after a second of a twist at an object that is held."""
     with world(
         lambda: Simulator(overrides(**PLANT)),
         maker(Manipulation, friction=0.9, rate=20.0, **values)(),
     ) as w:
-        w.spin(1.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        w.spin(1.0, lambda: w.probe.send_twist(twist))
         assert w.code() < ManipulationStatus.HALT_NO_TWIST
-        return w.probe.last('status')
+        return w.probe.last('status'), w.probe.last('pose').pose
 
 
-def test_loop_with_squeeze_control_reports_the_hold():
-    assert status_of(squeeze_force=30.0).held == YES
+def test_status_of_a_held_object_has_squeeze_deviation_and_desired_pose():
+    status, measured = status_of((0.0, 0.01, 0.0), squeeze_force=30.0)
+    assert status.held == YES
+    assert 0.0 < status.squeeze_deviation < status.squeeze
+    assert not status.squeeze_assumed
+    assert np.hypot(*(planar(status.desired_pose) - planar(measured))[:2]) < 2e-3
 
 
-def test_loop_without_squeeze_control_does_not_know_the_hold():
-    assert status_of().held == UNKNOWN
+def test_loop_without_squeeze_control_knows_neither_hold_nor_desired_pose():
+    status, _ = status_of()
+    assert status.held == UNKNOWN
+    assert math.isnan(status.desired_pose.position.x)
 
 
 @pytest.mark.parametrize('kind', [ManipulationStatus, StateEstimate, MoveObject.Result])
