@@ -46,7 +46,7 @@ class MissingPackageError(IsotrussError, ImportError):
 
 
 def explain_missing(error: ModuleNotFoundError) -> str:
-    """Return how the missing package is installed; the error is raised again for other modules."""
+    """Return the installation of the missing package; raise the error again for other modules."""
     package = (error.name or '').partition('.')[0]
     if package in EXTRAS:
         extra = EXTRAS[package]

@@ -21,6 +21,7 @@ NUMPY_HEADERS = re.compile(
 
 
 def main() -> None:
+    """Replace paths of the build machine in the CMake exports of the wheels."""
     prefix = Path(sys.prefix)
     python_headers = prefix / 'include' / 'python{}.{}'.format(*sys.version_info)
     for path in prefix.glob('share/*/cmake/*Export.cmake'):

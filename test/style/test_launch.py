@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The launch files start executables that there are, with parameters that these declare.
+Launch files start existing executables with declared parameters.
 
-Where `launch` is not installed (there are no wheels of it), a stand-in takes down what they say.
+Where `launch` is not installed (it has no wheels), a stand-in records the description.
 """
 
 import importlib
@@ -44,7 +44,7 @@ IfCondition Shutdown Node ParameterValue
 
 
 class StandIn(ModuleType):
-    """A module whose classes keep what they are made with."""
+    """A module whose classes keep the arguments of their constructors."""
 
     def __getattr__(self, kind):
         if kind not in KINDS.split():
@@ -62,29 +62,29 @@ def stand_in(monkeypatch):
     sys.modules.pop('isotruss_ros.nodes.framework.launching', None)
 
 
+def describe(path):
+    """Return the entities that a launch file describes, and its defaults."""
+    names = runpy.run_path(str(path))
+    (entities,) = names['generate_launch_description']().args
+    return entities, names.get('DEFAULTS', {})
+
+
 @pytest.fixture(params=sorted(FOLDER.glob('*tion.launch.py')), ids=lambda path: path.name)
 def path(request):
-    """Return each launch file of our nodes."""
+    """Return the path of each launch file of our nodes."""
     return request.param
 
 
 @pytest.fixture
-def said(path, stand_in):
-    """Return what a launch file defines."""
-    return runpy.run_path(str(path))
-
-
-@pytest.fixture
-def entities(said):
-    """Return what it describes."""
-    (found,) = said['generate_launch_description']().args
-    return found
+def entities(path, stand_in):
+    """Return the described entities."""
+    return describe(path)[0]
 
 
 @pytest.fixture
 def nodes(entities):
-    """Return the nodes that it starts."""
-    return [e for e in entities if e.kind == 'Node']
+    """Return the started nodes."""
+    return [entity for entity in entities if entity.kind == 'Node']
 
 
 def specs_of(executable):
@@ -92,8 +92,8 @@ def specs_of(executable):
     return {spec.name: spec for spec in (*find_node(executable).specs, ROBOT, AUTOSTART)}
 
 
-def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, said, entities, nodes):
-    defaults = said.get('DEFAULTS', {})
+def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, entities, nodes):
+    defaults = describe(path)[1]
     arguments = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
     assert len(nodes) >= 4
     used = {'namespace', 'parameters', *OPTIONAL}
@@ -124,7 +124,7 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, said, ent
     assert missing == (real if path.name.startswith('manipulation') else set())
 
 
-def test_nodes_that_are_optional_have_an_argument_of_their_name(entities, nodes):
+def test_optional_nodes_have_an_argument_of_their_name(entities, nodes):
     switches = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
     for node in nodes:
         if node.executable not in OPTIONAL:
@@ -138,9 +138,8 @@ def test_nodes_that_are_optional_have_an_argument_of_their_name(entities, nodes)
 
 
 def test_a_gamepad_publishes_twists_of_the_object_in_the_namespace(stand_in):
-    said = runpy.run_path(str(FOLDER / 'gamepad.launch.py'))
-    (found,) = said['generate_launch_description']().args
-    joy, teleop = (entity for entity in found if entity.kind == 'Node')
+    entities, _ = describe(FOLDER / 'gamepad.launch.py')
+    joy, teleop = (entity for entity in entities if entity.kind == 'Node')
     assert (joy.package, teleop.package) == ('joy', 'teleop_twist_joy')
     for node in (joy, teleop):
         assert node.namespace.args == ('namespace',)
@@ -157,30 +156,24 @@ def test_all_nodes_shut_down_when_one_ends(nodes):
     assert [node.on_exit.reason for node in nodes] == [f'{n.executable} ended' for n in nodes]
 
 
-def test_an_unknown_argument_is_named(path, entities):
-    (check,) = (e for e in entities if e.kind == 'OpaqueFunction')
-    given = SimpleNamespace(
-        argv=['robot:=triangle', 'namespace:=left', 'object_lies_free:=true'],
-        launch_configurations={'parameters': str(path)},
-    )
-    (warning,) = check.function(given)
-    assert 'object_lies_free: unknown' in warning.msg
-
-
-def test_a_file_of_parameters_that_is_not_there_ends_the_launch(entities):
-    kinds = [e.kind for e in entities]
-    check = entities[kinds.index('OpaqueFunction')]
+def test_unknown_arguments_are_named_and_missing_files_end_the_launch_before_any_node(entities):
+    kinds = [entity.kind for entity in entities]
     assert kinds.index('OpaqueFunction') < kinds.index('Node')
-    given = SimpleNamespace(argv=[], launch_configurations={'parameters': '/nowhere.yaml'})
+    check = entities[kinds.index('OpaqueFunction')].function
+    context = SimpleNamespace(
+        argv=['robot:=triangle', 'namespace:=left', 'object_lies_free:=true'],
+        launch_configurations={'parameters': __file__},
+    )
+    (warning,) = check(context)
+    assert 'object_lies_free: unknown' in warning.msg
+    context.launch_configurations['parameters'] = '/nowhere.yaml'
     with pytest.raises(ParameterError, match=r'launch argument parameters: /nowhere\.yaml'):
-        check.function(given)
+        check(context)
 
 
 @pytest.mark.parametrize('robot', ['nine_member', 'triangle'])
-def test_the_simulation_starts_with_an_object_that_is_held(robot, stand_in):
-    """With the robot as the only argument: the grip fits it."""
-    defaults = runpy.run_path(str(FOLDER / 'simulation.launch.py'))['DEFAULTS']
-    values = {'robot': robot} | defaults
+def test_simulation_starts_with_a_held_object(robot, stand_in):
+    values = {'robot': robot} | describe(FOLDER / 'simulation.launch.py')[1]
 
     def maker(kind):
         names = {spec.name for spec in importlib.import_module(kind.__module__).SPECS}
@@ -198,12 +191,12 @@ def test_the_simulation_starts_with_an_object_that_is_held(robot, stand_in):
     importlib.util.find_spec('launch') is None or importlib.util.find_spec('launch_ros') is None,
     reason='launch and launch_ros come with a ROS 2 installation, there are no wheels of them',
 )
-def test_launch_takes_the_files(path):
+def test_launch_accepts_the_files(path):
     description = runpy.run_path(str(path))['generate_launch_description']()
     assert len(description.entities) > 8
 
 
-def test_the_file_has_the_other_parameters_with_their_defaults(path, entities, nodes):
+def test_parameter_file_has_the_other_parameters_with_their_defaults(path, entities, nodes):
     (argument,) = (
         e for e in entities if e.kind == 'DeclareLaunchArgument' and 'parameters' in e.args
     )

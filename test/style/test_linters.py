@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the linters of ament say, and the notice at the top of every source file."""
+"""Linters of ament pass; every source file begins with the notice."""
 
 from pathlib import Path
 import subprocess
@@ -23,8 +23,8 @@ def test_flake8():
     # In a process of its own: flake8 forks, and a fork of a process with threads of ROS can crash.
     program = 'import sys; from ament_flake8.main import main; sys.exit(main())'
     command = [sys.executable, '-c', program, *SOURCES]
-    found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert found.returncode == 0, found.stdout + found.stderr
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.linter

@@ -1,38 +1,46 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The hashes by which pictures are found out of date."""
+"""Outdated pictures are those whose sources or words have changed."""
 
 import importlib.util
 from pathlib import Path
 import re
+import shutil
 import sys
 
 import pytest
 
 TOP = Path(__file__).parents[2]
-SPEC = importlib.util.spec_from_file_location('pictures', TOP / 'tools' / 'pictures.py')
+TOOL = Path('tools', 'pictures.py')
+
+
+def load(folder, monkeypatch):
+    """Return the tool of a folder as a module."""
+    spec = importlib.util.spec_from_file_location('pictures', folder / TOOL)
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, 'pictures', module)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture
 def pictures(monkeypatch, tmp_path):
-    """Return the module, with sources of its own that draw one picture."""
-    module = importlib.util.module_from_spec(SPEC)
-    monkeypatch.setitem(sys.modules, 'pictures', module)
-    SPEC.loader.exec_module(module)
-    monkeypatch.setattr(module, 'TOP', tmp_path)
-    monkeypatch.setattr(module, 'HASHES', tmp_path / 'inputs.json')
-    own = module.Picture(
-        ('one.png',), ('draw.py',), ('draw.py', 'robot.yaml'), words=lambda: list(module.today)
-    )
-    module.today = ['21 N, held']
-    monkeypatch.setattr(module, 'PICTURES', {'one': own})
+    """Return the tool of a folder with one picture."""
+    for folder in ('tools', 'docs/images'):
+        (tmp_path / folder).mkdir(parents=True)
+    shutil.copy(TOP / TOOL, tmp_path / TOOL)
     (tmp_path / 'robot.yaml').write_text('name: one\n')
     (tmp_path / 'draw.py').write_text('"""Draw."""\nopen("one.png", "w").write("1")\n')
+    module = load(tmp_path, monkeypatch)
+    module.PICTURES.clear()
+    module.PICTURES['one'] = module.Picture(
+        ('one.png',), ('draw.py',), ('draw.py', 'robot.yaml'), words=lambda: ['21 N, held']
+    )
     return module
 
 
-def test_a_picture_is_made_once(pictures, capsys):
+def test_missing_picture_is_drawn_once(pictures, capsys):
     assert pictures.main(['--check']) == 1
     assert capsys.readouterr().err == 'one.png: not there: make pictures\n'
     assert pictures.main([]) == 0
@@ -40,40 +48,34 @@ def test_a_picture_is_made_once(pictures, capsys):
 
 
 @pytest.mark.parametrize(
-    ('name', 'text', 'stale'),
+    ('name', 'text', 'is_outdated'),
     [
         ('draw.py', '"""Draw one."""\n# A comment.\nopen("one.png", "w").write("1")\n', False),
         ('draw.py', '"""Draw."""\nopen("one.png", "w").write("2")\n', True),
         ('robot.yaml', 'name: two\n', True),
     ],
 )
-def test_a_picture_is_out_of_date_where_what_draws_it_changed(
-    pictures, tmp_path, name, text, stale
-):
+def test_picture_is_outdated_by_a_changed_source(pictures, tmp_path, name, text, is_outdated):
     pictures.main([])
     (tmp_path / name).write_text(text)
-    assert pictures.main(['--check']) == stale
+    assert pictures.main(['--check']) == is_outdated
 
 
-def test_a_comment_of_a_message_makes_no_recording_outdated(pictures, tmp_path):
-    file = tmp_path / 'Grasp.msg'
+def test_recording_is_outdated_by_a_field_and_not_by_a_comment(pictures, tmp_path):
     hashes = []
     for text in ('# Code.\nuint8 code\n', 'uint8 code  # code\n', 'uint8 result\n'):
-        file.write_text(text)
+        (tmp_path / 'Grasp.msg').write_text(text)
         hashes.append(pictures.hash_inputs(['Grasp.msg']))
     assert hashes[0] == hashes[1] != hashes[2]
 
 
-def test_every_picture_of_readme_and_pages_is_made_by_a_command():
-    module = importlib.util.module_from_spec(SPEC)
-    sys.modules['pictures'] = module
-    SPEC.loader.exec_module(module)
-    made = {file for picture in module.PICTURES.values() for file in picture.files}
-    pages = [TOP / 'README.md', *(TOP / 'docs').glob('*.md'), *(TOP / 'docs').glob('*.rst')]
-    shown = set()
-    for page in pages:
-        for found in re.findall(r'(?:\]\(|image:: )([\w./]+\.(?:png|gif|svg))', page.read_text()):
-            shown.add((page.parent / found).resolve().relative_to(TOP).as_posix())
+def test_every_picture_on_a_page_has_a_command(monkeypatch):
+    drawn = {file for p in load(TOP, monkeypatch).PICTURES.values() for file in p.files}
+    shown = {
+        (page.parent / name).resolve().relative_to(TOP).as_posix()
+        for page in (TOP / 'README.md', *TOP.glob('docs/*.md'), *TOP.glob('docs/*.rst'))
+        for name in re.findall(r'(?:\]\(|image:: )([\w./]+\.(?:png|gif|svg))', page.read_text())
+    }
     assert shown
-    assert shown <= made
-    assert all((TOP / file).exists() for file in made)
+    assert shown <= drawn
+    assert all((TOP / file).exists() for file in drawn)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The files for SROS 2 and ros2_control name what the nodes do and the rollers of the preset."""
+"""Files for SROS 2 and ros2_control have the interfaces of the nodes and the rollers."""
 
 import math
 from pathlib import Path
@@ -58,7 +58,7 @@ def test_every_node_has_an_enclave_of_its_name(declared):
     assert ElementTree.parse(CONFIG / 'sros2_node.xml').getroot().tag == 'profile'
 
 
-def test_nodes_may_do_what_they_do_and_nothing_else(declared):
+def test_permissions_are_the_interfaces_of_the_nodes(declared):
     for node, interface in declared.items():
         published = interface.published.keys() | ON_REQUEST.get(node, set())
         assert allowed(node, 'topics', 'publish') == published, node
@@ -69,8 +69,7 @@ def test_nodes_may_do_what_they_do_and_nothing_else(declared):
         assert allowed(node, 'actions', 'execute') == offered, node
 
 
-def test_those_that_command_the_rollers_obey_the_stop():
-    """One in operation, and one that checks the rollers before."""
+def test_nodes_that_command_the_rollers_subscribe_to_the_stop():
     moving = {node for node in PROFILES if COMMANDS in allowed(node, 'topics', 'publish')}
     assert moving == {'manipulation', 'check_rollers'}
     for node in moving:
@@ -87,30 +86,21 @@ def rollers_of(description):
     return [joint for joint in description.findall('joint') if joint.get('type') == 'prismatic']
 
 
-def test_the_description_is_a_tree_of_the_rollers(description):
-    joints = {joint.get('name'): joint for joint in rollers_of(description)}
-    assert tuple(joints) == ROBOT.roller_names
-    links = [link.get('name') for link in description.findall('link')]
-    children = [joint.find('child').get('link') for joint in description.findall('joint')]
-    assert links == [ROBOT.frame, *children]
-    parents = {joint.find('parent').get('link') for joint in description.findall('joint')}
-    assert parents == {ROBOT.frame}
-
-
-def test_the_other_links_are_frames_that_are_broadcast(description):
-    floating = [j for j in description.findall('joint') if j.get('type') == 'floating']
-    links = {joint.find('child').get('link') for joint in floating}
-    assert links == {*MODULE_FRAMES, name_frame(ROBOT.frame, OBJECT)}
-    shown = {
-        link.get('name') for link in description.findall('link') if link.find('visual') is not None
-    }
-    assert shown == MODULE_FRAMES
+def test_links_of_the_description_are_the_broadcast_frames(description):
+    links = description.findall('link')
+    joints = description.findall('joint')
+    children = [joint.find('child').get('link') for joint in joints]
+    assert [link.get('name') for link in links] == [ROBOT.frame, *children]
+    assert {joint.find('parent').get('link') for joint in joints} == {ROBOT.frame}
+    floating = {j.find('child').get('link') for j in joints if j.get('type') == 'floating'}
+    assert floating == {*MODULE_FRAMES, name_frame(ROBOT.frame, OBJECT)}
+    drawn = {link.get('name') for link in links if link.find('visual') is not None}
+    assert drawn == MODULE_FRAMES
 
 
 def find_travel_limits():
     """Return the travel at which a member between roller and passive module is at a limit."""
-    said = ROBOT.description
-    limits = np.array([said.min_length, said.max_length])
+    limits = np.array([ROBOT.description.min_length, ROBOT.description.max_length])
     travel = {}
     for name, length in zip(ROBOT.member_names, ROBOT.home.member_lengths, strict=True):
         tube, _, joints = name.partition('/')
@@ -123,24 +113,20 @@ def find_travel_limits():
     return travel
 
 
-def test_at_the_limits_of_travel_a_member_has_its_shortest_or_longest_length(description):
+def test_limits_of_the_rollers_follow_from_member_lengths_speed_and_pressure(description):
     travel = find_travel_limits()
+    (pressure,) = {*ROBOT.description.pressures.values()}
+    pull = pressure * math.pi / 4.0 * ROBOT.description.tube_diameter**2
     for joint in rollers_of(description):
-        limit = joint.find('limit')
-        said = [float(limit.get(side)) for side in ('lower', 'upper')]
-        assert said == pytest.approx(travel[joint.get('name')], abs=1e-9)
+        limit = {name: float(value) for name, value in joint.find('limit').attrib.items()}
+        bounds = [limit['lower'], limit['upper']]
+        assert bounds == pytest.approx(travel[joint.get('name')], abs=1e-9)
+        assert limit['velocity'] == ROBOT.description.max_speed
+        assert limit['effort'] == pytest.approx(pull, rel=1e-3)
 
 
-def test_the_limits_of_speed_and_force_are_those_of_rollers_and_tube(description):
-    said = ROBOT.description
-    (pressure,) = {*said.pressures.values()}
-    pull = pressure * math.pi / 4.0 * said.tube_diameter**2
-    for limit in description.iterfind('joint/limit'):
-        assert float(limit.get('velocity')) == said.max_speed
-        assert float(limit.get('effort')) == pytest.approx(pull, rel=1e-3)
-
-
-def test_the_hardware_takes_velocities_and_measures_travel(description):
+def test_hardware_has_velocity_commands_and_measured_travel_of_the_rollers(description):
+    assert tuple(joint.get('name') for joint in rollers_of(description)) == ROBOT.roller_names
     (system,) = description.findall('ros2_control')
     assert tuple(joint.get('name') for joint in system.findall('joint')) == ROBOT.roller_names
     for joint in system.findall('joint'):
@@ -149,12 +135,12 @@ def test_the_hardware_takes_velocities_and_measures_travel(description):
         assert states == ['position', 'velocity']
 
 
-def test_the_controllers_have_the_rollers_in_order():
-    said = YAML(typ='safe').load(FOLDER / 'controllers.yaml')
-    manager = said['controller_manager']['ros__parameters']
+def test_controllers_have_the_rollers_in_their_order():
+    file = YAML(typ='safe').load(FOLDER / 'controllers.yaml')
+    manager = file['controller_manager']['ros__parameters']
     assert manager['enforce_command_limits'] is True
     assert manager['joint_state_broadcaster']['type'].endswith('/JointStateBroadcaster')
     kind = manager['roller_velocity_controller']['type']
     assert kind == 'velocity_controllers/JointGroupVelocityController'
-    joints = said['roller_velocity_controller']['ros__parameters']['joints']
+    joints = file['roller_velocity_controller']['ros__parameters']['joints']
     assert tuple(joints) == ROBOT.roller_names
