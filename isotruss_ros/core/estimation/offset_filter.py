@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+import math
 from typing import Any
 
 from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers, SlipWatch
@@ -49,11 +50,6 @@ class OffsetFilter:
         self._joint_names = robot.topology.joint_names
         self._roller_names = np.array(robot.roller_names)
         joints = len(self._joint_names)
-        # Derivatives of all marker positions by the markers' common shift and rotation.
-        by_shift = np.tile(np.eye(2), (joints, 1))
-        by_rotation = robot.home.nodes[:joints] @ [[0.0, 1.0], [-1.0, 0.0]]  # (-y, x)
-        #: Jacobian of all marker positions with respect to the markers' constant errors.
-        self._by_errors = np.column_stack([by_shift, by_rotation.ravel(), np.eye(2 * joints)])
         errors = settings.marker_shift, settings.marker_turn, settings.joint_error
         deviations = np.repeat([settings.zero_deviation, *errors], [self._count, 2, 1, 2 * joints])
         self.mean, self.covariance = np.zeros(len(deviations)), np.diag(deviations**2)
@@ -99,10 +95,18 @@ class OffsetFilter:
 
     def expect(self, joints: JointModel, rows: Indices, state: Array) -> tuple[Array, Array]:
         """Return expected marker coordinates `rows` (m,) for a state, and their Jacobian."""
-        offsets, errors = np.split(state, [self._count])
+        offsets, shift, angle, mounting = np.split(state, self._count + np.array([0, 2, 3]))
         positions, by_offsets = joints(offsets)
-        by_errors = self._by_errors[rows]
-        return positions[rows] + by_errors @ errors, np.hstack([by_offsets[rows], by_errors])
+        # All markers are rotated about the origin of the robot frame, wherever the robot is.
+        count = len(self._joint_names)
+        cosine, sine = math.cos(angle[0]), math.sin(angle[0])
+        rotation = np.kron(np.eye(count), [[cosine, -sine], [sine, cosine]])
+        rotated = rotation @ positions
+        by_shift = np.tile(np.eye(2), (count, 1))
+        by_angle = rotated.reshape(-1, 2) @ [[0.0, 1.0], [-1.0, 0.0]]  # (-y, x)
+        expected = rotated + by_shift @ shift + mounting
+        rates = [rotation @ by_offsets, by_shift, by_angle.ravel(), np.eye(2 * count)]
+        return expected[rows], np.column_stack(rates)[rows]
 
     def update(self, measured: Array, noise: Array, rows: Indices, joints: JointModel) -> None:
         """Update the state with measured coordinates (m,) in `rows` by Gauss-Newton steps."""
