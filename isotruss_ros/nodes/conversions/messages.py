@@ -41,6 +41,10 @@ class MessageError(IsotrussError, ValueError):
     """Error: a message is invalid; the text names the fault and the valid range."""
 
 
+class ForeignMessageError(MessageError):
+    """Error: a message contains no part of the input, for example joint states of a gripper."""
+
+
 def read_stamp(header: Header) -> float:
     """Return the time stamp of a message header [s]."""
     return header.stamp.sec + 1e-9 * header.stamp.nanosec

@@ -12,12 +12,26 @@ from isotruss_ros.core import Robot
 from isotruss_ros.core.errors import quote, StructureError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import tube_pressures
-from isotruss_ros.nodes.conversions.messages import check_place, MAX_DISTANCE, MessageError
+from isotruss_ros.nodes.conversions.messages import (
+    check_place,
+    ForeignMessageError,
+    MAX_DISTANCE,
+    MessageError,
+)
 import numpy as np
 from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
 #: Largest valid roller speed [m/s]; larger values come from a broken sensor.
 MAX_SPEED = 10.0
+
+
+#: Largest number of names in a text [-].
+MAX_NAMES = 3
+
+
+def quote_names(names: Sequence[str]) -> str:
+    """Return a text with the first names of a message; 'no joint' without names."""
+    return ', '.join(map(quote, names[:MAX_NAMES])) or 'no joint'
 
 
 def read_joint_markers(
@@ -30,6 +44,10 @@ def read_joint_markers(
             'transforms: both numbers must be equal'
         )
     known, found = robot.topology.joint_names, {}
+    if not any(name in known for name in message.joint_names):
+        raise ForeignMessageError(
+            f'joint marker {quote_names(message.joint_names)}: must be one of {", ".join(known)}'
+        )
     for name, transform in zip(message.joint_names, message.transforms, strict=True):
         if name not in known or name in found:
             raise MessageError(
@@ -59,8 +77,10 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
     """
     Return travel [m] and speed [m/s] for the index of each roller in a message.
 
-    Joints that are no rollers are ignored, so the result may be empty. A speed that is missing or
-    NaN is replaced by zero; some broadcasters send NaN if the speed is not measured.
+    Joints that are no rollers are ignored. A speed that is missing or NaN is replaced by zero;
+    some broadcasters send NaN if the speed is not measured.
+
+    :raises ForeignMessageError: no joint of the message is a roller.
     """
     numbers = {name: number for number, name in enumerate(names)}
     places = [place for place, name in enumerate(message.name) if name in numbers]
@@ -69,7 +89,10 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
         twice = sorted({names[number] for number in found if found.count(number) > 1})
         raise MessageError(f'joint states: {", ".join(twice)} named twice; must be named once')
     if not found:
-        return {}
+        raise ForeignMessageError(
+            f'joint states of {quote_names(message.name)}: must name {", ".join(names)}, in one '
+            'message or in parts'
+        )
 
     def select(what: str, values: Sequence[float]) -> Array:
         if len(values) != len(message.name):
@@ -109,7 +132,7 @@ def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> 
     """
     known, tube = tuple(robot.description.pressures), message.header.frame_id
     if tube not in known:
-        raise MessageError(
+        raise ForeignMessageError(
             f'tube pressures: frame_id {quote(tube)}: must be one of {", ".join(known)}'
         )
     pressure = message.fluid_pressure - ambient

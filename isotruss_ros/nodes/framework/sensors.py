@@ -26,7 +26,7 @@ from isotruss_ros.core.inputs import (
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part, read_tube_pressure
 from isotruss_ros.nodes.conversions.state_messages import read_estimate, read_grip
-from isotruss_ros.nodes.framework.gate import Gate, Received, Topic
+from isotruss_ros.nodes.framework.gate import ForeignMessage, Gate, Received, Topic
 from isotruss_ros.nodes.framework.received_inputs import keep_latest, RollerParts
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
@@ -86,12 +86,14 @@ class Inputs(LatestInputs):
         """
 
         def receive(given: Received, now: float) -> None:
+            if isinstance(given, ForeignMessage) and getattr(self, name) is not None:
+                return
             received = given if topic.merge is None else topic.merge(given, now)
             if received is None:
                 return
             valid = isinstance(received, StampedInput)
-            erased = topic.stops and not valid and received.fault is InputFault.INVALID
-            kept = None if erased else getattr(self, name)
+            erases = topic.stops and not valid and received.fault is InputFault.INVALID
+            kept = None if erases else getattr(self, name)
             setattr(self, name, keep_latest(kept, received, now))
             if valid and take is not None:
                 take(received)  # type: ignore[arg-type]
@@ -110,11 +112,36 @@ class Inputs(LatestInputs):
         read_part = partial(read_roller_part, names=robot.roller_names)
         read_offsets = partial(read_estimate, robot=robot)
         read_held_grip = partial(read_grip, robot=robot)
+        names = robot.roller_names
         topics = {
-            'rollers': Topic(JointState, 'joint_states', read_part, stops=True, merge=self._merge),
+            'rollers': Topic(
+                JointState,
+                'joint_states',
+                read_part,
+                stops=True,
+                merge=self._merge,
+                parts=lambda message: {
+                    name: (place,)
+                    for name, place in zip(message.name, message.position, strict=False)
+                    if name in names
+                },
+            ),
             'estimate': Topic(StateEstimate, 'state_estimate', read_offsets),
-            'pose': Topic(PoseStamped, 'object_pose', frame.read_pose),
-            'markers': Topic(MultiDOFJointState, 'joint_markers', frame.read_markers),
+            'pose': Topic(
+                PoseStamped,
+                'object_pose',
+                frame.read_pose,
+                parts=lambda message: {'': (message.pose.position.x, message.pose.position.y)},
+            ),
+            'markers': Topic(
+                MultiDOFJointState,
+                'joint_markers',
+                frame.read_markers,
+                parts=lambda message: {
+                    name: (place.translation.x, place.translation.y)
+                    for name, place in zip(message.joint_names, message.transforms, strict=False)
+                },
+            ),
             'grasp': Topic(GraspState, 'grasp/state', lambda state: state),
             'held_grip': Topic(HeldGrip, 'manipulation/grip', read_held_grip, stops=True),
             'pressures': Topic(
@@ -123,6 +150,7 @@ class Inputs(LatestInputs):
                 lambda message: read_tube_pressure(message, robot, node.values.ambient_pressure),
                 timeout='pressure_timeout',
                 merge=self._merge_pressures,
+                parts=lambda message: {message.header.frame_id: (message.fluid_pressure,)},
             ),
         }
         return topics[name]
@@ -174,9 +202,14 @@ class Inputs(LatestInputs):
                 why = 'tube pressures: none since the clock jumped or stopped'
                 self.pressures = RejectedInput(why)
 
+    @property
+    def conflicts(self) -> str:
+        """Return a text about inputs that several publishers send; empty without such inputs."""
+        return '; '.join(filter(None, (gate.conflict for gate in self._gates.values())))
+
     def describe_ages(self) -> dict[str, object]:
-        """Return the age of each input [s], or the reason why it is missing."""
-        ages: dict[str, object] = {}
+        """Return the age of each input [s] or the reason why it is missing, and conflicts."""
+        ages: dict[str, object] = {'conflicting publishers': self.conflicts or 'none'}
         for name, gate in self._gates.items():
             given = getattr(self, name)
             if isinstance(given, StampedInput):

@@ -60,13 +60,34 @@ def subscribe_newest(
     :param every: True if the callback is to receive all queued messages in their order; the oldest
         may be lost if too many arrive at once. If false, it receives only the last message.
     """
+
+    def take(messages: list[tuple[Any, int | None]]) -> None:
+        for message, _ in messages if every else messages[-1:]:
+            callback(message)
+
+    return subscribe_numbered(node, kind, topic, take, every)
+
+
+def subscribe_numbered(
+    node: Node,
+    kind: type,
+    topic: str,
+    callback: Callable[[list[tuple[Any, int | None]]], None],
+    every: bool = False,
+) -> Subscription:
+    """
+    Subscribe to the queued messages of a topic, with the numbers that their publishers gave them.
+
+    :param callback: callback that receives all queued messages in their order, each with its
+        number; None if the middleware has no numbers.
+    :param every: True for a queue of `RECENT_MESSAGES`; false for `NEWEST_MESSAGES`.
+    """
     profile = RECENT_MESSAGES if every else NEWEST_MESSAGES
 
-    def take(message: Any) -> None:
+    def take(message: Any, info: dict[str, Any]) -> None:
         # rclpy takes one message per turn, too slow for fast publishers.
-        messages = take_waiting([message], subscription, 1 + profile.depth)
-        for each in messages if every else messages[-1:]:
-            callback(each)
+        queued = take_queued(subscription, profile.depth)
+        callback([(m, i['publication_sequence_number']) for m, i in ((message, info), *queued)])
 
     subscription = node.create_subscription(kind, topic, take, profile, event_callbacks=NO_EVENTS)
     return subscription

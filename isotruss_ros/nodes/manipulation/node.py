@@ -45,6 +45,12 @@ SPECS = (
 )
 
 
+def _planar_parts(message: Twist | TwistStamped) -> dict[str, tuple[float, float, float]]:
+    """Return the components of a twist, which is an input of one part."""
+    twist = getattr(message, 'twist', message)
+    return {'': (twist.linear.x, twist.linear.y, twist.angular.z)}
+
+
 class Manipulation(ManagedNode):
     """Node that commands roller velocities in every cycle, computed from the latest inputs."""
 
@@ -73,7 +79,9 @@ class Manipulation(ManagedNode):
         self._commands = RollerCommands(self, len(self.robot.roller_names))
         stamped = values.use_stamped_twist
         kind, read = (TwistStamped, self._read_stamped_twist) if stamped else (Twist, read_twist)
-        twists = Topic(kind, 'cmd_vel', read, 'twist', stops=True)
+        twists = Topic(
+            kind, 'cmd_vel', read, 'twist', stops=True, parts=_planar_parts, shared=True
+        )
         self._twists = inputs.keep_topic('twist', twists)
         inputs.keep('rollers', 'estimate', 'pose', 'pressures')
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)

@@ -179,12 +179,13 @@ class StatusReport:
             self._grips.publish(to_grip_message(record, self._robot, now))
         command, cycle = decision.command, self._node.cycle
         slowness = '' if cycle is None else cycle.slowness
+        conflicts = self._node.inputs.conflicts
         status = self.status = command.status
         squeeze, deviation = decision.squeeze or (math.nan, math.nan)
         message = ManipulationStatus(
             header=make_header(now, self._frame),
             code=int(status),
-            message='; '.join(filter(None, (slowness, decision.message))),
+            message='; '.join(filter(None, (conflicts, slowness, decision.message))),
             commanded=to_twist_message(decision.twist),
             achieved=to_twist_message(command.achieved_twist),
             desired_pose=to_pose_message(decision.desired_pose or UNKNOWN_POSE),
@@ -205,6 +206,8 @@ class StatusReport:
         if status in NORMAL_STATUSES:
             level = DiagnosticStatus.WARN if decision.failed else DiagnosticStatus.OK
         text = decision.message or status.name
+        if conflicts:
+            level, text = max(level, DiagnosticStatus.WARN), f'{conflicts}; {text}'
         if decision.failed:
             text = f'failed rollers: {", ".join(decision.failed)}; {text}'
         self._node.diagnostics.set_status(text, level)

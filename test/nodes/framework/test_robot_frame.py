@@ -132,7 +132,7 @@ def test_without_tf2_frames_must_match_and_the_error_says_so():
     frame = RobotFrame.heard_by(None, ROBOT)
     for read, message in (
         (frame.read_pose, pose((0.0, 0.0, 0.0), Rotation.identity())),
-        (frame.read_markers, markers({})),
+        (frame.read_markers, markers({'P': (0.0, 0.0, 0.0)})),
     ):
         with pytest.raises(MessageError, match=r"'camera': must be 'truss'; tf2_ros.*not install"):
             read(message)

@@ -1,0 +1,159 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Messages of other publishers: contradicting values of one input, and messages without it."""
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped, Twist
+from isotruss_ros.core import Pose, Status
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.state_estimator import StateEstimatorNode
+from manual_world import world
+from probe import CENTER, maker, manipulation, N, ROBOT
+import pytest
+from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
+
+NAMES = list(ROBOT.roller_names)
+MOVING = (Status.OK, Status.ACCELERATING)
+
+
+def second_tracker(w, beside, ahead=0):
+    """Return a function that sends a pose beside the true one by another publisher [m]."""
+    poses = w.probe.create_publisher(PoseStamped, 'object_pose', 1)
+
+    def send():
+        pose = to_pose_message(Pose(CENTER[0] + beside, CENTER[1], 0.3))
+        poses.publish(PoseStamped(header=make_header(w.probe.past(0.0), 'truss'), pose=pose))
+
+    for _ in range(ahead):  # numbers far from those of the first publisher
+        send()
+    return send
+
+
+@pytest.mark.parametrize('beside', [0.005, 0.05])
+@pytest.mark.parametrize('ahead', [0, 1000])
+def test_two_trackers_are_named_with_their_values_and_halt_the_robot(beside, ahead):
+    with world(manipulation()) as w:
+        send = second_tracker(w, beside, ahead)
+        w.until_code(Status.OK, w.probe.send_all)
+        w.until_code(Status.HALT_INVALID_OBJECT_POSE, lambda: (w.probe.send_all(), send()))
+        words = w.probe.last('status').message
+        assert '2 publishers of object_pose (/probe, /probe)' in words
+        for x in (CENTER[0], CENTER[0] + beside):
+            assert f'({x:.4g}, {CENTER[1]:.4g})' in words
+        w.spin(1.0, lambda: (w.probe.send_all(), send()))
+        assert '2 publishers' in w.detail('conflicting publishers')
+        assert w.report('manipulation').level == DiagnosticStatus.ERROR
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_pose_of_another_tracker_is_never_used():
+    with world(maker(StateEstimatorNode)()) as w:
+        send, received = second_tracker(w, 0.005, 1000), set()
+
+        def turn():
+            w.probe.send_joints()
+            w.probe.send_pose()
+            received.add(w.nodes[1].inputs.pose.value.x)
+            send()
+
+        w.spin(0.1, lambda: (w.probe.send_joints(), w.probe.send_pose()))
+        w.spin(1.0, turn)
+        assert received == {CENTER[0]}
+
+
+def test_publisher_that_takes_over_is_accepted():
+    with world(manipulation()) as w:
+        take_over = second_tracker(w, 0.0)
+        w.until_code(Status.OK, w.probe.send_all)
+        others = lambda: (w.probe.send_joints(), w.probe.send_twist(), take_over())  # noqa: E731
+        w.spin(1.0, others)
+        codes = {message.code for _, message in w.probe.seen['status'][-100:]}
+        assert codes <= {*MOVING}
+
+
+def test_two_publishers_of_the_same_rollers_halt_the_robot_and_are_named():
+    with world(manipulation()) as w:
+        states = w.probe.create_publisher(JointState, 'joint_states', 1)
+
+        def send():
+            w.probe.send_all()
+            header = make_header(w.probe.past(0.0))
+            states.publish(JointState(header=header, name=NAMES, position=[0.01] * N))
+
+        w.until_code(Status.OK, w.probe.send_all)
+        status = w.until_code(Status.HALT_INVALID_JOINT_STATES, send)
+        w.spin(0.2, send)
+        assert f'2 publishers of joint_states of {NAMES[0]}' in w.probe.last('status').message
+        assert 'send 0 and 0.01' in status.message or 'send 0.01 and 0' in status.message
+
+
+def test_two_publishers_of_twists_are_reported_and_the_last_twist_is_executed():
+    with world(manipulation()) as w:
+        twists = w.probe.create_publisher(Twist, 'cmd_vel', 1)
+        w.spin(1.0, lambda: (w.probe.send_all(), twists.publish(Twist())))
+        status = w.probe.last('status')
+        assert status.code < Status.HALT_NO_TWIST
+        assert '2 publishers of cmd_vel' in status.message
+        assert w.report('manipulation').level == DiagnosticStatus.WARN
+
+
+# Messages without a part of the input
+
+
+def test_joint_states_of_a_gripper_are_not_judged():
+    with world(manipulation()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+
+        def send():
+            w.probe.send_all()
+            for age in (-0.02, 3600.0, -3600.0):
+                w.probe.send_joints(age, name=['gripper'], position=[0.0])
+
+        w.spin(1.0, send)
+        assert {message.code for _, message in w.probe.seen['status'][-60:]} <= {*MOVING}
+
+
+def test_joint_states_of_a_gripper_alone_are_named():
+    with world(manipulation()) as w:
+
+        def send():
+            w.probe.send_pose()
+            w.probe.send_twist()
+            w.probe.send_joints(-0.02, name=['gripper'], position=[0.0])
+
+        status = w.until_code(Status.HALT_INVALID_JOINT_STATES, send)
+        assert "joint states of 'gripper': must name south/P" in status.message
+
+
+@pytest.mark.parametrize('kind', [GraspAnalysisNode, StateEstimatorNode])
+def test_markers_and_pressures_of_other_bodies_are_not_judged(kind):
+    with world(maker(kind)()) as w:
+        markers = w.probe.create_publisher(MultiDOFJointState, 'joint_markers', 1)
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_pose()
+            w.probe.send_pressures([2e4] * 3)
+            for age in (-0.02, 3600.0):
+                w.probe.send_joints(age, name=['gripper'], position=[0.0])
+                header = make_header(w.probe.past(age), 'compressor')
+                w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=8e5))
+                header = make_header(w.probe.past(age), 'truss')
+                markers.publish(MultiDOFJointState(header=header))
+
+        w.spin(1.0, send)
+        inputs = w.nodes[1].inputs
+        assert inputs.rollers.rejected is None
+        assert inputs.pressures.value == (2e4,) * 3
+        assert inputs.pressures.rejected is None
+
+
+def test_fault_of_a_stamp_names_the_joints_of_the_message():
+    with world(manipulation()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        w.probe.send_joints(-0.02, name=NAMES[:2], position=[0.0] * 2)
+        status = w.until_code(Status.HALT_INVALID_JOINT_STATES, lambda: None)
+        assert '0.020 s in the future' in status.message
+        assert f'message of {NAMES[0]}, {NAMES[1]}' in status.message
