@@ -105,9 +105,9 @@ def analyze_grasp(
     :param method: 'exact' (the complementarity problem is solved by nonnegative least squares) or
         'relaxation' (it is solved by the paper's iteration (9)).
     :param spacing: spacing of the contact points along the tubes [m].
-    :param pressure: gauge pressure [Pa], given as one number for all tubes, as one number for each
-        tube in the order of the robot file, or as a mapping from tube names to pressures. If None,
-        the pressure of the robot file is used.
+    :param pressure: gauge pressure from 1e3 to 3e5 [Pa], given as one number for all tubes, as one
+        number for each tube in the order of the robot file, or as a mapping from tube names to
+        pressures. If None, the pressure of the robot file is used.
     :raises GraspError: an argument is invalid.
     :raises StructureError: the robot is a mechanism, a pressure is invalid, or the stiffness laws
         contradict each other.

@@ -118,9 +118,9 @@ def deform(
     :param config: configuration of the robot, with rollers at rest.
     :param joint_loads: force (fx, fy) for each joint name, robot frame [N]. Joints are hinges and
         transmit no moment.
-    :param pressure: gauge pressure [Pa], given as one number for all tubes, as one number for each
-        tube, or as a mapping from tube names to pressures. If None, the pressure of the robot file
-        is used.
+    :param pressure: gauge pressure from 1e3 to 3e5 [Pa], given as one number for all tubes, as one
+        number for each tube, or as a mapping from tube names to pressures. If None, the pressure
+        of the robot file is used.
     :param module_loads: load (fx, fy, m) for each module name, acting at the midpoint of the
         module's pinch points [N, N m].
     :param tube_loads: array (l, 4) for each member name. A row is (s, fx, fy, m), with the

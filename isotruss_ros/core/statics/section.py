@@ -22,6 +22,7 @@ from isotruss_ros.core.model.inflated_section import (
     MEMBRANE_SHEAR_MODULUS,
     SectionStiffness,
 )
+from isotruss_ros.core.model.robot_schema import plausible_range
 from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 import numpy as np
@@ -140,14 +141,12 @@ def tube_pressures(
             )
         values = np.broadcast_to(value, len(pressures)).tolist()
         pressures = dict(zip(pressures, values, strict=True))
+    lowest, highest = plausible_range('tube.pressure')
     for tube, value in pressures.items():
         what = f'gauge pressure of tube {tube} [Pa]'
         (pressures[tube],) = finite_array([value], 1, what, StructureError).tolist()
-        if pressures[tube] <= 0.0:
-            raise StructureError(f'{what}: {value!r}: must be a positive number')
-        # The range keeps computed values finite; the pressures of tubes are well inside of it.
-        if not 1e-3 <= pressures[tube] <= 1e7:
-            raise StructureError(f'{what}: {value!r}: must be from 1e-3 to 1e7')
+        if not lowest <= pressures[tube] <= highest:
+            raise StructureError(f'{what}: {value!r}: must be from {lowest:g} to {highest:g}')
     return tuple(pressures.values())
 
 

@@ -137,7 +137,7 @@ def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> 
         )
     pressure = message.fluid_pressure - ambient
     try:
-        tube_pressures(robot.description, dict.fromkeys(known, pressure))
+        tube_pressures(robot.description, {tube: pressure})
     except StructureError as error:
-        raise MessageError(f'tube pressures: {tube}: {error}') from error
+        raise MessageError(f'tube pressures: {error}') from error
     return tube, pressure

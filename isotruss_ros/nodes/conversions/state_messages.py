@@ -9,10 +9,12 @@ from geometry_msgs.msg import Point
 from isotruss_msgs.msg import HeldGrip as HeldGripMessage
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core import Pose, Robot
+from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, StateEstimate
 from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.holding.pressed_contacts import Places, PressedContacts
 from isotruss_ros.core.numerics.arrays import covariance_matrix
+from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     HELD_VALUES,
@@ -143,6 +145,11 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
                 f'{np.abs(values).max(initial=0.0):g} at most: must be {size} numbers from '
                 f'{-MAX_DISTANCE:g} to {MAX_DISTANCE:g}'
             )
+    if message.pressures:
+        try:
+            tube_pressures(robot.description, np.array(message.pressures))
+        except StructureError as error:
+            raise MessageError(f'held grip: {error}') from error
     contacts = PressedContacts(np.array(known), np.array(message.corners, dtype=np.intp))
     covariance = np.array(message.pose_covariance).reshape(3, 3)
     words = 'pose covariance of the held grip [m^2, m rad, rad^2]'

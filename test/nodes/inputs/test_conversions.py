@@ -258,9 +258,11 @@ def test_ambient_pressure_is_subtracted_from_absolute_pressures():
 @pytest.mark.parametrize(
     ('tube', 'value', 'words'),
     [
-        ('east', -1.0, 'east: .*-1.0: must be a positive number'),
-        ('south', math.nan, 'south: '),
-        ('north', math.inf, 'north: '),
+        ('east', -1.0, r'tube east \[Pa\]: -1.0: must be from 1000 to 300000'),
+        ('east', 34.5, r'tube east \[Pa\]: 34.5: must be from 1000 to 300000'),
+        ('east', 1e7, r'tube east \[Pa\]: 10000000.0: must be from 1000 to 300000'),
+        ('south', math.nan, 'tube south '),
+        ('north', math.inf, 'tube north '),
         ('west', 3e4, "frame_id 'west': must be one of"),
     ],
 )

@@ -42,6 +42,7 @@ def test_grips_survive_a_round_trip():
         {'travel': [0.0]},
         {'travel': [float('nan')] * 6},
         {'pressures': [1e4]},
+        {'pressures': [1e4, 1e4, 34.5]},
         {'members': ['north/R-P', 'south/P-Q']},
         {'members': ['south/P-Q', 'south/P-Q']},
         {'members': ['south/P-Q', 'west/A-B']},

@@ -225,5 +225,5 @@ def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():
         w.until_code(ManipulationStatus.HALT_STALE_TUBE_PRESSURES, still)
         w.until_code(ManipulationStatus.OK, lambda: send(30e3))
         w.until_code(ManipulationStatus.HALT_INVALID_TUBE_PRESSURES, lambda: send(-1.0))
-        assert 'must be a positive number' in w.probe.last('status').message
+        assert 'must be from 1000 to 300000' in w.probe.last('status').message
         w.until_code(ManipulationStatus.OK, lambda: send(30e3))
