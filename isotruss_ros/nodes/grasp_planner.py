@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError
@@ -35,18 +35,23 @@ class GraspPlanner(ManagedNode):
     Node that executes one grasp search at a time, and refuses other goals meanwhile.
 
     The search runs in its own thread and processes; a timer checks whether it has finished.
+
+    :cvar searcher_type: type of the search, with the constructor of `Searcher`.
+    :ivar searcher: search of the configured node; None before.
     """
+
+    searcher_type: ClassVar[type[Searcher]] = Searcher
 
     node_name = 'grasp_planner'
     specs = SPECS
     awaited = ('plan_grasp',)
     idle = 'no search'
-    _searcher: Searcher | None = None
+    searcher: Searcher | None = None
 
     def configure(self) -> None:
         """Subscribe to the joint states, and offer the action `plan_grasp`."""
         self._described = common.read_described(self.values)
-        self._searcher = Searcher(self.values.workers)
+        self.searcher = self.searcher_type(self.values.workers)
         self.inputs = Inputs(self, self.robot)
         self.inputs.keep('rollers', 'estimate')
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
@@ -57,7 +62,7 @@ class GraspPlanner(ManagedNode):
             self._read,
             self._refuse,
             self._begin,
-            self._searcher.cancel,
+            self.searcher.cancel,
         )
 
     def activate(self) -> None:
@@ -66,19 +71,19 @@ class GraspPlanner(ManagedNode):
 
     def deactivate(self) -> None:
         """End the grasp search and its processes."""
-        self._searcher.close()
+        self.searcher.close()
         if self._goal.active:
             self._end(Answer(SearchOutcome.FAILED, 'the node was deactivated'))
 
     def destroy_node(self) -> None:
         """Destroy the node, and end the processes of the search."""
-        if self._searcher is not None:
-            self._searcher.close()
+        if self.searcher is not None:
+            self.searcher.close()
         super().destroy_node()
 
     def details(self) -> dict[str, object]:
         """Return the progress of the grasp search for the diagnostics."""
-        progress, searching = self._searcher.progress(), {'searching': self._goal.active}
+        progress, searching = self.searcher.progress(), {'searching': self._goal.active}
         if progress is None:
             return searching  # type: ignore[return-value]
         return {**searching, 'evaluations': progress.evaluations, 'grasps found': progress.found}
@@ -101,17 +106,17 @@ class GraspPlanner(ManagedNode):
 
     def _begin(self, arguments: tuple[Any, ...]) -> None:
         """Start a grasp search."""
-        self._searcher.begin(*arguments)
+        self.searcher.begin(*arguments)
         self.diagnostics.set_status('searching')
 
     def _poll(self) -> None:
         """Publish feedback of the search, or end the goal with its result."""
         self.inputs.track()
-        answer = self._searcher.answer()
+        answer = self.searcher.answer()
         if answer is not None:
             self._end(answer)
         elif self._goal.active:
-            progress = self._searcher.progress()
+            progress = self.searcher.progress()
             self._goal.publish_feedback(
                 lambda: PlanGrasp.Feedback(
                     evaluations=progress.evaluations,

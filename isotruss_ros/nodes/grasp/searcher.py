@@ -46,10 +46,14 @@ class Answer(NamedTuple):
 
 
 class Searcher:
-    """Search for grasps in the background; its worker processes start with the first search."""
+    """
+    Search for grasps in the background; its worker processes start with the first search.
 
-    def __init__(self, workers: int) -> None:
-        self._workers, self._pool = workers, WorkerPool(workers)
+    :param plan: function that searches, with the arguments of `plan_grasps`.
+    """
+
+    def __init__(self, workers: int, plan: Callable[..., GraspPlan] = plan_grasps) -> None:
+        self._workers, self._pool, self._plan = workers, WorkerPool(workers), plan
         self._search: Future[GraspPlan] | None = None
         self._stop = Stop()
 
@@ -66,7 +70,7 @@ class Searcher:
         self._search, self._stop = Future(), Stop(time_limit)
         self._progress = Progress(0, 0, None, 0.0, None)
         search = functools.partial(
-            plan_grasps,
+            self._plan,
             config,
             body,
             requirements,

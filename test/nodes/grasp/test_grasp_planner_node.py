@@ -23,17 +23,17 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.planning.grasp_plan import NEAR_SPEED_SHARE, Progress
-from isotruss_ros.nodes import grasp_planner
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
 from isotruss_ros.nodes.conversions.trajectory_goals import read_roller_trajectory
 from isotruss_ros.nodes.grasp.searcher import Answer, SearchOutcome
+from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, Manager, world
 import numpy as np
 from planning import CENTER, DIAMETER, goal, NO_MARGIN, node
-from probe import N, ROBOT
+from probe import maker, N, ROBOT
 import pytest
 
 
@@ -88,12 +88,11 @@ def test_the_object_of_a_goal_goes_before_that_of_the_parameter():
         assert read_goal(goal(), ROBOT, described).body == ConvexObject.disc(CENTER, DIAMETER)
 
 
-def test_the_parameter_describes_the_object(monkeypatch):
-    monkeypatch.setattr(grasp_planner, 'Searcher', StandIn)
-    with world(node(workers=2, object=BOX_FILE)) as w:
+def test_the_parameter_describes_the_object():
+    with world(idle(workers=2, object=BOX_FILE)) as w:
         w.spin(0.05, w.probe.send_joints)
         w.send_goal(goal(object_diameter=0.0))
-        assert w.nodes[1]._searcher.begun[1].shape == read_object(BOX_FILE).shape
+        assert w.nodes[1].searcher.begun[1].shape == read_object(BOX_FILE).shape
     check_refused(node(object='{shape: star}'), 'must be one of')
 
 
@@ -290,13 +289,21 @@ class StandIn:
         self.begun, self.closed = None, True
 
 
+class IdlePlanner(GraspPlanner):
+    """Planner whose searches the test ends."""
+
+    searcher_type = StandIn
+
+
+idle = maker(IdlePlanner, command_timeout=5.0)
+
+
 @pytest.fixture
-def planner(monkeypatch):
+def planner():
     """Return a world with a planner that has received joint states."""
-    monkeypatch.setattr(grasp_planner, 'Searcher', StandIn)
-    with world(node(workers=2)) as w:
+    with world(idle(workers=2)) as w:
         w.spin(0.05, w.probe.send_joints)
-        w.searcher = w.nodes[1]._searcher
+        w.searcher = w.nodes[1].searcher
         yield w
 
 
@@ -358,9 +365,8 @@ def test_a_bad_goal_is_aborted_with_the_reason(planner):
     assert planner.searcher.begun is None
 
 
-def test_needs_fresh_joint_states(monkeypatch):
-    monkeypatch.setattr(grasp_planner, 'Searcher', StandIn)
-    with world(node()) as w:
+def test_needs_fresh_joint_states():
+    with world(idle()) as w:
         for send, words in (
             (lambda: None, 'joint states: none received yet'),
             (
@@ -375,7 +381,7 @@ def test_needs_fresh_joint_states(monkeypatch):
             status, result = ended(w, w.send_goal(goal()))
             assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.NO_JOINT_STATES)
             assert re.search(words, result.message)
-        assert w.nodes[1]._searcher.begun is None
+        assert w.nodes[1].searcher.begun is None
 
 
 def test_searches_from_where_the_robot_is(planner):

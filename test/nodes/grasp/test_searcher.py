@@ -12,7 +12,6 @@ from isotruss_ros import workers
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.errors import GraspError, SolverError, StructureError
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
-from isotruss_ros.nodes.grasp import searcher as searching
 from isotruss_ros.nodes.grasp.searcher import Searcher, SearchOutcome
 from isotruss_ros.workers import Stop
 import pytest
@@ -37,12 +36,11 @@ DEADLINE = 240.0
         (BrokenProcessPool('gone'), SearchOutcome.FAILED, 'a process of the search died'),
     ],
 )
-def test_every_end_of_a_search_has_a_result(ended_by, outcome, words, monkeypatch):
+def test_every_end_of_a_search_has_a_result(ended_by, outcome, words):
     def plan(*_arguments, **_options):
         raise ended_by
 
-    monkeypatch.setattr(searching, 'plan_grasps', plan)
-    searcher = Searcher(1)
+    searcher = Searcher(1, plan)
     assert searcher.answer() is None
     searcher.begin(*SEARCH, 0.0)
     deadline = time.monotonic() + DEADLINE
@@ -90,8 +88,7 @@ def test_the_time_left_is_no_longer_than_the_limit(told, limit, left, monkeypatc
         clock.now += 3.0
         on_progress(Progress(5, 1, 2.0, 0.5, told))
 
-    monkeypatch.setattr(searching, 'plan_grasps', plan)
-    searcher = Searcher(1)
+    searcher = Searcher(1, plan)
     searcher.begin(*SEARCH, limit)
     while searcher.progress().evaluations == 0:
         pass
@@ -109,10 +106,9 @@ def test_the_time_left_is_no_longer_than_the_limit(told, limit, left, monkeypatc
         (False, True, SearchOutcome.CANCELLED),
     ],
 )
-def test_a_plan_without_grasps_says_why(complete, requested, outcome, monkeypatch):
+def test_a_plan_without_grasps_says_why(complete, requested, outcome):
     plan = GraspPlan((), complete, None, 7, 2, 0.1)
-    monkeypatch.setattr(searching, 'plan_grasps', lambda *_, **__: plan)
-    searcher = Searcher(1)
+    searcher = Searcher(1, lambda *_, **__: plan)
     searcher.begin(*SEARCH, 0.0)
     assert searcher.progress() == Progress(0, 0, None, 0.0, None)
     if requested:

@@ -4,11 +4,9 @@
 """The node `state_estimator`, and the nodes that use what it publishes."""
 
 import itertools
-from pathlib import Path
 
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.estimation import state_estimate
-from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.core.statics.deform import Sag
 from isotruss_ros.nodes import state_estimator
@@ -80,21 +78,18 @@ def test_joints_of_a_robot_with_wrong_offsets_are_estimated():
     assert found.held == found.HELD_UNKNOWN
 
 
-def test_prior_of_the_robot_is_that_of_parameters_and_calibration(monkeypatch, tmp_path):
-    made, file = [], tmp_path / 'calibrated.yaml'
-    text = Path(ROBOT.description.source).read_text(encoding='utf-8')
-    file.write_text(f'{text}\ncalibration: {{stiffness_deviation: 0.02}}\n')
-
-    def make(robot, settings):
-        made.append(settings)
-        return StateEstimator(robot, settings)
-
-    monkeypatch.setattr(state_estimator, 'StateEstimator', make)
-    for robot, stiffness in (('nine_member', 0.3), (str(file), 0.02)):
-        with world(estimator(zero_deviation=0.002, slip=0.03, robot=robot)):
-            assert made[-1] == state_estimate.EstimatorSettings(
-                zero_deviation=0.002, slip=0.03, stiffness=stiffness
-            )
+def test_prior_deviation_of_the_offsets_is_the_parameter_and_grows_by_slip():
+    deviations = []
+    for slip in (0.0, 0.5):
+        with world(estimator(zero_deviation=0.002, slip=slip)) as w:
+            listen(w)
+            w.spin(0.1, w.probe.send_joints)
+            w.spin(0.1, lambda: w.probe.send_joints(position=[0.1] * 6))
+            variances = np.diag(np.reshape(last_estimate(w).offset_covariance, (6, 6)))
+        deviations.append(np.sqrt(variances))
+    assert deviations[0] == pytest.approx(0.002, rel=0.02)
+    # Slip of half of the travel of 0.1 m, which is its correlation length.
+    assert deviations[1] == pytest.approx(np.hypot(0.002, 0.05), rel=0.02)
 
 
 def test_estimate_is_robust_to_late_swapped_and_missing_markers():

@@ -6,7 +6,7 @@
 import contextlib
 
 from geometry_msgs.msg import PoseStamped, TransformStamped
-from isotruss_msgs.msg import StateEstimate
+from isotruss_msgs.msg import GraspState, StateEstimate
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.nodes.bring_up.preflight import Preflight
@@ -17,10 +17,13 @@ from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
 import numpy as np
+import probe
 from probe import CENTER, maker, manipulation, N, ROBOT
 import pytest
+from sensor_msgs.msg import FluidPressure
 
 NAMES = list(ROBOT.roller_names)
+MOVING = (Status.OK, Status.ACCELERATING)
 estimator = maker(StateEstimatorNode)
 
 
@@ -53,6 +56,18 @@ def test_joint_states_of_two_broadcasters_are_one_input(parts):
         assert codes(w) == {Status.OK}
 
 
+def test_all_messages_of_a_burst_are_merged():
+    with probe.world(manipulation()) as w:
+
+        def send():
+            others(w)
+            for name in NAMES:
+                w.probe.send_joints(name=[name], position=[0.0])
+
+        w.spin(2.0, send)
+        assert w.probe.last('status').code in MOVING, w.probe.last('status').message
+
+
 def test_a_broadcaster_that_falls_silent_stops_the_rollers_and_its_rollers_are_named():
     with world(manipulation()) as w:
         w.until_code(Status.OK, w.probe.send_all)
@@ -66,6 +81,38 @@ def test_a_broadcaster_that_falls_silent_stops_the_rollers_and_its_rollers_are_n
 
 
 # Stamps
+
+
+@pytest.mark.parametrize('age', [1.0, 3600.0])
+def test_stale_joint_states_among_fresh_ones_do_not_stop_the_rollers(age):
+    with world(manipulation()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        w.spin(1.0, lambda: (w.probe.send_all(), w.probe.send_joints(age=age)))
+        assert codes(w) <= {*MOVING}
+
+
+@pytest.mark.parametrize('by', [-3600.0, -3.0])
+def test_pressures_from_before_a_clock_jump_are_not_used(by):
+    def send():
+        w.probe.send_joints()
+        w.probe.send_pose()
+
+    def send_one():
+        send()
+        header = make_header(w.probe.past(0.0), 'south')
+        w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=3e4))
+
+    with world(lambda: GraspAnalysisNode()) as w:
+        w.spin(0.2, lambda: (send(), w.probe.send_pressures([3e4] * 3)))
+        assert w.code('state') == GraspState.OK
+        w.shift = by
+        w.spin(0.5, send)
+        # Neither the pressures of the robot file nor the earlier ones of other tubes.
+        assert w.code('state') == GraspState.INVALID_TUBE_PRESSURES
+        w.spin(0.5, send_one)
+        assert w.code('state') == GraspState.INVALID_TUBE_PRESSURES
+        w.spin(0.2, lambda: (send(), w.probe.send_pressures([3e4] * 3)))
+        assert w.code('state') == GraspState.OK
 
 
 def test_a_joint_state_with_a_future_stamp_ages_from_its_reception():

@@ -122,14 +122,6 @@ def test_readings_of_one_time_are_a_complete_state():
     assert parts.merged().rejected is None
 
 
-def test_merged_readings_are_stored_as_far_as_they_are_interpolated():
-    parts = RollerParts(NAMES)
-    for time in range(20):
-        parts.take(part((0, 1, 2), time, (0.1, 0.1, 0.1)), time, 20.0)
-        parts.merged()
-    assert [len(readings) for readings in parts._readings] == [1, 1, 1]
-
-
 def test_a_second_reading_of_the_same_time_replaces_the_first():
     parts = RollerParts(NAMES)
     for speed in (0.1, 0.2):
