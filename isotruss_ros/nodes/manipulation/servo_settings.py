@@ -180,6 +180,8 @@ class StatusReport:
         command, cycle = decision.command, self._node.cycle
         slowness = '' if cycle is None else cycle.slowness
         conflicts = self._node.inputs.conflicts
+        if conflicts in decision.message:  # as the reason of a halt
+            conflicts = ''
         status = self.status = command.status
         squeeze, deviation = decision.squeeze or (math.nan, math.nan)
         message = ManipulationStatus(
