@@ -213,6 +213,7 @@ def test_an_estimate_survives_a_round_trip():
         squeeze_deviation=2.0,
         used=('P',),
         left_out=('Q', 'R'),
+        is_improbable=True,
         swapped=('Q', 'R'),
         delay=0.02,
         slipping=('north/Z',),
@@ -230,6 +231,7 @@ def test_an_estimate_survives_a_round_trip():
     assert planar == pytest.approx(estimate.pose_covariance)
     assert (sent.used_joints, sent.left_out_joints) == (['P'], ['Q', 'R'])
     assert sent.slipping_rollers == ['north/Z']
+    assert sent.improbable
     assert (sent.swapped_joints, sent.pose_delay) == (['Q', 'R'], 0.02)
     found = read_estimate(sent, ROBOT)
     assert found.offsets == pytest.approx(estimate.offsets)

@@ -7,9 +7,11 @@ from isotruss_ros.core import Status
 from manual_world import Manager, world
 from matches import follow
 import numpy as np
+import probe
 from probe import manipulation as node
 import pytest
 from rclpy.event_handler import QoSSubscriptionEventType
+from rclpy.publisher import Publisher
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -72,9 +74,12 @@ def test_is_released_by_the_service_unless_the_last_message_is_true():
 
 
 def test_a_short_press_in_one_batch_stops():
-    with world(node()) as w:
+    with probe.world(node()) as w:
+        stops = w.probe.create_publisher(Bool, 'emergency_stop', 10)
+        w.until(lambda: stops.get_subscription_count() > 0)
         w.until_code(Status.OK, w.probe.send_all)
-        w.nodes[1]._stop._receive([Bool(data=True), Bool(data=False)])
+        for pressed in (True, False):
+            stops.publish(Bool(data=pressed))
         w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
 
 
@@ -100,10 +105,10 @@ def test_the_service_stops_and_responds_with_the_reason():
         w.until_code(Status.OK, w.probe.send_all)
 
 
-def test_the_service_fails_where_a_drive_has_not_received_zero():
+def test_the_service_fails_where_a_drive_has_not_received_zero(monkeypatch):
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)
-        w.nodes[1]._commands.wait_for_subscribers = lambda: False
+        monkeypatch.setattr(Publisher, 'wait_for_all_acked', lambda *_: False)
         response = w.call('emergency_stop', Trigger.Request())
         assert not response.success
         assert 'not every subscriber has acknowledged it; stopped by' in response.message

@@ -151,8 +151,13 @@ def test_a_roller_that_does_not_move_is_detected_and_held_until_reset():
 
 def until_found(w):
     """Let encoders stand still until rollers are found not to move; return which."""
-    w.until(lambda: bool(w.nodes[1]._servo.failed), w.probe.send_all)
-    return w.nodes[1]._servo.failed
+
+    def failed():
+        status = w.probe.last('status')
+        return set() if status is None else set(status.failed_rollers)
+
+    w.until(lambda: bool(failed()), w.probe.send_all)
+    return failed()
 
 
 def found(w):

@@ -47,12 +47,6 @@ def test_an_input_replaces_one_from_before_the_clock_was_set_back():
     assert keep_latest(NEW, LATE, NOW - 0.1) is LATE
 
 
-def test_a_rejected_input_never_erases_a_good_one():
-    kept = keep_latest(NEW, BAD, NOW)
-    assert require_fresh(NOW + 0.99 * TIMEOUT, TIMEOUT, object_pose=kept) == (kept,)
-    assert kept.value == 'new'
-
-
 def test_the_reason_of_a_rejection_is_told_once_the_good_input_is_too_old():
     kept = keep_latest(NEW, BAD, NOW)
     with pytest.raises(InputError, match='bad') as caught:
@@ -114,23 +108,3 @@ def test_a_reading_at_the_current_time_keeps_the_earlier_ones_of_its_roller():
     merged = parts.merged()
     assert merged.time == 1.5
     assert merged.value.positions == pytest.approx(np.full(3, 0.15))
-
-
-def test_readings_of_one_time_are_a_complete_state():
-    parts = RollerParts(NAMES)
-    parts.take(part((0, 1, 2), 1.0, (0.1, 0.1, 0.1)), 1.0, 1.0)
-    assert parts.merged().rejected is None
-
-
-def test_a_second_reading_of_the_same_time_replaces_the_first():
-    parts = RollerParts(NAMES)
-    for speed in (0.1, 0.2):
-        parts.take(part((0, 1, 2), 1.0, 3 * [speed]), 1.0, 1.0)
-    assert parts.merged().value.positions == pytest.approx(np.full(3, 0.2))
-
-
-def test_rollers_without_readings_since_the_clearing_are_missing():
-    parts = RollerParts(NAMES)
-    parts.take(part((0, 1, 2), 1.0, (0.1, 0.1, 0.1)), 1.0, 1.0)
-    parts.clear()
-    assert 'rollers a, b, c are missing' in parts.merged().reason
