@@ -118,7 +118,9 @@ def test_halts_while_the_clock_is_stopped_and_resumes_with_new_inputs():
         time = SimulatedTime(w)
         w.until_code(Status.OK, time.run(w.probe.send_all))
         # Inputs go on, with the stamp of the last time there was.
+        stopped = w.now
         w.until_code(Status.HALT_CLOCK, w.probe.send_all)
+        assert w.now - stopped < 0.2 + 0.05
         assert not w.command().any()
         before = len(w.probe.seen['status'])
         w.until(lambda: len(w.probe.seen['status']) > before + 3, w.probe.send_all)

@@ -16,7 +16,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.nodes.conversions.grasp_messages import read_query, to_wrench_message
-from isotruss_ros.nodes.conversions.messages import MessageError, to_pose_message
+from isotruss_ros.nodes.conversions.messages import make_header, MessageError, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
@@ -24,6 +24,7 @@ from manual_world import world
 import numpy as np
 from probe import DIAMETER, maker, MODULE, N, ROBOT
 import pytest
+from sensor_msgs.msg import FluidPressure
 from studies.comparison.wedge import pressed_into
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -300,6 +301,14 @@ def test_measured_pressures_are_used_while_they_are_fresh():
         state = w.until_code(
             GraspCode.INVALID_TUBE_PRESSURES, lambda: send((-1.0, 3e4, 3e4)), 'state'
         )
-        assert 'tube pressures: south: ' in state.message
-        assert '-1.0: must be a positive number' in state.message
+        assert 'tube south [Pa]: -1.0: must be from 1000 to 300000' in state.message
         w.until_code(GraspCode.OK, send, 'state')
+        gauges = ROBOT.description.pressures
+
+        def send_two():
+            feed(w)()
+            for tube in list(gauges)[:2]:
+                header = make_header(w.probe.past(0.0), tube)
+                w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=20e3))
+
+        w.until_code(GraspCode.STALE_TUBE_PRESSURES, send_two, 'state')
