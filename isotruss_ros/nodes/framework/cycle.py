@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+import math
 import time
 
 from isotruss_ros.nodes.framework.topics import take_waiting
@@ -51,6 +52,7 @@ class Cycle:
         self._times: deque[float] = deque(maxlen=10_000)
         #: Number of cycles counted for the measured rate, and time at which the count began [s].
         self._count, self._since = 0, None
+        self.rate = math.inf  #: rate measured last [Hz]
         self.slowness = ''  #: measured rate in words if it is too low; else empty
         self.is_steady = not node.get_parameter('use_sim_time').value
         self._clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
@@ -112,9 +114,9 @@ class Cycle:
         elapsed, wanted = now - self._since, self._values.rate
         if elapsed < RATE_PERIOD:
             return
-        reached = self._count / elapsed
-        slow = reached < MIN_RATE_SHARE * wanted
-        self.slowness = f'the loop reaches {reached:.3g} of {wanted:g} Hz' if slow else ''
+        self.rate = self._count / elapsed
+        slow = self.rate < MIN_RATE_SHARE * wanted
+        self.slowness = f'the loop reaches {self.rate:.3g} of {wanted:g} Hz' if slow else ''
         self._count, self._since = 0, now
 
     def _check(self) -> None:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+import math
 import re
 import time
 from typing import Any, NamedTuple
@@ -28,7 +29,8 @@ MIN_REPORT_PERIOD = 0.1
 class Reason(NamedTuple):
     """Reason for a stop or a warning that was logged once, with the number of its occurrences."""
 
-    text: str  #: logged text
+    text: str  #: logged text, or that of the occurrence with the smallest `value`
+    value: float  #: smallest value of the occurrences, such as a rate
     #: number of occurrences so far
     count: int  # type: ignore[assignment]
     logged: float  #: time of the log entry [s]
@@ -46,23 +48,29 @@ class ReasonLog:
         self._log = log
         self._reasons: dict[str, Reason] = {}
 
-    def note(self, kind: str, text: str) -> None:
-        """Log the reason for a stop or a warning; only count it if it is a repetition."""
+    def note(self, kind: str, text: str, value: float = math.inf) -> None:
+        """
+        Log the reason for a stop or a warning; only count it if it is a repetition.
+
+        :param value: value in the text; the end is logged with the text of the smallest value.
+        """
         now, known = time.monotonic(), self._reasons.get(kind)
         if known is not None and now - known.given < QUIET_TIME:
             same = NUMBERS.sub('', text) == NUMBERS.sub('', known.text)
             if same or now - known.logged < MIN_LOG_PERIOD:
+                if same and value < known.value:
+                    known = known._replace(text=text, value=value)
                 self._reasons[kind] = known._replace(count=known.count + 1, given=now)
                 return
         self._end(kind)
         self._log(text)
-        self._reasons[kind] = Reason(text, 1, now, now)
+        self._reasons[kind] = Reason(text, value, 1, now, now)
 
-    def end(self) -> None:
-        """Log the number of occurrences of each reason that no longer occurs."""
+    def end(self, quiet_time: float = QUIET_TIME) -> None:
+        """Log the number of occurrences of each reason that has not occurred for a time [s]."""
         now = time.monotonic()
         for kind, reason in list(self._reasons.items()):
-            if now - reason.given >= QUIET_TIME:
+            if now - reason.given >= quiet_time:
                 self._end(kind)
 
     def _end(self, kind: str) -> None:
@@ -104,7 +112,7 @@ class Diagnostics:
         cycle, level, message = self._node.cycle, self._level, self._message
         if cycle is not None and cycle.slowness:
             level, message = max(level, DiagnosticStatus.WARN), f'{message}; {cycle.slowness}'
-            self._node.reasons.note('rate', cycle.slowness)
+            self._node.reasons.note('rate', cycle.slowness, cycle.rate)
         self._node.reasons.end()
         status = DiagnosticStatus(
             level=level,

@@ -44,6 +44,16 @@ def test_an_ended_reason_is_logged_with_its_count(log):
     assert log.lines[1:] == ['no longer, after 264 times: pose: 0.000 s old']
 
 
+def test_the_end_of_a_slow_loop_is_logged_with_its_lowest_rate(log):
+    for rate in (43.7, 21.0, 60.0):
+        log.log.note('rate', f'the loop reaches {rate} of 100 Hz', rate)
+    log.log.end(0.0)
+    assert log.lines == [
+        'the loop reaches 43.7 of 100 Hz',
+        'no longer, after 3 times: the loop reaches 21.0 of 100 Hz',
+    ]
+
+
 def test_a_reason_that_takes_the_place_of_another_is_logged(log):
     hold(log, 'status', 'no twist', 200)
     hold(log, 'status', 'no pose', 5)
