@@ -10,7 +10,7 @@ is not used, because it cannot be installed from PyPI on machines without ROS.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -30,6 +30,17 @@ RCLPY_PREFIXES = ('use_sim_time', 'start_type_description_service', 'qos_overrid
 WHOLE_NUMBERS: dict[Parameter.Type, Callable[[Any], Value]] = {
     Parameter.Type.INTEGER: float,
     Parameter.Type.INTEGER_ARRAY: lambda values: list(map(float, values)),
+}
+#: Default of a list of names without a name, because ROS gives an empty list no type.
+NO_NAMES = ['']
+#: Types of values in words, with an article.
+TYPES_IN_WORDS = {
+    Parameter.Type.BOOL: 'true or false',
+    Parameter.Type.INTEGER: 'a whole number',
+    Parameter.Type.DOUBLE: 'a number',
+    Parameter.Type.STRING: 'a text, in quotes',
+    Parameter.Type.STRING_ARRAY: 'a list of names',
+    Parameter.Type.DOUBLE_ARRAY: 'a list of numbers',
 }
 UNCONFIGURED_ONLY = 'read-only unless the node is unconfigured'
 
@@ -64,23 +75,20 @@ class Parameters:
     Values of the parameters of one node, as attributes.
 
     :ivar fixed: names of the parameters that a managed node reads only when it is configured.
+    :param given: parameters of the command line, of parameter files and of the constructor.
     """
 
-    def __init__(self, node: Node, specs: Sequence[Spec]) -> None:
+    def __init__(self, node: Node, specs: Sequence[Spec], given: Mapping[str, Parameter]) -> None:
         self._node, self._managed = node, isinstance(node, LifecycleNode)
         self.fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
         self._real = {spec.name for spec in specs if _is_real(spec.default)}
-        present = node.get_parameters_by_prefix('')
-        given = {
-            name: each for name, each in present.items() if not name.startswith(RCLPY_PREFIXES)
-        }
-        for name in given:
-            node.undeclare_parameter(name)
+        self._names = {spec.name for spec in specs if spec.default == NO_NAMES}
         for spec in specs:
-            self._declare(spec, given.pop(spec.name, None))
-        for name in sorted(given):
-            node.get_logger().warning(f'parameter {name}: unknown, and not used')
-        node.add_pre_set_parameters_callback(self._read_whole_numbers)
+            self._declare(spec, given.get(spec.name))
+        for name in sorted(set(given) - {spec.name for spec in specs}):
+            if not name.startswith(RCLPY_PREFIXES):
+                node.get_logger().warning(f'parameter {name}: unknown, and not used')
+        node.add_pre_set_parameters_callback(self._convert)
 
     def __getattr__(self, name: str) -> Any:
         return self._node.get_parameter(name).value
@@ -99,29 +107,37 @@ class Parameters:
                 descriptor.floating_point_range = [reach]
             else:
                 descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
-        default, read = spec.default, None
+        value = spec.default
         if given is not None:
-            (read,) = self._read_whole_numbers([given])
-            if read is not given:
-                default = read.value
+            (read,) = self._convert([given])
+            value = read.value
+            expected = Parameter.Type.from_parameter_value(spec.default)
+            if read.type_ is not expected:
+                words = TYPES_IN_WORDS[expected]
+                was = 'an empty list' if value is None else repr(value)
+                raise ParameterError(f'parameter {spec.name}: {was}: must be {words}')
         try:
-            self._node.declare_parameter(spec.name, default, descriptor, read is not given)
+            self._node.declare_parameter(spec.name, value, descriptor, True)
         except InvalidParameterValueException as error:
             raise ParameterError(
-                f'parameter {spec.name}: {given.value}: out of range; must be from {low:g} to '
-                f'{high:g}'
+                f'parameter {spec.name}: {value}: out of range; must be from {low:g} to {high:g}'
             ) from error
         except ParameterException as error:
             raise ParameterError(f'parameter {spec.name}: {error}') from error
 
-    def _read_whole_numbers(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Return the parameters, with integers converted to floats where floats are declared."""
-        return [
-            Parameter(p.name, value=WHOLE_NUMBERS[p.type_](p.value))
-            if p.name in self._real and p.type_ in WHOLE_NUMBERS
-            else p
-            for p in parameters
-        ]
+    def _convert(self, parameters: list[Parameter]) -> list[Parameter]:
+        """Return the parameters with integers as floats, and empty lists as `NO_NAMES`."""
+        return [self._convert_one(parameter) for parameter in parameters]
+
+    def _convert_one(self, parameter: Parameter) -> Parameter:
+        name, kind, value = parameter.name, parameter.type_, parameter.value
+        if name in self._real and kind in WHOLE_NUMBERS:
+            return Parameter(name, value=WHOLE_NUMBERS[kind](value))
+        # An empty list in a parameter file has no type; that of a message may have any.
+        is_empty = kind is Parameter.Type.NOT_SET or (kind.name.endswith('ARRAY') and not value)
+        if name in self._names and is_empty:
+            return Parameter(name, value=NO_NAMES)
+        return parameter
 
 
 def _is_real(default: Value) -> bool:

@@ -59,11 +59,14 @@ class StoppableNode(Node):
         super().__init__(
             self.node_name,
             parameter_overrides=list(parameter_overrides),
-            automatically_declare_parameters_from_overrides=True,
         )
         self.reasons = ReasonLog(lambda text: self.get_logger().warning(text))
         try:
-            self.values = Parameters(self, (*self.base_specs, *self.specs))
+            # rclpy itself cannot declare an empty list of a parameter file.
+            with self.handle:
+                given = self.handle.get_parameters(Parameter)
+            given |= {each.name: each for each in parameter_overrides}
+            self.values = Parameters(self, (*self.base_specs, *self.specs), given)
             self.start()
         except IsotrussError:
             self.destroy_node()
@@ -180,6 +183,7 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
                 signal.signal(which, signal.SIG_IGN)
             if node is not None:
                 node.stop()
+                node.reasons.end(0.0)
                 node.destroy_node()
     except IsotrussError as error:
         print(f'{what}: {error}', file=sys.stderr)

@@ -8,11 +8,13 @@ from isotruss_msgs.action import FollowObjectPath, PlanGrasp
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import Status
 from isotruss_ros.core.paths.path_servo import PathOutcome
+from isotruss_ros.nodes.framework.parameters import ParameterError
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp.searcher import SearchOutcome
 from manual_world import check_refused, world
-from probe import overrides
+from probe import begin_context, overrides
 import pytest
+import rclpy
 from rclpy.parameter import Parameter
 
 CODES = {
@@ -41,6 +43,49 @@ def test_every_parameter_is_described_and_every_number_has_a_range(name):
             assert descriptor.description, descriptor.name
             if descriptor.type == Parameter.Type.DOUBLE.value:
                 assert len(descriptor.floating_point_range) == 1, descriptor.name
+
+
+def list_parameters():
+    """Yield node and name of each parameter that is a list of names."""
+    for name, kind in node_classes().items():
+        for spec in (*kind.base_specs, *kind.specs):
+            if isinstance(spec.default, list) and isinstance(spec.default[0], str):
+                yield name, spec.name
+
+
+def start_with(tmp_path, name, parameter, value):
+    """Return a node that reads a value, as text, of a parameter from a file."""
+    file = tmp_path / 'parameters.yaml'
+    file.write_text(f'/**: {{ros__parameters: {{{parameter}: {value}}}}}')
+    begin_context(['--ros-args', '--params-file', str(file)])
+    return node_classes()[name]()
+
+
+@pytest.mark.parametrize(('name', 'parameter'), list_parameters())
+def test_an_empty_list_of_a_parameter_file_or_of_a_request_is_no_name(tmp_path, name, parameter):
+    node = start_with(tmp_path, name, parameter, '[]')
+    assert node.get_parameter(parameter).value == ['']
+    if parameter not in node.values.fixed:
+        empty = Parameter(parameter, Parameter.Type.STRING_ARRAY, [])
+        assert all(result.successful for result in node.set_parameters([empty]))
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+@pytest.mark.parametrize(
+    ('name', 'parameter', 'words'),
+    [
+        ('manipulation', 'friction', 'a number'),
+        ('simulator', 'object_pose', 'a list of numbers'),
+        ('path_follower', 'smooth_path', 'true or false'),
+        ('grasp_planner', 'workers', 'a whole number'),
+        ('viewer', 'object', 'a text, in quotes'),
+    ],
+)
+def test_an_empty_list_in_place_of_another_value_is_refused(tmp_path, name, parameter, words):
+    with pytest.raises(ParameterError, match=f'{parameter}: an empty list: must be {words}$'):
+        start_with(tmp_path, name, parameter, '[]')
+    rclpy.shutdown()
 
 
 REFUSED = [
