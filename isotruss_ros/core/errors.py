@@ -3,6 +3,10 @@
 
 """Exceptions of the package, which have one common base class."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+
 
 class IsotrussError(Exception):
     """Base class of all exceptions that this package raises deliberately."""
@@ -43,3 +47,15 @@ class NoMotionError(PathError):
 def quote(name: str) -> str:
     """Return a name in quotes for an error message, truncated if long."""
     return repr(name if len(name) <= 80 else f'{name[:80]}…')
+
+
+def format_numbers(values: Iterable[float]) -> str:
+    """Return numbers as a text with six digits each, for an error message."""
+    return f'[{", ".join(f"{value:.6g}" for value in values)}]'
+
+
+def distinct_numbers(value: float, bound: float) -> tuple[str, str]:
+    """Return two numbers as texts of at least four digits, which differ if the numbers differ."""
+    digits = range(4, 18 if value != bound else 5)
+    pairs = ((f'{value:.{count}g}', f'{bound:.{count}g}') for count in digits)
+    return next((pair for pair in pairs if pair[0] != pair[1]), (f'{value:.4g}', f'{bound:.4g}'))

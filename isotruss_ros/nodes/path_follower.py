@@ -17,7 +17,7 @@ from isotruss_ros.core.inputs import find_fresh, InputError
 from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_servo import PathOutcome, PathServo, ServoFeedback
 from isotruss_ros.core.paths.path_tracking import PathTracker, Tracking, TrackingSettings
-from isotruss_ros.core.planning.foresee_path import foresee_grip
+from isotruss_ros.core.planning.foresee_path import foresee_grip, Foresight, OUT_OF_REACH
 from isotruss_ros.nodes.conversions.path_messages import read_object_path
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import create_twist_publisher
@@ -56,6 +56,8 @@ FEEDBACK = (*LAST_ERRORS, 'progress', 'time_left')
 NO_FEEDBACK = FollowObjectPath.Feedback(
     position_error=np.nan, angle_error=np.nan, progress=0.0, time_left=np.nan
 )
+#: Smallest rotation that is mentioned where a motion ends [rad].
+SMALLEST_SHOWN_ANGLE = math.radians(0.5)
 
 
 class PathFollower(ManagedNode):
@@ -249,8 +251,17 @@ def _check_path(
     except GraspError:
         return
     if found is not None and found.why:
-        x, y, angle = (round(number, 4) for number in found.pose)
-        raise PathError(
-            f'the object would be carried over only {100.0 * found.share:.0f} % of the path, to '
-            f'({x:g}, {y:g}) m, {angle:g} rad: {found.why}'
-        )
+        raise PathError(_describe_end(found))
+
+
+def _describe_end(found: Foresight) -> str:
+    """Return the reason, length and pose at which a predicted motion ends."""
+    places = np.array([held.pose for held in found.grips])
+    length = np.hypot(*np.diff(places[:, :2], axis=0).T).sum()
+    x, y, angle = found.pose
+    turned = angle - places[0, 2]
+    turn = f' and {math.degrees(turned):+.0f}°' if abs(turned) > SMALLEST_SHOWN_ANGLE else ''
+    end = f'after {100.0 * length:.0f} cm{turn}, at ({x:.3f}, {y:.3f})'
+    if found.why.startswith(OUT_OF_REACH):
+        return f'{OUT_OF_REACH} {end}{found.why.removeprefix(OUT_OF_REACH)}'
+    return f'the motion would end {end}: {found.why}'

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from isotruss_ros.core.errors import ConfigurationError, quote
+from isotruss_ros.core.errors import ConfigurationError, format_numbers, quote
 from isotruss_ros.core.kinematics.constraints import follow_branch
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -86,9 +86,10 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         try:
             return factorize(self.robot.constraints.matrix(self.points))
         except np.linalg.LinAlgError as error:
+            positions = format_numbers(self.roller_positions)
             raise ConfigurationError(
-                f'robot {self.robot.name}: the shape at roller positions '
-                f'{self.roller_positions.tolist()} m is singular; choose other roller positions'
+                f'robot {self.robot.name}: the shape at roller positions {positions} m is '
+                'singular; choose other roller positions'
             ) from error
 
     @cached_property
@@ -126,7 +127,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         member = int(goal_lengths.argmin())
         if goal_lengths[member] <= 0.0:
             raise ConfigurationError(
-                f'robot {robot.name}: roller positions {goal.tolist()} m make member '
+                f'robot {robot.name}: roller positions {format_numbers(goal)} m make member '
                 f'{robot.member_names[member]} {goal_lengths[member]:.6g} m long; must be positive'
             )
 
@@ -151,8 +152,8 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         else:
             cause = f'near a singular one, none found in {MAX_NEWTON_ITERATIONS} steps'
         raise ConfigurationError(
-            f'robot {robot.name}: roller positions {goal.tolist()} m: {cause} '
-            f'beyond {100 * fraction:.6g} % of the way from {start.tolist()} m'
+            f'robot {robot.name}: roller positions {format_numbers(goal)} m: {cause} '
+            f'beyond {100 * fraction:.6g} % of the way from {format_numbers(start)} m'
         )
 
     def predict(self, travel: Array) -> Configuration:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.errors import NoMotionError, PathError
+from isotruss_ros.core.errors import format_numbers, NoMotionError, PathError
 from isotruss_ros.core.model.pose import pose_fault
 from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.tolerances import ROUNDING
@@ -129,7 +129,7 @@ def _drop_repeated(poses: Array) -> Array:
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
     if not differs.any():
         raise NoMotionError(
-            f'all poses of the path equal {poses[0].tolist()}; two or more must differ'
+            f'all poses of the path equal {format_numbers(poses[0])}; two or more must differ'
         )
     return poses[np.concatenate([[True], differs])]
 

@@ -248,7 +248,8 @@ class PathTracker:
         twist, message = np.zeros(3), ''
         if phase in FINISHED:
             where = 'the end of the path' if clock.at_end else 'the path'
-            message = f'{1e3 * position_error:.3g} mm and {angle_error:.3g} rad off {where}'
+            turn = math.degrees(angle_error)
+            message = f'{1e3 * position_error:.1f} mm and {turn:.1f}° off {where}'
             if phase is PathPhase.STUCK:
                 message = f'no progress for {clock.waited:.3g} s, {message}'
         elif phase is not PathPhase.HELD:

@@ -8,7 +8,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
+from isotruss_ros.core.errors import (
+    ConfigurationError,
+    distinct_numbers,
+    GraspError,
+    SolverError,
+)
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import (
@@ -36,6 +41,8 @@ STEP, MAX_STEPS = 0.005, 400
 #: or more, see `MIN_LIMITED_RATE`. Where the ratio is 29 to 55, the control loop executes 17 to
 #: 23 % of a path.
 MAX_TRAVEL_RATIO = 20.0
+#: Begin of the reason of an end at which the robot cannot follow the path any further.
+OUT_OF_REACH = 'out of reach'
 
 
 class Foresight(NamedTuple):
@@ -101,7 +108,9 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     for number, goal in enumerate(goals[1:]):
         try:
             moved = _take_step(grips[-1], friction, held.squeeze, goal)
-        except (ConfigurationError, GraspError, SolverError) as error:
+        except ConfigurationError:
+            moved = OUT_OF_REACH
+        except (GraspError, SolverError) as error:
             if number == 0:
                 raise
             moved = str(error)
@@ -119,7 +128,7 @@ def _take_step(held: HeldGrip, friction: float, squeeze: float, goal: Array) -> 
     grip, displacement = held.touching(friction), pose_difference(goal, held.pose)
     command = solve_twist(held.config, grip, displacement, opening_rate=opening)
     if command.scale < MIN_STEP_SCALE:
-        return f'limits of {", ".join(command.limiting)}'
+        return f'{OUT_OF_REACH}: limits of {", ".join(command.limiting)}'
     motion = np.linalg.norm(command.achieved_twist * (1.0, 1.0, held.arm))
     ratio = np.abs(command.roller_velocities).max() / max(motion, SMALLEST_NORMAL)
     if ratio > MAX_TRAVEL_RATIO:
@@ -132,8 +141,9 @@ def _take_step(held: HeldGrip, friction: float, squeeze: float, goal: Array) -> 
         return hold.value
     error = math.hypot(goal[0] - rolled.pose.x, goal[1] - rolled.pose.y)
     if error > 4.0 * STEP:
-        return f'the robot cannot move the object along the path, {1e3 * error:.0f} mm off it'
+        return OUT_OF_REACH
     margin, bound = rolled.slip_margin(friction), MIN_RELATIVE_MARGIN * squeeze
     if margin < bound:
-        return f'the slip margin is {margin:.3g} N, and must be {bound:.3g} N'
+        reached, needed = distinct_numbers(margin, bound)
+        return f'the slip margin is {reached} N; must be at least {needed} N'
     return rolled

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
+from isotruss_ros.core.errors import ConfigurationError, format_numbers, GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
@@ -67,7 +67,7 @@ def reach_pose(config: Configuration, grip: Grip, pose: ArrayLike) -> ReachedPos
     what = 'the pose to reach (x, y, angle) [m, rad]'
     goal = finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE)
     if fault := pose_fault(*goal.tolist()):
-        raise GraspError(f'{what}: {goal.tolist()}: {fault}')
+        raise GraspError(f'{what}: {format_numbers(goal)}: {fault}')
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
     guard = ShapeGuard(config.robot)
     remaining, weights = pose_difference(goal, rolling.pose), (1.0, 1.0, grip.body.arm)

@@ -11,34 +11,34 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.errors import distinct_numbers, IsotrussError
 
 #: Sentence for each violated requirement, in the order in which the search tests them; a candidate
 #: that violates a later requirement is closer to a grasp.
 SENTENCES_BY_REQUIREMENT = {
-    'free': 'the robot overlaps the object: the gap is {value:.4g} m; must not be negative',
+    'free': 'the robot overlaps the object: the gap is {value} m; must not be negative',
     'enclosed': 'no members enclose the object',
-    'members': '{value:.0f} of the {bound:.0f} required members are visible from the object',
+    'members': '{value} of the {bound} required members are visible from the object',
     'opposed': 'no near directions of the members balance within their friction cones',
-    'facing': 'the members stay {value:.3g} rad from directions with force closure',
-    'reach': 'a member stays {value:.4g} m short of the object',
-    'rigidity': 'the rigidity index on the path is {value:.3g}; must be at least {bound:.3g}',
-    'self_clearance': 'along the path the clearance of the robot from itself is {value:.4g} m',
-    'object_clearance': 'a part outside of the grip comes within {value:.4g} m of the object',
-    'in_place': 'closing displaces the object by {value:.4g} m; must be at most {bound:.4g} m',
-    'turned': 'the release turns the object by {value:.3g} rad; must be at most {bound:.3g}',
-    'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
+    'facing': 'the members stay {value} rad from directions with force closure',
+    'reach': 'a member stays {value} m short of the object',
+    'rigidity': 'the rigidity index on the path is {value}; must be at least {bound}',
+    'self_clearance': 'along the path the clearance of the robot from itself is {value} m',
+    'object_clearance': 'a part outside of the grip comes within {value} m of the object',
+    'in_place': 'closing displaces the object by {value} m; must be at most {bound} m',
+    'turned': 'the release turns the object by {value} rad; must be at most {bound}',
+    'squeeze': 'limits end the closing at {value} N of each member; must be {bound} N',
     'held': 'no pose near the object balances the forces of the members',
 }
 #: Sentence for each requirement of the last stage of the search. Violations of these requirements
 #: are compared by their relative size.
 BOUNDS = {
-    'min_slip_margin': 'the slip margin is {value:.4g} N; must be at least {bound:.4g} N',
-    'force_closure': 'the required friction is {value:.4g}; must be at most {bound:.4g}',
-    'max_contact_force': 'one member presses with {value:.4g} N; must be at most {bound:.4g} N',
-    'max_total_force': 'all members press with {value:.4g} N; must be at most {bound:.4g} N',
-    'max_utilisation': 'the utilisation of a tube is {value:.3g}; must be at most {bound:.3g}',
-    'carry': 'the object slips after {value:.0%} of its path',
+    'min_slip_margin': 'the slip margin is {value} N; must be at least {bound} N',
+    'force_closure': 'the required friction is {value}; must be at most {bound}',
+    'max_contact_force': 'one member presses with {value} N; must be at most {bound} N',
+    'max_total_force': 'all members press with {value} N; must be at most {bound} N',
+    'max_utilisation': 'the utilisation of a tube is {value}; must be at most {bound}',
+    'carry': 'the object slips after {share:.0%} of its path',
 }
 
 
@@ -114,4 +114,6 @@ def violation_in_words(violation: Violation | None) -> str:
     sentence = (SENTENCES_BY_REQUIREMENT | BOUNDS).get(violation.requirement)
     if sentence is None:
         return f'the closest grasp candidate cannot be computed: {violation.requirement}'
-    return f'{violation.requirement}: {sentence.format(**vars(violation))}'
+    value, bound = distinct_numbers(violation.value, violation.bound)
+    words = sentence.format(value=value, bound=bound, share=violation.value)
+    return f'{violation.requirement}: {words}'

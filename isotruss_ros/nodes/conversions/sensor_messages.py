@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from geometry_msgs.msg import Transform
 from isotruss_ros.core import Robot
-from isotruss_ros.core.errors import quote, StructureError
+from isotruss_ros.core.errors import format_numbers, quote, StructureError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.nodes.conversions.messages import (
@@ -105,7 +105,7 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
     positions = select('positions', message.position)
     if not np.abs(positions).max() <= MAX_DISTANCE:  # nor for NaN
         raise MessageError(
-            f'joint states: roller positions {positions.tolist()} m: must be finite, '
+            f'joint states: roller positions {format_numbers(positions)} m: must be finite, '
             f'at most {MAX_DISTANCE:g} m'
         )
     velocities = np.zeros_like(positions)
@@ -114,7 +114,7 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
         velocities[np.isnan(velocities)] = 0.0
     if np.abs(velocities).max() > MAX_SPEED:
         raise MessageError(
-            f'joint states: roller velocities {velocities.tolist()} m/s: '
+            f'joint states: roller velocities {format_numbers(velocities)} m/s: '
             f'must be at most {MAX_SPEED} m/s'
         )
     read = zip(positions.tolist(), velocities.tolist(), strict=True)

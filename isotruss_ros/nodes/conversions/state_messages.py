@@ -9,7 +9,7 @@ from geometry_msgs.msg import Point
 from isotruss_msgs.msg import HeldGrip as HeldGripMessage
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core import Pose, Robot
-from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.errors import format_numbers, StructureError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, StateEstimate
 from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.holding.pressed_contacts import Places, PressedContacts
@@ -70,7 +70,7 @@ def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTrave
         )
     if not (np.abs(offsets) <= MAX_OFFSET).all():
         raise MessageError(
-            f'state estimate with offsets {offsets.tolist()} m: must be finite, at most '
+            f'state estimate with offsets {format_numbers(offsets)} m: must be finite, at most '
             f'{MAX_OFFSET:g} m'
         )
     covariance = np.array(message.offset_covariance)

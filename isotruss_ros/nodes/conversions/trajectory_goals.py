@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import Robot
-from isotruss_ros.core.errors import quote
+from isotruss_ros.core.errors import format_numbers, quote
 from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.paths.object_path import MAX_DURATION
@@ -105,8 +105,8 @@ def read_roller_trajectory(
         positions = np.asarray(point.positions, dtype=np.float64)
         if positions.shape != (len(names),) or not (np.abs(positions) <= MAX_DISTANCE).all():
             raise MessageError(
-                f'trajectory: point {number}: positions {positions[:20].tolist()} m: must be '
-                f'{len(names)} finite numbers, at most {MAX_DISTANCE:g} m'
+                f'trajectory: point {number}: positions {format_numbers(positions[:20])} m: must '
+                f'be {len(names)} finite numbers, at most {MAX_DISTANCE:g} m'
             )
     order = [names.index(name) for name in rollers]
     positions = np.array([point.positions for point in points])[:, order]

@@ -98,6 +98,10 @@ def test_the_closest_violation_is_the_latest_one_and_of_bounds_the_nearest():
             'min_slip_margin: the slip margin is 0.2 N; must be at least 0.5 N',
         ),
         (
+            Violation('max_utilisation', 0.80004, 0.8),
+            'max_utilisation: the utilisation of a tube is 0.80004; must be at most 0.8',
+        ),
+        (
             Violation('no step', 0.0, 0.0),
             'the closest grasp candidate cannot be computed: no step',
         ),

@@ -6,6 +6,7 @@
 from dataclasses import replace
 import itertools
 import math
+import re
 from types import SimpleNamespace
 
 from action_msgs.msg import GoalInfo, GoalStatus
@@ -13,12 +14,14 @@ from carries import FRICTION, make_robot, place
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import ObjectPath, Pose, Status
+from isotruss_ros.core import Disc, ObjectPath, Pose, Status
 from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.paths.path_servo import PathServo
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.nodes import path_follower
@@ -367,21 +370,30 @@ VALUES = SimpleNamespace(
 )
 
 
-def check(displacement, time=NOW, begin=BODY.pose, record=None):
+def check(displacement, time=NOW, begin=BODY.pose, record=None, described=VALUES.object):
     """Check a straight path, with rollers at home measured at a time."""
     path = ObjectPath([begin, np.add(begin, displacement)], 0.02, 0.1)
     servo = PathServo(0.02, 0.2, LatestInputs())
     servo.inputs.rollers = StampedInput(RollerState(STILL, STILL), time)
     servo.inputs.held_grip = record and StampedInput(record, NOW)
-    _check_path(ROBOT, VALUES, servo, path, NOW)
+    values = SimpleNamespace(**vars(VALUES) | {'object': described})
+    _check_path(ROBOT, values, servo, path, NOW)
 
 
 def test_a_path_on_which_the_object_would_slip_is_refused_with_the_pose():
-    words = (
-        r'carried over only \d+ % of the path, to \(0\.\d+, 0\.\d+\) m, .* rad: the slip margin'
-    )
+    words = r'the motion would end after \d+ cm.*, at \(0\.\d+, 0\.\d+\): the slip margin'
     with pytest.raises(PathError, match=words):
         check((0.3, 0.2, 0.0))
+
+
+@pytest.mark.parametrize('displacement', [(0.18, 4.27, 0.0), (3.0, 0.0, 0.5)])
+def test_a_path_beyond_reach_is_refused_with_the_place_where_it_would_end(displacement):
+    words = r'out of reach after \d+ cm.*, at \(\d\.\d{3}, \d\.\d{3}\)'
+    members = members_at(ROBOT, 'north/Z')
+    body = place_between(ROBOT.home, members, Disc(0.3), indentation=0.005).body
+    with pytest.raises(PathError, match=words) as refused:
+        check(displacement, begin=body.pose, described='{shape: disc, diameter: 0.3}')
+    assert not re.search(r'\d\.\d{7}', str(refused.value))
 
 
 def test_a_path_is_followed_where_only_the_history_of_the_contacts_uses_the_margin():
