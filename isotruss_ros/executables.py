@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-import contextlib
 from functools import partial
 import importlib
 import os
@@ -59,8 +58,8 @@ PROGRAMS = {
 }
 #: Names of the commands that send a request to the running nodes.
 REQUESTS = ('pick', 'move', 'place', 'stop', 'release', 'resume')
-#: Module and function of these commands.
-OPERATE = ('isotruss_ros.cli.operate', 'main')
+#: Function of these commands as `module:name`; `stop` has a module of its own with few imports.
+OPERATE, STOP = 'isotruss_ros.cli.operate:main', 'isotruss_ros.cli.stop:main'
 
 
 def _leave(_signal: int, _frame: FrameType | None) -> None:
@@ -76,17 +75,22 @@ def run_node(name: str) -> int:
     """
     for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(which, _leave)
-    with _explained_imports():
+    try:
         runner = importlib.import_module('isotruss_ros.nodes.framework.runner')
         node = runner.find_node(name)
+    except ModuleNotFoundError as error:
+        raise _explain_missing(error) from None
     return runner.run(node)
 
 
 def run_program(name: str) -> int:
     """Run a program of `PROGRAMS`, or a request of `REQUESTS`; return its exit code."""
-    module, function = PROGRAMS[name][1].split(':') if name in PROGRAMS else OPERATE
-    with _explained_imports():
+    purpose = PROGRAMS.get(name, ('', STOP if name == 'stop' else OPERATE))
+    module, function = purpose[1].split(':')
+    try:
         program = getattr(importlib.import_module(module), function)
+    except ModuleNotFoundError as error:
+        raise _explain_missing(error) from None
     return program()
 
 
@@ -99,8 +103,10 @@ def __getattr__(name: str) -> Callable[[], int]:
     raise AttributeError(name)
 
 
-def _explained_imports() -> contextlib.AbstractContextManager[None]:
-    return importlib.import_module('isotruss_ros.extras').explained_imports()
+def _explain_missing(error: ModuleNotFoundError) -> SystemExit:
+    """Return an end of the program that explains how a package is installed."""
+    # It imports the core, for which `stop` has no time.
+    return SystemExit(importlib.import_module('isotruss_ros.extras').explain_missing(error))
 
 
 def isotruss() -> int:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Commands `isotruss pick`, `move`, `place`, `stop`, `release` and `resume`.
+Commands `isotruss pick`, `move`, `place`, `release` and `resume`.
 
 Each command sends one goal to the running node `pick_and_place`, or one service call to the node
 `manipulation`. The user does not need the command `ros2`.
@@ -21,12 +21,17 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_ros.core import Pose
 from isotruss_ros.nodes.conversions.messages import to_pose_message
-from isotruss_ros.nodes.framework.command_line import start_ros, StartError
+from isotruss_ros.nodes.framework.command_line import (
+    separate_ros_arguments,
+    start_ros,
+    StartError,
+)
 from isotruss_ros.nodes.framework.topics import LATCHED
 from isotruss_ros.nodes.manipulation.emergency_stop import NAME, RELEASE
 from nav_msgs.msg import Path
 import rclpy
 from rclpy.action import ActionClient
+from rclpy.exceptions import InvalidNamespaceException
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Bool
@@ -36,7 +41,6 @@ from std_srvs.srv import Trigger
 DISCOVERY_TIMEOUT = 5.0
 #: Commands that call a service of the node `manipulation`: name, service and help.
 SERVICES = (
-    ('stop', 'emergency_stop', 'emergency stop'),
     ('release', RELEASE, 'release the stop'),
     ('resume', 'resume_grip', 'resume after the object has slipped'),
 )
@@ -50,16 +54,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     :return: 0 on success, 1 on failure, 130 after Ctrl-C, which cancels the goal.
     """
-    options = _parser().parse_args(arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        start_ros([])
+        options = _parser().parse_args(separate_ros_arguments(words))
+        start_ros(words)
     except StartError as error:
         return _fail(str(error))
-    node = rclpy.create_node('isotruss')
+    node = None
     try:
+        node = rclpy.create_node('isotruss', namespace=options.namespace)
         return options.run(node, options)
+    except InvalidNamespaceException as error:
+        return _fail(' '.join(str(error).split()))
     finally:
-        node.destroy_node()
+        if node is not None:
+            node.destroy_node()
         rclpy.shutdown()
 
 
@@ -79,6 +88,8 @@ def _parser() -> argparse.ArgumentParser:
     kinds.add_parser('place', help='open the grip and retreat').set_defaults(run=_place)
     for name, service, words in SERVICES:
         kinds.add_parser(name, help=words).set_defaults(run=_call, service=service)
+    for kind in kinds.choices.values():
+        kind.add_argument('--namespace', default='', help='namespace of the robot, such as /left')
     return parser
 
 

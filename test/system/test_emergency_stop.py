@@ -3,13 +3,14 @@
 
 """Stop and failed rollers over DDS: what follows, what was lost, and what came before the node."""
 
+import os
 import subprocess
 import sys
 
 from diagnostic_msgs.msg import DiagnosticArray
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.manipulation.sparse_messages import MAX_BATCH
-from probe import failed, ROBOT, world
+from probe import DEADLINE, failed, ROBOT, world
 from probe import manipulation as node
 import pytest
 from rclpy.event_handler import PublisherEventCallbacks
@@ -32,6 +33,8 @@ def burst(publisher, count):
         publisher.publish(Bool(data=False))
 
 
+#: Environment without a folder for the log of ROS, which a stop does not need.
+NO_HOME = {key: value for key, value in os.environ.items() if key not in ('HOME', 'ROS_LOG_DIR')}
 LONG = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PLAIN = QoSProfile(depth=1000)
 HASTY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -153,6 +156,45 @@ def test_the_command_release_works_after_a_stop_by_the_topic():
         w.until(lambda: command.poll() is not None, w.probe.send_all)
         assert command.returncode == 0
         w.until_code(Status.OK, w.probe.send_all)
+
+
+def request(*words):
+    """Start a command of the terminal; return its process."""
+    command = [sys.executable, '-m', 'isotruss_ros.executables', *words]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=NO_HOME
+    )
+
+
+@pytest.mark.parametrize(
+    'words', [('--namespace', '/left'), ('--ros-args', '-r', '__ns:=/left'), ()], ids=' '.join
+)
+def test_the_command_stop_stops_the_robot_of_its_namespace(words):
+    with world(remaps=['__ns:=/left'] if words else []) as w:
+        w.add(node()())
+        w.until_code(Status.OK, w.probe.send_all)
+        command = request('stop', *words)
+        w.until(lambda: command.poll() is not None, w.probe.send_all)
+        said, _ = command.communicate()
+        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+    assert command.returncode == 0
+    assert f'{"/left" if words else ""}/release_emergency_stop' in said
+
+
+def test_the_command_stop_that_nobody_confirms_fails_and_names_the_service():
+    command = request('stop', '--namespace', 'right')
+    _, said = command.communicate(timeout=DEADLINE)
+    assert command.returncode == 1
+    assert 'NOT CONFIRMED: no node offers the service /right/emergency_stop in 10 s' in said
+
+
+def test_the_command_stop_imports_neither_core_nor_messages_of_the_robot():
+    code = (
+        'import sys; import isotruss_ros.executables, isotruss_ros.cli.stop; print(*sys.modules)'
+    )
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    slow = ('numpy', 'scipy', 'isotruss_msgs', 'isotruss_ros.core', 'isotruss_ros.nodes')
+    assert not [name for name in done.stdout.split() if name.startswith(slow)]
 
 
 def test_a_best_effort_publisher_counts_as_a_stop():

@@ -147,7 +147,7 @@ def test_a_home_that_is_not_set_is_named_with_the_variable_to_set():
 @pytest.mark.parametrize('module', ['isotruss_ros.cli.operate', 'isotruss_ros.demo'])
 def test_commands_name_a_home_that_is_not_set(module, tmp_path):
     given = {
-        'isotruss_ros.cli.operate': ['stop'],
+        'isotruss_ros.cli.operate': ['release'],
         'isotruss_ros.demo': ['--output', str(tmp_path)],
     }
     done = subprocess.run(

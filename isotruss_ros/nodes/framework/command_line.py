@@ -37,9 +37,13 @@ def refuse_arguments(kind: Any, arguments: Sequence[str] | None) -> None:
         epilog='\n'.join(['parameters:', *map(_describe, (*kind.base_specs, *kind.specs))]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.parse_args(separate_ros_arguments((sys.argv if arguments is None else arguments)[1:]))
+
+
+def separate_ros_arguments(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments after the name of a program that ROS does not process."""
     with _explained_refusals():
-        others = remove_ros_args(arguments)[1:]
-    parser.parse_args(others)
+        return remove_ros_args(['program', *arguments])[1:]
 
 
 def start_ros(
