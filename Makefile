@@ -95,6 +95,7 @@ nightly: venv
 	+$(MAKE) calls
 	+$(MAKE) mutants
 	+$(MAKE) plant
+	+$(MAKE) demo SENSORS=real
 	+$(MAKE) demo PLANT=mujoco
 	+$(MAKE) demo PLANT=mujoco SENSORS=real
 

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 import math
 import os
@@ -26,6 +26,7 @@ from isotruss_ros.nodes.conversions.messages import (
     to_twist_message,
 )
 from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part
+from isotruss_ros.nodes.framework.cycle import RATE_PERIOD
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
@@ -65,6 +66,21 @@ FINAL_HALTS = {
 STATUS_DEPTH = 1000
 #: Topics that have a single publisher unless two robots share a ROS domain.
 SINGLE_PUBLISHER_TOPICS = ('joint_states', 'object_pose')
+
+
+def measure_rates(times: Sequence[float]) -> tuple[float, float]:
+    """
+    Return the mean rate of events, and the lowest rate in an interval of `RATE_PERIOD` [Hz].
+
+    :param times: increasing times of the events [s].
+    """
+    if len(times) < 2:
+        return 0.0, 0.0
+    mean = (len(times) - 1) / (times[-1] - times[0])
+    begins = np.array(times)
+    begins = begins[begins <= times[-1] - RATE_PERIOD]
+    counts = np.searchsorted(times, begins + RATE_PERIOD) - np.arange(len(begins))
+    return mean, float(counts.min(initial=mean * RATE_PERIOD)) / RATE_PERIOD
 
 
 class DemoError(IsotrussError, RuntimeError):
@@ -107,13 +123,11 @@ class DemoClient(Node):
         self._began = 0.0  # time at which the last status code began [s]
         self._status_times: list[float] = []
         self._record = PhaseRecord('start')
-        #: True normal forces received since the last message of the true pose [N].
-        self._forces: list[float] = []
         self._truth = truth
         every = QoSProfile(depth=100)
         self.create_subscription(PoseStamped, 'object_pose', self._take_measured, every)
-        recorded = 'truth/object_pose' if truth else 'object_pose'
-        self.create_subscription(PoseStamped, recorded, self._take_pose, every)
+        self._pose_topic = 'truth/object_pose' if truth else 'object_pose'
+        self.create_subscription(PoseStamped, self._pose_topic, self._take_pose, every)
         if truth:
             for kind, topic, take in (
                 (WrenchStamped, 'truth/contact_forces', self._take_forces),
@@ -135,7 +149,8 @@ class DemoClient(Node):
         self.measured = read_pose('object pose', message.pose)
 
     def _take_forces(self, message: WrenchStamped) -> None:
-        self._forces.append(message.wrench.force.x)
+        forces = self._record.forces.setdefault(read_stamp(message.header), [])
+        forces.append(message.wrench.force.x)
 
     def _take_places(self, message: MultiDOFJointState) -> None:
         places = [(each.translation.x, each.translation.y) for each in message.transforms]
@@ -150,9 +165,8 @@ class DemoClient(Node):
         if before is not None:
             self._turned += math.remainder(self.pose.angle - before.angle, 2.0 * math.pi)
         self._stamp = read_stamp(message.header)
-        if self._truth and before is not None:
-            self._record.squeezes.append(float(np.mean(self._forces)) if self._forces else 0.0)
-            self._forces.clear()
+        if self._truth:
+            self._record.pose_times.append(self._stamp)
         if self.rollers is not None:
             self._record.snapshots.append(Snapshot(self._stamp, self.rollers, self.pose))
             here = np.concatenate([self.pose, self.rollers])
@@ -194,23 +208,33 @@ class DemoClient(Node):
 
     def wait(
         self,
-        ready: Callable[[], bool],
+        find_unmet: Callable[[], Iterable[str]],
         check: Callable[[], None],
         what: str,
         deadline: float = DEADLINE,
         meanwhile: Callable[[], None] | None = None,
     ) -> None:
-        """Wait until a condition holds, while messages are received."""
+        """
+        Wait until all conditions are met, while messages are received.
+
+        :param find_unmet: function that returns a sentence for each unmet condition, with value
+            and bound.
+        """
         before, changed = self._seconds(), time.monotonic()
         end = before + deadline
-        while not ready():
+        while unmet := list(find_unmet()):
             now = self._seconds()
             if now != before:
                 before, changed = now, time.monotonic()
             # A slow clock is normal on a busy machine; a clock that stands still is a fault.
-            if now > end or time.monotonic() - changed > DEADLINE:
-                last = self._last_status.message if self._last_status else 'no status'
-                raise DemoError(f'{what}: not reached in {deadline:g} s; last status: {last}')
+            stopped = time.monotonic() - changed
+            if now > end or stopped > DEADLINE:
+                clock = f'/clock has stood still for {stopped:.0f} s; ' if now <= end else ''
+                last = self._last_status.message if self._last_status else 'none'
+                raise DemoError(
+                    f'{what}: not reached in {deadline:g} s: {clock}{"; ".join(unmet)}; '
+                    f'last status of manipulation: {last or "without a message"}'
+                )
             check()
             self._require_motion()
             if meanwhile is not None:
@@ -232,18 +256,28 @@ class DemoClient(Node):
             return 1e-9 * self.get_clock().now().nanoseconds
         return time.monotonic()
 
-    def at_rest(self) -> bool:
-        """Return whether object and rollers have been at rest for `REST_TIME`."""
-        return self._rest is not None and self._stamp - self._moved > REST_TIME
+    def find_motion(self) -> Iterable[str]:
+        """Yield a sentence unless object and rollers have been at rest for `REST_TIME`."""
+        if self._rest is None:
+            topics = {'joint_states': self.rollers, self._pose_topic: self.pose}
+            missing = [name for name, value in topics.items() if value is None]
+            yield f'no message of {" and ".join(missing or topics)}'
+        elif self._stamp - self._moved <= REST_TIME:
+            yield (
+                f'object and rollers have moved by less than {self._rest_distance:g} m or rad for '
+                f'only {self._stamp - self._moved:.3g} s; must be {REST_TIME:g} s'
+            )
 
-    def _idle(self) -> bool:
-        """Return whether the manipulation node executes a zero twist and the object rests."""
+    def _find_activity(self) -> Iterable[str]:
+        """Yield sentences unless the manipulation node executes a zero twist at rest."""
         last = self._last_status
-        if last is None or last.code not in (Status.OK, Status.IDLE):
-            return False
-        return (
-            last.commanded == Twist() and read_stamp(last.header) > self._ended and self.at_rest()
-        )
+        if last is None or read_stamp(last.header) <= self._ended:
+            yield 'no new status of manipulation'
+        elif last.code not in (Status.OK, Status.IDLE):
+            yield f'the status is {Status(last.code)}; must be OK or IDLE'
+        elif last.commanded != Twist():
+            yield 'manipulation executes a twist; must be zero'
+        yield from self.find_motion()
 
     def require_alone(self) -> None:
         """Raise DemoError if there is another robot in this ROS domain."""
@@ -286,7 +320,7 @@ class DemoClient(Node):
                 record.max_shift = max(record.max_shift, float(np.hypot(*away)))
             progress(min(1.0, (now - start) / phase.duration))
         times = self._status_times
-        record.loop_rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
+        record.loop_rate, record.lowest_rate = measure_rates(times)
         self.wait_for_rest(check, f'rest after {phase.name!r}')
         gaps = (after - before for before, after in pairwise(times))
         record.longest_cycle = max((record.longest_cycle, *gaps))
@@ -315,4 +349,4 @@ class DemoClient(Node):
             self._twists.publish(Twist())
             self._pull((0.0, 0.0, 0.0))
 
-        self.wait(self._idle, check, what, meanwhile=stand)
+        self.wait(self._find_activity, check, what, meanwhile=stand)

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 import time
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import GraspState, PlannedGrasp, StateEstimate
+from isotruss_ros.core import Status
 from isotruss_ros.core.paths.roller_trajectory import START_TOLERANCE
 from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
@@ -27,11 +28,6 @@ Check = Callable[[], None]
 
 #: Timeout of a search [s]; a search takes some seconds, and longer on a busy machine.
 PLANNING_DEADLINE = 120.0
-#: Largest distance of a roller from the end of its path at which the roller counts as arrived [m].
-ARRIVAL_TOLERANCE = 1e-4
-#: Value in place of `ARRIVAL_TOLERANCE` for estimated roller positions, which change with each
-#: marker message [m].
-ESTIMATED_ARRIVAL_TOLERANCE = 2e-3
 #: Largest standard deviation of a roller offset at which a grasp is planned [m].
 MAX_OFFSET_DEVIATION = 1e-3
 
@@ -47,12 +43,20 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
     grasp.touch = to_duration(factor * read_duration(grasp.touch))
 
 
-def offsets_are_known(estimates: Sequence[StateEstimate]) -> bool:
-    """Return whether the deviations of all roller offsets are below `MAX_OFFSET_DEVIATION`."""
+def find_unknown_offsets(estimates: Sequence[StateEstimate]) -> Iterator[str]:
+    """Yield a sentence for each roller offset with more than `MAX_OFFSET_DEVIATION`."""
     if not estimates:
-        return False
-    covariance = np.reshape(estimates[-1].offset_covariance, 2 * [len(estimates[-1].offsets)])
-    return bool(np.diag(covariance).max() < MAX_OFFSET_DEVIATION**2)
+        yield 'no message of state_estimate'
+        return
+    last = estimates[-1]
+    covariance = np.reshape(last.offset_covariance, 2 * [len(last.offsets)])
+    deviations = np.sqrt(np.diag(covariance)).tolist()
+    for name, deviation in zip(last.roller_names, deviations, strict=True):
+        if not deviation <= MAX_OFFSET_DEVIATION:
+            yield (
+                f'the standard deviation of the offset of roller {name} is {1e3 * deviation:.3g} '
+                f'mm; must be at most {1e3 * MAX_OFFSET_DEVIATION:g} mm'
+            )
 
 
 class Gripping:
@@ -69,19 +73,21 @@ class Gripping:
         """Wait until all nodes publish and the robot is at rest."""
         client = self._client
         record = client.begin('start')
-        client.wait(
-            lambda: (
-                client.at_rest()
-                and bool(record.snapshots)
-                and client.measured is not None
-                and client.last_grasp() is not None
-                and (not estimated or offsets_are_known(record.estimates))
-                and self._planner.server_is_ready()
-                and self._trajectories.get_subscription_count() > 0
-            ),
-            self._check,
-            'publications of all nodes',
-        )
+
+        def find_unmet() -> Iterator[str]:
+            yield from client.find_motion()
+            if client.measured is None:
+                yield 'no message of object_pose'
+            if client.last_grasp() is None:
+                yield 'no message of grasp/state'
+            if estimated:
+                yield from find_unknown_offsets(record.estimates)
+            if not self._planner.server_is_ready():
+                yield 'no node offers the action plan_grasp'
+            if not self._trajectories.get_subscription_count():
+                yield f'no node subscribes to {self._trajectories.topic_name}'
+
+        client.wait(find_unmet, self._check, 'start of all nodes')
         return record
 
     def plan(
@@ -137,19 +143,25 @@ class Gripping:
         record = client.begin('approach')
         self._trajectories.publish(grasp.path)
         end = np.array(grasp.path.points[-1].positions)
-        tolerance = ESTIMATED_ARRIVAL_TOLERANCE if record.estimates else ARRIVAL_TOLERANCE
-        travel = max(float(np.abs(end - client.rollers).max()), ARRIVAL_TOLERANCE)
+        travel = max(float(np.abs(end - client.rollers).max()), START_TOLERANCE)
 
-        def arrived() -> bool:
+        def find_unmet() -> Iterator[str]:
             left = float(np.abs(end - client.rollers).max())
             progress(1.0 - min(1.0, left / travel))
-            return left <= tolerance and client.at_rest()
+            if Status.ARRIVED not in record.statuses:
+                yield f'manipulation has not reported ARRIVED; a roller is {left:.3g} m away'
+            yield from client.find_motion()
 
         deadline = 3.0 * read_duration(grasp.path.points[-1].time_from_start) + DEADLINE
-        client.wait(arrived, self._check, 'arrival at the grasp', deadline)
+        client.wait(find_unmet, self._check, 'arrival at the grasp', deadline)
         count = len(record.grasps)
-        # This analysis was computed after the robot had come to rest.
-        client.wait(lambda: len(record.grasps) > count + 1, self._check, 'an analysis at rest')
+
+        def find_missing_analysis() -> Iterator[str]:
+            # This analysis was computed after the robot had come to rest.
+            if len(record.grasps) <= count + 1:
+                yield f'{len(record.grasps) - count} messages of grasp/state; must be 2'
+
+        client.wait(find_missing_analysis, self._check, 'an analysis at rest')
         progress(1.0)
         if record.squeezes:
             held, why = record.squeezes[-1] > 0.0, 'by its forces'
@@ -163,5 +175,7 @@ class Gripping:
         return record.split('grip', np.array(touch.positions))
 
     def _answer(self, future: Future, what: str, deadline: float = DEADLINE) -> Any:
-        self._client.wait(future.done, self._check, what, deadline)
+        self._client.wait(
+            lambda: [] if future.done() else ['no response'], self._check, what, deadline
+        )
         return future.result()

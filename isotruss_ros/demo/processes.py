@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator, Mapping, Sequence
 import contextlib
 import os
@@ -29,9 +30,19 @@ class NodeError(IsotrussError, RuntimeError):
 
 
 class NodeProcess:
-    """Process of one running node."""
+    """
+    Process of one running node.
 
-    def __init__(self, name: str, parameters: Mapping[str, object], log: Path) -> None:
+    :param ros_arguments: further arguments of the node, which begin with `--ros-args`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        parameters: Mapping[str, object],
+        log: Path,
+        ros_arguments: Sequence[str] = (),
+    ) -> None:
         self.name = name
         self.log = log
         arguments = [f'{key}:={value}' for key, value in parameters.items()]
@@ -44,6 +55,7 @@ class NodeProcess:
                     name,
                     '--ros-args',
                     *(part for argument in arguments for part in ('-p', argument)),
+                    *ros_arguments,
                 ],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
@@ -98,14 +110,21 @@ def _held_signals() -> Iterator[list[int]]:
 
 @contextlib.contextmanager
 def running_nodes(
-    nodes: Sequence[tuple[str, Mapping[str, object]]], logs: Path
+    nodes: Sequence[tuple[str, Mapping[str, object]]],
+    logs: Path,
+    ros_arguments: Sequence[str] = (),
 ) -> Iterator[list[NodeProcess]]:
-    """Run nodes as processes while a `with` block is executed."""
+    """
+    Run nodes as processes while a `with` block is executed.
+
+    :param ros_arguments: further arguments of all nodes, which begin with `--ros-args`.
+    """
     processes = []
     try:
         with _held_signals() as received:
             for name, parameters in nodes:
-                processes.append(NodeProcess(name, parameters, logs / f'{name}.log'))
+                log = logs / f'{name}.log'
+                processes.append(NodeProcess(name, parameters, log, ros_arguments))
         if received:
             raise KeyboardInterrupt
         yield processes
@@ -115,6 +134,16 @@ def running_nodes(
                 process.interrupt()
             for process in reversed(processes):
                 process.wait()
+
+
+def parse_arguments(
+    parser: argparse.ArgumentParser, arguments: Sequence[str] | None
+) -> tuple[argparse.Namespace, list[str]]:
+    """Return the options of a program, and the ROS arguments after them for its nodes."""
+    options, ros_arguments = parser.parse_known_args(arguments)
+    if ros_arguments and ros_arguments[0] != '--ros-args':
+        parser.error(f'unrecognized arguments: {" ".join(ros_arguments)}')
+    return options, ros_arguments
 
 
 def keep_to_this_machine() -> int:

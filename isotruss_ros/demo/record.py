@@ -14,6 +14,10 @@ from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import read_stamp
 import numpy as np
 
+#: Time without a contact force after which the object counts as lost [s]; on a busy machine,
+#: messages are lost.
+LOSS_TIME = 0.5
+
 
 class Snapshot(NamedTuple):
     """Measured roller travel [m] and object pose at one time."""
@@ -46,6 +50,8 @@ class PhaseRecord:
     max_shift: float = 0.0
     max_roller_speed: float = 0.0  #: largest measured speed of any roller [m/s]
     loop_rate: float = 0.0  #: cycles of the manipulation node per second [Hz]
+    #: lowest rate of its cycles in one second of the phase [Hz]
+    lowest_rate: float = 0.0
     #: longest time between two cycles of the manipulation node or of the publishing client [s]
     longest_cycle: float = 0.0
     statuses: set[Status] = field(default_factory=set)  #: all statuses of the manipulation node
@@ -53,12 +59,24 @@ class PhaseRecord:
     snapshots: list[Snapshot] = field(default_factory=list)
     #: all results of the grasp analysis in the order of time
     grasps: list[GraspState] = field(default_factory=list)
-    #: true mean normal forces of the members in the order of time [N], if received
-    squeezes: list[float] = field(default_factory=list)
+    #: times of the true poses in their order [s], and true normal forces of the members [N] by
+    #: their times [s], if received
+    pose_times: list[float] = field(default_factory=list)
+    forces: dict[float, list[float]] = field(default_factory=dict)
     #: true positions (j, 2) of the joints in the order of time [m], if received
     joints: list[np.ndarray] = field(default_factory=list)
     #: estimates of the state in the order of time, if the truth is recorded
     estimates: list[StateEstimate] = field(default_factory=list)
+
+    @property
+    def squeezes(self) -> list[float]:
+        """Return the true mean normal force of the members at each true pose [N]; 0 if lost."""
+        times = np.array(list(self.forces) or [math.inf])
+        means = np.array([sum(each) / len(each) for each in self.forces.values()] or [0.0])
+        distances = np.abs(np.subtract.outer(self.pose_times, times))
+        nearest = distances.argmin(axis=1)
+        is_lost = distances.min(axis=1) > LOSS_TIME
+        return np.where(is_lost, 0.0, means[nearest]).tolist()
 
     @property
     def position_error(self) -> float:
@@ -114,6 +132,6 @@ class PhaseRecord:
         before.snapshots, after.snapshots = self.snapshots[:place], self.snapshots[place:]
         for grasp in self.grasps:
             (before if read_stamp(grasp.header) <= time else after).grasps.append(grasp)
-        after.squeezes, after.joints = self.squeezes, self.joints
-        after.estimates = self.estimates
+        after.pose_times, after.forces = self.pose_times, self.forces
+        after.joints, after.estimates = self.joints, self.estimates
         return before, after

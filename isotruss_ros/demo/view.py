@@ -15,7 +15,7 @@ import time
 from typing import Any
 
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
+from isotruss_ros.demo.processes import keep_to_this_machine, parse_arguments, running_nodes
 from isotruss_ros.viewer.names import ELASTIC, PLANTS
 
 DIAMETER = 0.3
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         default=0.5,
         help='time without a heartbeat after which a page loses control [s]',
     )
-    options = parser.parse_args(arguments)
+    options, ros_arguments = parse_arguments(parser, arguments)
     domain = keep_to_this_machine()
     shown: dict[str, Any] = {'object_diameter': DIAMETER, 'friction': FRICTION}
     if options.object is not None:
@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with tempfile.TemporaryDirectory() as folder:
-            return _run(nodes, Path(folder))
+            return _run(nodes, Path(folder), ros_arguments)
     except KeyboardInterrupt:
         return 0
     except IsotrussError as error:
@@ -80,8 +80,10 @@ def list_nodes(plant: str, shown: dict[str, Any]) -> list[tuple[str, dict[str, A
     ]
 
 
-def _run(nodes: Sequence[tuple[str, dict[str, object]]], folder: Path) -> int:
-    with running_nodes(nodes, folder) as processes:
+def _run(
+    nodes: Sequence[tuple[str, dict[str, object]]], folder: Path, ros_arguments: Sequence[str]
+) -> int:
+    with running_nodes(nodes, folder, ros_arguments) as processes:
         printed = False
         while True:
             for process in processes:

@@ -115,7 +115,7 @@ def test_a_signal_while_nodes_are_started_leaves_none_behind(monkeypatch, tmp_pa
     class Started:
         """A node process that gets a signal while it is started."""
 
-        def __init__(self, name, _parameters, _log):
+        def __init__(self, name, *_):
             made.append(name)
             if name == 'second':
                 signal.raise_signal(signal.SIGINT)
@@ -152,7 +152,8 @@ def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
         accepted=np.array([0.1, 0.2, 0.3]),
         measured=np.array([0.1, 0.202, 0.3 + np.radians(1.5)]),
         snapshots=[Snapshot(1.0, rollers, None)],
-        squeezes=[20.0, 14.0, 25.0, 22.0],
+        pose_times=[1.0, 2.0, 3.0, 4.0],
+        forces={1.0: [19.0, 21.0], 2.0: [14.0], 3.1: [25.0], 4.0: [22.0]},
         joints=[joints],
         estimates=[
             StateEstimate(
@@ -167,6 +168,12 @@ def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
     table = truth_table([record], ROBOT, 20.0)
     cells = [next(iter(column.cells)) for column in table.columns]
     assert cells == ['up', '+10', '-30', '-5', '1.0', '5.0', '2.0', '1.50']
+
+
+def test_the_squeeze_is_zero_only_where_no_force_was_near():
+    record = PhaseRecord('arc', pose_times=[0.0, 0.1, 0.2, 2.0], forces={0.0: [3.0], 0.21: [5.0]})
+    assert record.squeezes == [3.0, 3.0, 5.0, 0.0]
+    assert PhaseRecord('arc', pose_times=[0.0, 0.1]).squeezes == [0.0, 0.0]
 
 
 def test_the_columns_of_the_motion_table_add_up():
@@ -187,7 +194,7 @@ def test_the_columns_of_the_motion_table_add_up():
 
 def test_an_object_of_another_shape_is_passed_to_all_nodes_of_a_view(monkeypatch, tmp_path):
     started = []
-    monkeypatch.setattr(view, '_run', lambda nodes, _folder: started.extend(nodes) or 0)
+    monkeypatch.setattr(view, '_run', lambda nodes, *_: started.extend(nodes) or 0)
     monkeypatch.setattr(signal, 'signal', lambda *_: None)
     assert view.main(['--object', str(tmp_path / 'box.yaml')]) == 0
     shown = {name for name, values in started if values.get('object', '').endswith('box.yaml')}

@@ -6,15 +6,18 @@
 import contextlib
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_msgs.msg import ManipulationStatus
+from isotruss_msgs.msg import ManipulationStatus, StateEstimate
 from isotruss_ros.core import load_robot, Status
-from isotruss_ros.demo.client import DemoClient, DemoError, FINAL_HALTS
+from isotruss_ros.demo.client import DemoClient, DemoError, FINAL_HALTS, measure_rates
+from isotruss_ros.demo.gripping import find_unknown_offsets
 from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from probe import begin_context
 import pytest
 import rclpy
+
+ROBOT = load_robot('triangle')
 
 
 @pytest.fixture
@@ -25,12 +28,17 @@ def other():
     rclpy.shutdown()
 
 
+def until(ready):
+    """Return the unmet conditions of a wait for one condition."""
+    return lambda: [] if ready() else ['the condition']
+
+
 def test_a_full_queue_of_one_topic_does_not_delay_other_topics(other):
-    client = DemoClient(load_robot('triangle').roller_names)
+    client = DemoClient(ROBOT.roller_names)
     poses = other.create_publisher(PoseStamped, 'object_pose', 200)
     statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)
     client.wait(
-        lambda: poses.get_subscription_count() and statuses.get_subscription_count(),
+        until(lambda: poses.get_subscription_count() and statuses.get_subscription_count()),
         lambda: None,
         'discovery',
     )
@@ -45,12 +53,39 @@ def test_a_full_queue_of_one_topic_does_not_delay_other_topics(other):
         assert len(rounds) < 100
 
     record = client.begin('flood')
-    client.wait(lambda: record.statuses, lambda: None, 'a status', meanwhile=publish)
+    client.wait(until(lambda: record.statuses), lambda: None, 'a status', meanwhile=publish)
+
+
+def test_a_wait_that_fails_names_each_unmet_condition_with_value_and_bound(other):
+    client = DemoClient(ROBOT.roller_names, truth=True)
+    estimate = StateEstimate(
+        roller_names=ROBOT.roller_names,
+        offsets=[0.0] * 2,
+        offset_covariance=[25e-6, 0.0, 0.0, 0.25e-6],
+    )
+
+    def find_unmet():
+        yield from client.find_motion()
+        yield from find_unknown_offsets([estimate])
+
+    with pytest.raises(DemoError) as failed:
+        client.wait(find_unmet, lambda: None, 'start', 0.1)
+    assert 'no message of joint_states and truth/object_pose' in str(failed.value)
+    (first, second) = ROBOT.roller_names
+    assert f'roller {first} is 5 mm; must be at most 1 mm' in str(failed.value)
+    assert second not in str(failed.value)
+
+
+def test_the_lowest_rate_is_that_of_the_slowest_second():
+    times = np.concatenate([np.arange(0.0, 3.0, 0.01), np.arange(3.0, 4.5, 0.1), [4.51, 6.0]])
+    mean, lowest = measure_rates(times)
+    assert mean == pytest.approx(316 / 6.0)
+    assert lowest == 1.0
 
 
 @pytest.mark.parametrize('code', [*FINAL_HALTS, Status.HALT_STALE_JOINT_STATES])
 def test_a_halt_that_does_not_end_by_itself_ends_the_wait_with_its_reason(other, code):
-    client = DemoClient(load_robot('triangle').roller_names)
+    client = DemoClient(ROBOT.roller_names)
     statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)
     stamps = []
 
@@ -62,14 +97,15 @@ def test_a_halt_that_does_not_end_by_itself_ends_the_wait_with_its_reason(other,
     ends = code in FINAL_HALTS
     expected = pytest.raises(DemoError, match=f'{code}: 1.01 s old')
     with expected if ends else contextlib.nullcontext():
-        client.wait(lambda: not ends and len(stamps) > 150, lambda: None, 'arrival', 20.0, publish)
+        arrived = until(lambda: not ends and len(stamps) > 150)
+        client.wait(arrived, lambda: None, 'arrival', 20.0, publish)
 
 
 def test_sums_of_commanded_and_executed_twists_have_one_interval_and_lose_no_status(other):
     """Three seconds of statuses arrive while the client is suspended."""
-    client = DemoClient(load_robot('triangle').roller_names)
+    client = DemoClient(ROBOT.roller_names)
     statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', 1000)
-    client.wait(lambda: statuses.get_subscription_count(), lambda: None, 'discovery')
+    client.wait(until(statuses.get_subscription_count), lambda: None, 'discovery')
     times = 0.01 * np.arange(301)
     speeds = 0.02 * np.sin(np.pi * times / 3.0) ** 2
     for time, speed in zip(times, speeds, strict=True):
@@ -77,6 +113,6 @@ def test_sums_of_commanded_and_executed_twists_have_one_interval_and_lose_no_sta
         message.commanded.linear.x = float(speed)
         statuses.publish(message)
     record = client.begin('suspended')
-    client.wait(lambda: len(client._status_times) == 301, lambda: None, 'all statuses', 20.0)
-    assert record.commanded == pytest.approx([0.03, 0.0, 0.0], abs=1e-9)
+    final = pytest.approx([0.03, 0.0, 0.0], abs=1e-9)
+    client.wait(until(lambda: record.commanded == final), lambda: None, 'all statuses', 20.0)
     assert record.accepted == pytest.approx([0.015, 0.0, 0.0], abs=1e-9)

@@ -22,10 +22,10 @@ import pytest
 pytestmark = pytest.mark.system
 
 
-def begin(folder):
+def begin(folder, *options):
     """Start the demonstration; return its process."""
     return subprocess.Popen(
-        [sys.executable, '-u', '-m', 'isotruss_ros.demo', '--output', str(folder)],
+        [sys.executable, '-u', '-m', 'isotruss_ros.demo', '--output', str(folder), *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -61,6 +61,19 @@ def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path, times):
     assert 'demo stopped' in printed
     assert 'Traceback' not in printed
     assert not nodes_of(tmp_path)
+
+
+def test_with_real_sensors_it_plans_a_grasp(tmp_path):
+    """All conditions for the plan are met; a nightly check carries the object to the end."""
+    demo = begin(tmp_path, '--sensors', 'real')
+    log, end = tmp_path / 'grasp_planner.log', time.monotonic() + DEADLINE
+    while not log.exists() or 'found: ' not in log.read_text():
+        assert demo.poll() is None, demo.stdout.read()
+        assert time.monotonic() < end, log.read_text()
+        time.sleep(0.1)
+    os.killpg(demo.pid, signal.SIGINT)
+    printed, _ = demo.communicate(timeout=DEADLINE)
+    assert 'demo stopped' in printed
 
 
 def test_beside_another_simulation_it_says_so(tmp_path):
