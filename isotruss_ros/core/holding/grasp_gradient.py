@@ -23,6 +23,7 @@ from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.statics.inclinations import RING_HALF_WIDTH
 import numpy as np
 
 #: Motion of the object in the finite differences along a response [m]. The relative error of the
@@ -172,11 +173,13 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         """
         grip = self._tubes.grip
         state, structure = grip.state, grip.statics.bent.structure
-        # Kinks of the stiffness: a contact is at a guide ring or pinch point, or has no force.
+        # Kinks of the stiffness: a contact is at a guide ring, at an end of its half width, or at
+        # a pinch point, or has no force.
         pieces, within, _ = structure.locate(grip.contacts.members, state.feet)
         to_piece_ends = np.minimum(within, structure.frame.length[pieces] - within)
-        to_kinks = np.concatenate([to_piece_ends, state.normal_forces])
-        rows = np.r_[state.places.feet, state.places.normal]
+        to_width_ends = np.abs(to_piece_ends - RING_HALF_WIDTH)
+        to_kinks = np.concatenate([to_piece_ends, to_width_ends, state.normal_forces])
+        rows = np.r_[state.places.feet, state.places.feet, state.places.normal]
         # In the kink itself no step is short enough.
         is_beside = to_kinks > 0.0
         kink_shares = np.abs(responses[rows[is_beside]] / to_kinks[is_beside, None]).max(axis=0)

@@ -88,8 +88,9 @@ class SettledGrasp(
     negative and computed from the gaps between members and object, see `LostContact`.
 
     For a face contact with unknown contact history, the distribution of forces with the least
-    friction is assumed. So `held`, `required_friction` and `slip_margin` are best cases. A box
-    that needs a friction coefficient of 0.59 by this model needed 0.87 in MuJoCo.
+    friction is assumed. So `held`, `required_friction` and `slip_margin` are best cases. The
+    friction that a contact uses may be larger, but is redistributed before the object is lost: a
+    box with a required friction of 0.590 used 0.87 in MuJoCo and was lost at 0.588.
     """
 
     hold: HoldStatus  #: hold status

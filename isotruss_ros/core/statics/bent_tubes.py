@@ -19,8 +19,9 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.frame import Frame, keep_apart, largest_motion
+from isotruss_ros.core.statics.inclinations import InclinationWeights
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.tangent import linearize, Tangent
+from isotruss_ros.core.statics.tangent import linearize, Slopes, Tangent
 from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
 import numpy as np
 
@@ -115,8 +116,7 @@ class BentTubes:
 
     A load is (f_along, f_across, m): forces along and across the straight member, and a moment [N,
     N m]. A response is the displacement along and across the straight member [m], and the
-    inclination of the bent centre line [rad]. At a transverse force the line has a kink; there,
-    the mean of the inclinations on both sides is used.
+    inclination of the bent centre line [rad], see `InclinationWeights`.
     """
 
     structure: Structure  #: structural model of the robot
@@ -182,26 +182,33 @@ class BentTubes:
         return linearize(self.frame, self.state.unknowns, self.state.axial, kept)
 
     @cached_property
+    def _slopes(self) -> tuple[InclinationWeights, Slopes]:
+        """Return the weights of the inclinations, and the inclinations that they weight."""
+        ends = InclinationWeights.of(self.structure, self.frame)
+        return ends, self.tangent.slopes(ends.parts, ends.signs)
+
+    @cached_property
     def responses(self) -> LoadResponses:
         """Return the responses to loads and to motions of the load points."""
-        tangent, layout, slopes = self.tangent, self.frame.layout, self.tangent.slopes
-        count, motions, beside = len(self.members), self._motion_columns, layout.beside
+        tangent, layout = self.tangent, self.frame.layout
+        (ends, slopes), count, motions = self._slopes, len(self.members), self._motion_columns
         _, unknowns = tangent.solve(self._right_sides())
-        # Displacements of the nodes in axes of the members, and inclinations beside the nodes.
+        # Displacements of the nodes in axes of the members, relative to their places, which move
+        # along the members.
         to_member = self.lines.turns.swapaxes(1, 2)
-        node_rows = np.arange(-3 * count, 0).reshape(-1, 3)
+        node_rows, load_points = np.arange(-3 * count, 0).reshape(-1, 3), np.arange(count)
         at_points = to_member @ unknowns[node_rows]
-        at_points[:, 2] = _mean((slopes.by_ends @ unknowns[layout.places[beside]])[:, 0])
-        # The length of a part between two load points of one member depends on both.
-        by_lengths = (slopes.by_forces * tangent.length_rates[beside]).sum(axis=1)[:, None]
-        at_points[:, 2, motions] += _mean(by_lengths * self._length_by_motions[beside])
-        # The displacement is relative to the place, which moves along its member.
-        load_points = np.arange(count)
         at_points[load_points, 0, motions.start + load_points] -= 1.0
         # The last column includes the responses in the linearised state.
-        linearised = (to_member @ tangent.unknowns[node_rows][:, :, None])[..., 0]
-        linearised[:, 2] = _mean(slopes.values)
-        at_points[..., -1] += linearised
+        at_points[..., -1] += (to_member @ tangent.unknowns[node_rows][:, :, None])[..., 0]
+        # Inclinations. The length of a part between two load points depends on both.
+        of_ends = (slopes.by_ends @ unknowns[layout.places[ends.parts]])[:, 0]
+        by_lengths = (slopes.by_forces * tangent.length_rates[ends.parts]).sum(axis=1)[:, None]
+        of_ends[:, motions] += by_lengths * self._length_by_motions[ends.parts]
+        of_ends[:, -1] += slopes.values
+        at_points[:, 2] = ends.weights @ of_ends
+        weight_rates = (ends.by_length @ of_ends[:, -1])[:, None]
+        at_points[:, 2, motions] += weight_rates * self._length_by_motions[ends.between]
         matrix = at_points[..., : 3 * count].reshape(count, 3, count, 3)
         constant = at_points @ self._factors(np.zeros((count, 3)), np.zeros(count))
         return LoadResponses(unknowns, at_points, matrix, at_points[..., motions], constant)
@@ -352,20 +359,17 @@ class BentTubes:
 
     def section_changes(self, changes: Array) -> TubeRates:
         """Return the tubes' changes by p changes of sections (4, c, p) of deformable blocks."""
-        frame, tangent, beside = self.frame, self.tangent, self.frame.layout.beside
+        frame, tangent, (ends, slopes) = self.frame, self.tangent, self._slopes
         # Forces of the changed parts between fixed nodes, then the unknowns in equilibrium.
         parts = np.flatnonzero(changes.any(axis=(0, 2)))
         forces = np.zeros((len(frame.length), 3, changes.shape[2]))
         forces[parts] = tangent.force_rates(parts) @ changes[:, parts].swapaxes(0, 1)
         _, unknowns = tangent.solve(-tangent.sum_forces(parts, forces[parts]))
-        slopes, at_ends = tangent.slopes, unknowns[frame.layout.places[beside]]
-        by_bending = slopes.by_forces[:, None] @ forces[beside] + slopes.by_ends @ at_ends
-        by_shear = (slopes.by_shear / frame.section[2, beside])[:, None] * changes[3, beside]
-        inclinations = _mean(by_bending[:, 0] + by_shear)
+        at_ends = unknowns[frame.layout.places[ends.parts]]
+        by_bending = slopes.by_forces[:, None] @ forces[ends.parts] + slopes.by_ends @ at_ends
+        by_shear = (slopes.by_shear / frame.section[2, ends.parts])[:, None]
+        inclinations = ends.weights @ (by_bending[:, 0] + by_shear * changes[3, ends.parts])
+        # A guide ring moves toward or away from a load point.
+        by_length = (ends.by_length @ slopes.values)[:, None]
+        inclinations += by_length * changes[0, ends.between]
         return TubeRates(frame.displacements(unknowns), inclinations, forces)
-
-
-def _mean(sides: Array) -> Array:
-    """Return the mean (k, ...) of values (2 k, ...) before and behind each load point."""
-    count = len(sides) // 2
-    return 0.5 * (sides[:count] + sides[count:])

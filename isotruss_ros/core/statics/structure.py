@@ -121,6 +121,17 @@ class Structure:
             for group, schur, spread in zip(*groups, strict=True)
         ]
 
+    @property
+    def ring_nodes(self) -> Indices:
+        """Return the indices of the nodes at the guide rings."""
+        return self.frame.layout.numbering.end[self.pieces[:2]]
+
+    def nearest_rings(self, members: Indices, positions: Array) -> Array:
+        """Return the positions (c,) of the guide rings nearest to positions in members [m]."""
+        ring = self.config.robot.description.module.guide_ring_distance
+        lengths = self.config.member_lengths[members]
+        return np.where(positions < 0.5 * lengths, ring, lengths - ring)
+
     def tube_parts(self, frame: Frame) -> tuple[Indices, Indices]:
         """Return the indices of a frame's parts that are tubes, and the robot's member of each."""
         pieces, first_piece = frame.layout.whole, self.pieces[0, 0]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
@@ -30,14 +29,14 @@ TUBE_CURVATURE = 15.0
 
 
 class Slopes(NamedTuple):
-    """Inclinations (p,) of bent centre lines before and behind cuts, with derivatives."""
+    """Inclinations (q,) of bent centre lines at ends of parts, with derivatives."""
 
-    values: Array  #: (p,) inclinations [rad]
-    #: (p, 1, 6) derivatives of the inclinations by (ux, uy, theta) at start and end
+    values: Array  #: (q,) inclinations [rad]
+    #: (q, 1, 6) derivatives of the inclinations by (ux, uy, theta) at start and end
     by_ends: Array
-    #: (p, 3) derivatives of the inclinations by `EndForces.values` with fixed nodes
+    #: (q, 3) derivatives of the inclinations by `EndForces.values` with fixed nodes
     by_forces: Array
-    #: (p,) derivatives of the inclinations by the logarithm of GA with fixed nodes and constant
+    #: (q,) derivatives of the inclinations by the logarithm of GA with fixed nodes and constant
     #: forces
     by_shear: Array
 
@@ -110,12 +109,10 @@ class Tangent:
         indices = self.frame.layout.places[parts, :, None] * count + np.arange(count)
         return np.bincount(indices.ravel(), at_ends.ravel(), size).reshape(-1, count)
 
-    @cached_property
-    def slopes(self) -> Slopes:
-        """Return the inclinations of the bent centre lines before, then behind the cuts."""
+    def slopes(self, parts: Indices, signs: Array) -> Slopes:
+        """Return the inclinations of centre lines at starts (1) and ends (-1) of parts (q,)."""
         # Relative to the chord they are (t - Q/GA) / (1 + N/GA), with the section's rotation t and
         # the transverse force Q.
-        parts, signs = self.frame.layout.beside, self.frame.layout.signs
         length, (axial, moment_sum, _) = self.length[parts], self.forces.values[parts].T
         shear_compliance = 1.0 / self.frame.section[2, parts]
         transverse = moment_sum / length
