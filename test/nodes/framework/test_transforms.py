@@ -7,6 +7,7 @@ import math
 from types import SimpleNamespace
 
 from isotruss_ros.core import ConvexObject, load_robot, Pose, settle_grasp, tangent_center
+from isotruss_ros.nodes.conversions.grasp_messages import to_contact_wrench
 from isotruss_ros.nodes.framework import transforms
 from isotruss_ros.nodes.framework.transforms import find_contact_frames, TransformBroadcaster
 import numpy as np
@@ -97,3 +98,15 @@ def test_without_tf2_the_log_says_so(monkeypatch):
     assert not node.published
     (words,) = node.logged
     assert 'tf2_msgs is not installed' in words
+
+
+def test_contact_forces_in_the_contact_frames_balance_the_external_wrench():
+    body = ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 0.29), 0.3)
+    load = 0.5 - 1.0j
+    settled = settle_grasp(ROBOT.home, body, 0.9, (load.real, load.imag, 0.0))
+    total = load
+    for member, (_, axis) in find_contact_frames(settled.equilibrium).items():
+        normal, friction = settled.normal_forces[member], settled.friction_forces[member]
+        force = to_contact_wrench('truss', member, 0.0, normal, friction).wrench.force
+        total += complex(force.x, force.y) * axis
+    assert abs(total) < 1e-6
