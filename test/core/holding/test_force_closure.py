@@ -3,9 +3,16 @@
 
 """Force closure of a free object, and `held`, which implies it."""
 
+from held_grips import BOX
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core import ConvexObject, HoldStatus, settle_grasp, tangent_center
+from isotruss_ros.core import (
+    ConvexObject,
+    HoldStatus,
+    place_between,
+    settle_grasp,
+    tangent_center,
+)
 from isotruss_ros.core.errors import GraspError
 import numpy as np
 import pytest
@@ -68,3 +75,12 @@ def test_a_wrinkling_tube_ends_held_and_leaves_force_closure(indentation, fricti
     body = ConvexObject.disc(tangent_center(HOME, 'south/P', 0.3, indentation), 0.3)
     settled = settle_grasp(HOME, body, friction)
     assert (settled.force_closure, settled.hold) == (closure, hold)
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.15, 0.5])
+def test_slip_margin_of_a_held_box_is_positive_up_to_its_squeeze(angle):
+    members = ('south/P-Q', 'north/R-P')
+    body = place_between(HOME, members, BOX, angle=angle, indentation=0.01).body
+    settled = settle_grasp(HOME, body, 1.3, members=members)
+    assert settled.held
+    assert 0.0 < settled.slip_margin < 1.3 * sum(settled.normal_forces.values())
