@@ -55,3 +55,15 @@ def test_distances_leave_out_grasping_members_their_meeting_module_and_the_rods_
     distances = object_distances(config, ConvexObject.disc((0.0, 0.0), 0.2), members)
 
     assert set(np.flatnonzero(np.isinf(distances))) == expected
+
+
+@pytest.mark.parametrize('module', load_robot('nine_member').module_names)
+def test_rods_at_the_joint_of_the_grip_alone_may_touch_the_object(module):
+    robot = load_robot('nine_member')
+    members = Grip.at_module(robot, module, ConvexObject.disc((0.0, 0.0), 0.1)).members
+    starts, ends = collision_model(robot).part_ends(robot.home, slice(None))
+    for rod, name in enumerate(robot.module_names, start=2 * len(robot.module_names)):
+        middle = 0.5 * (starts[rod] + ends[rod])
+        on_rod = ConvexObject.disc((middle.real, middle.imag), 0.02)
+        may_touch = name.split('/')[1] == module.split('/')[1]
+        assert (object_distances(robot.home, on_rod, members)[rod] < 0.0) != may_touch
