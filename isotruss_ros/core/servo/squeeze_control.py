@@ -27,6 +27,7 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.servo.belief_start import BeliefStart
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
@@ -42,6 +43,9 @@ import numpy as np
 MAX_FORCE_RATE = 10.0
 #: Time at rest after an oscillation [s]; each oscillation also halves the gain.
 REST_TIME = 1.0
+#: Largest number of solutions for the scale of a twist at a limit [-], and smallest share of the
+#: opening rate there [-]; at a limit of a single roller, the second solution is exact.
+MAX_SCALE_STEPS, MIN_OPENING_SHARE = 4, 0.99
 #: What a client does after a fault that persists.
 NEXT_STEPS = {
     Status.HALT_SLIPPED: 'resume the grip (service resume_grip)',
@@ -313,10 +317,16 @@ def _solve_within_limits(twist: Array, opening_rate: float, solve: Solve) -> Rol
     command = solve(twist, opening_rate)
     if not Status.SLOWED_ROLLER_SPEED <= command.status <= Status.SLOWED_BARRIER:
         return command
-    # The limits have scaled both. The twist alone is scaled by as much, or if limits still act,
-    # to zero.
-    for scale in (command.scale, 0.0):
-        slowed = solve(scale * twist, opening_rate)
-        if slowed.scale >= 1.0:
+    # The limits have scaled both. The excess of the scaled twist over the limits is a convex
+    # function of its scale, so the secant method approaches the largest scale from above.
+    larger, scale, slowed = 1.0, command.scale, command
+    for _ in range(MAX_SCALE_STEPS):
+        slowed_before, slowed = slowed, solve(scale * twist, opening_rate)
+        if slowed.scale >= MIN_OPENING_SHARE or scale == 0.0:
             break
+        excess, excess_before = (1.0 / max(c.scale, ROUNDING) for c in (slowed, slowed_before))
+        change = (excess - 1.0) * (larger - scale) / max(excess_before - excess, ROUNDING)
+        larger, scale = scale, max(scale - change, 0.0)
+    else:
+        scale, slowed = 0.0, solve(np.zeros(3), opening_rate)
     return replace(slowed, scale=scale, status=command.status, limiting=command.limiting)

@@ -296,6 +296,24 @@ def test_limits_slow_the_twist_before_the_squeeze(status):
     assert rows[3] @ command.roller_velocities == pytest.approx(opening, rel=0.02)
 
 
+def test_a_speed_limit_of_the_rollers_stops_neither_twist_nor_squeeze():
+    """The opening rate needs a part of the limited speed, and the twist has the other."""
+    control, limit = at_rest(0.2), 0.015
+
+    def solve(twist, opening_rate):
+        command = solve_at_rest(twist, opening_rate)
+        share = min(1.0, limit / np.abs(command.roller_velocities).max())
+        status = Status.OK if share == 1.0 else Status.SLOWED_ROLLER_SPEED
+        velocities = share * command.roller_velocities
+        return replace(command, roller_velocities=velocities, scale=share, status=status)
+
+    for direction in (-1.0, 1.0):
+        command = control.solve(np.array([0.05 * direction, 0.0, 0.0]), 0.02, solve)
+        assert 0.1 < command.scale < 1.0
+        fastest = np.abs(command.roller_velocities).max()
+        assert 0.9 * limit < fastest <= limit
+
+
 @pytest.mark.parametrize('status', [Status.UNREACHABLE, Status.SLIDING, Status.ACCELERATING])
 def test_a_correction_that_is_not_admitted_is_no_fault_of_a_twist_of_zero(status):
     def solve(twist, opening_rate):
