@@ -110,7 +110,7 @@ class Tangent:
         return np.bincount(indices.ravel(), at_ends.ravel(), size).reshape(-1, count)
 
     def slopes(self, parts: Indices, signs: Array) -> Slopes:
-        """Return the inclinations of centre lines at starts (1) and ends (-1) of parts (q,)."""
+        """Return the inclinations at ends of parts (q,), see `InclinationWeights`."""
         # Relative to the chord they are (t - Q/GA) / (1 + N/GA), with the section's rotation t and
         # the transverse force Q.
         length, (axial, moment_sum, _) = self.length[parts], self.forces.values[parts].T
