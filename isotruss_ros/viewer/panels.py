@@ -10,7 +10,13 @@ import re
 
 from isotruss_ros.viewer.arrows import arrow_of
 from isotruss_ros.viewer.camera import STATE_CLASS
-from isotruss_ros.viewer.picture import EMPTY_CURVE, HISTORY_DURATION, Picture, trim_start
+from isotruss_ros.viewer.picture import (
+    EMPTY_CURVE,
+    HISTORY_DURATION,
+    Hold,
+    Picture,
+    trim_start,
+)
 import numpy as np
 import viser
 from viser import uplot
@@ -22,7 +28,7 @@ LEGEND = """\
 A truss robot of inflated tubes, seen from above; roller modules at its corners drive along them.
 
 - tubes: blue, grey, orange from 0.8 of the moment at which they wrinkle, red where they do
-- object: green held, red not held, grey unknown
+- object: green held, red not held, lilac free (it touches nothing), grey unknown
 - arrows: forces of the tubes on it; yellow stripes: where they touch
 - margin of the hold: the least further force at which a tube slips, along its arrow; ↺ ↻: moments
 - brown: supports; a box cannot move, a ball slides
@@ -84,13 +90,13 @@ def _describe_hold(picture: Picture, now: float) -> str:
     state = picture.state
     if not picture.is_fresh('state', now):
         return '<b>no grasp analysis</b>'
-    if (held := picture.is_held(now)) is None:
-        return f'<b>held: unknown</b> {html.escape(state.message)}'
-    if held:
+    hold = picture.hold(now)
+    if hold is Hold.HELD:
         arrow = arrow_of(state.slip_direction)
         chance = f' with a chance of {state.chance:.2f}' if state.chance > 0.0 else ''
         return f'<b>held</b>{chance}, slip margin {state.slip_margin:.1f} N {arrow}'.rstrip()
-    return f'<b>not held</b>: {html.escape(state.hold_message)}'
+    why = state.hold_message if hold is Hold.NOT_HELD else state.message
+    return f'<b>{hold.value}</b>: {html.escape(why)}'
 
 
 def describe(picture: Picture, now: float) -> str:
@@ -104,11 +110,11 @@ def describe(picture: Picture, now: float) -> str:
 
 
 def _describe_grasp(picture: Picture, now: float) -> list[str]:
-    state, held = picture.state, picture.is_held(now)
+    state, hold = picture.state, picture.hold(now)
     parts: list[str] = []
-    if held is None:
+    if hold in (Hold.UNKNOWN, Hold.FREE):
         return parts
-    if not held:
+    if hold is Hold.NOT_HELD:
         closed = {True: 'yes', False: 'no', None: 'unknown'}[state.force_closure]
         parts.append(f'force closure: {closed}')
     if state.utilisation is not None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
+import enum
 import math
 from typing import Any
 
@@ -28,6 +29,7 @@ from isotruss_ros.viewer.message_checks import (
     GROUPS,
     HELD_UNKNOWN,
     MIN_CODE_WITHOUT_RESULT,
+    NO_CONTACT,
     read_line,
     read_pose,
     read_travel,
@@ -57,6 +59,15 @@ NEXT_STEPS = {
 
 #: Plot without a curve.
 EMPTY_CURVE = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
+
+
+class Hold(enum.Enum):
+    """Hold of the object by the robot."""
+
+    HELD = 'held'
+    NOT_HELD = 'not held'  #: touched, but not held
+    FREE = 'free'  #: without any contact
+    UNKNOWN = 'hold unknown'
 
 
 @dataclass
@@ -164,11 +175,13 @@ class Picture:
         """Return whether the last grasp analysis has a result."""
         return self.is_fresh('state', now) and self.state.code < MIN_CODE_WITHOUT_RESULT
 
-    def is_held(self, now: float) -> bool | None:
-        """Return whether the object is held; None if unknown."""
+    def hold(self, now: float) -> Hold:
+        """Return the hold of the object by the last grasp analysis."""
         if not self.is_analyzed(now) or self.state.held == HELD_UNKNOWN:
-            return None
-        return bool(self.state.held)
+            return Hold.UNKNOWN
+        if self.state.held:
+            return Hold.HELD
+        return Hold.FREE if self.state.message == NO_CONTACT else Hold.NOT_HELD
 
     def is_stopped(self, now: float) -> bool:
         """Return whether the manipulation node reports that an emergency stop is set."""

@@ -9,17 +9,24 @@ from collections.abc import Sequence
 import math
 
 from isotruss_ros.core.kinematics.depths import member_lines
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.viewer.camera import place_camera
 from isotruss_ros.viewer.meshes import color_of, prism, tube_faces, tube_vertices
 from isotruss_ros.viewer.message_checks import DEFORMED, FORCES, REGIONS
-from isotruss_ros.viewer.picture import Picture
+from isotruss_ros.viewer.picture import Hold, Picture
 import numpy as np
 import viser
 
 #: Number of cross sections of a tube [-].
 TUBE_SECTIONS = 28
-HELD_COLOR, NOT_HELD_COLOR, UNKNOWN_COLOR = (51, 179, 77), (217, 51, 51), (190, 190, 190)
+#: Colours of the object by its hold.
+COLORS = {
+    Hold.HELD: (51, 179, 77),
+    Hold.NOT_HELD: (217, 51, 51),
+    Hold.FREE: (178, 150, 204),
+    Hold.UNKNOWN: (190, 190, 190),
+}
 MODULE, REGION, FORCE, MARK = (59, 59, 59), (242, 191, 26), (31, 79, 217), (20, 20, 20)
 SUPPORT_COLOR = (122, 82, 48)
 #: Spacing of points along curved outlines [m].
@@ -80,24 +87,24 @@ class Scene:
             visible=False,
         )
         self._scene = scene
+        #: Diameter and shape of the drawn object.
+        self._drawn: tuple[float, Shape | None] | None = None
+        self._frame: viser.FrameHandle
         self._make_object(picture)
 
     def update(self, picture: Picture, now: float) -> None:
         """Draw the current state of a picture."""
         self._fit_cameras(picture)
         if (picture.diameter, picture.shape) != self._drawn:
-            self._frame.remove()
             self._make_object(picture)
         self._move_tubes(picture, now)
         if self._has_changed('config', picture.config.roller_positions.tobytes()):
             self._modules.points = _module_lines(picture)
             for node, support in self._supports:
                 support.position = (*picture.config.nodes[node], 0.0)
-        held = picture.is_held(now)
-        if self._has_changed('held', held):
-            self._object.color = (
-                UNKNOWN_COLOR if held is None else HELD_COLOR if held else NOT_HELD_COLOR
-            )
+        hold = picture.hold(now)
+        if self._has_changed('hold', hold):
+            self._object.color = COLORS[hold]
         if self._has_changed('pose', picture.pose) and picture.pose is not None:
             x, y, angle = picture.pose
             self._frame.position = (x, y, 0.0)
@@ -113,12 +120,14 @@ class Scene:
 
     def _fit_cameras(self, picture: Picture) -> None:
         """Show the whole robot on an upright screen after the page has set its initial camera."""
-        for number, client in self._server.get_clients().items():
+        clients = self._server.get_clients()
+        self._fitted &= clients.keys()
+        for number, client in clients.items():
             camera = client.camera
             begins = np.allclose(camera.position, self._server.initial_camera.position, atol=0.01)
             if number not in self._fitted and begins:
                 self._fitted.add(number)
-                if camera.aspect < 1.0:
+                if 0 < camera.image_width < camera.image_height:
                     points = picture.config.points
                     camera.position, camera.look_at = place_camera(points, camera.aspect)
 
@@ -140,29 +149,28 @@ class Scene:
         return changed
 
     def _make_object(self, picture: Picture) -> None:
-        diameter = picture.diameter
-        self._drawn = diameter, picture.shape
-        self._shown: dict[str, object] = {}
-        self._frame = self._scene.add_frame('/object', show_axes=False, visible=False)
-        if picture.shape is None:
-            self._object = self._scene.add_cylinder(
-                '/object/body', 0.5 * diameter, self._diameter, color=UNKNOWN_COLOR
-            )
-        else:
-            vertices, faces = prism(picture.shape.outline(OUTLINE_SPACING), self._diameter)
-            self._object = self._scene.add_mesh_simple(
-                '/object/body',
-                vertices.astype(np.float32),
-                faces,
-                color=UNKNOWN_COLOR,
-                side='double',
-            )
+        diameter, shape = picture.diameter, picture.shape
         # A mark shows the orientation of the object.
         length = 0.45 * diameter
-        if picture.shape is not None:
-            length = 0.9 * float(picture.shape.support_points(np.array([1.0 + 0.0j]))[0].real)
+        if shape is not None:
+            vertices, faces = prism(shape.outline(OUTLINE_SPACING), self._diameter)
+            length = 0.9 * float(shape.support_points(np.array([1.0 + 0.0j]))[0].real)
         mark = np.array([[[0.0, 0.0, 0.0], [length, 0.0, 0.0]]], dtype=np.float32)
         mark[..., 2] = 0.5 * self._diameter + 0.005
+        if self._drawn is not None:
+            self._frame.remove()
+        self._drawn = diameter, shape
+        self._shown: dict[str, object] = {}
+        self._frame = self._scene.add_frame('/object', show_axes=False, visible=False)
+        color = COLORS[Hold.UNKNOWN]
+        if shape is None:
+            self._object = self._scene.add_cylinder(
+                '/object/body', 0.5 * diameter, self._diameter, color=color
+            )
+        else:
+            self._object = self._scene.add_mesh_simple(
+                '/object/body', vertices.astype(np.float32), faces, color=color, side='double'
+            )
         self._scene.add_line_segments('/object/mark', mark, MARK, thickness=0.012)
 
     def _move_tubes(self, picture: Picture, now: float) -> None:

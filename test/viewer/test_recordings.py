@@ -17,7 +17,7 @@ from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.conversions.message_text import schema_text
 from isotruss_ros.viewer.message_checks import PictureError
-from isotruss_ros.viewer.picture import Picture
+from isotruss_ros.viewer.picture import Hold, Picture
 import numpy as np
 import pytest
 from robots import examples
@@ -301,7 +301,7 @@ def test_every_message_of_a_shipped_recording_is_displayed(path):
     picture = Picture(ROBOT, 0.3)
     for time, topic, message in read_recording(path):
         show_message(picture, topic, message, time)
-    assert picture.is_held(time)
+    assert picture.hold(time) is Hold.HELD
 
 
 def test_recordings_are_shipped():
@@ -328,7 +328,8 @@ def test_a_field_that_a_recording_lacks_is_unknown(topic, name):
     picture.sample(0.0)
     assert describe(picture, 0.0)
     assert picture.describe_hindrance(0.0, 1.0)
-    assert picture.is_held(0.0) is (None if name == 'held' or topic != 'grasp/state' else True)
+    unknown = name == 'held' or topic != 'grasp/state'
+    assert picture.hold(0.0) is (Hold.UNKNOWN if unknown else Hold.HELD)
 
 
 def test_fields_that_a_picture_reads_are_those_with_unknown_values():

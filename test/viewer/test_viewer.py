@@ -8,7 +8,9 @@ import re
 
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import load_robot, Polygon, Status
+from isotruss_ros.core import ConvexObject, load_robot, Polygon, Status, tangent_center
+from isotruss_ros.nodes.conversions.grasp_messages import to_state_message
+from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor, GraspQuery, LatestInputs
 from isotruss_ros.viewer.camera import FIELD_OF_VIEW, PANEL_SHARE, PHONE_ASPECT, place_camera
 from isotruss_ros.viewer.control import Control, ZERO
 from isotruss_ros.viewer.drag import (
@@ -20,7 +22,7 @@ from isotruss_ros.viewer.drag import (
     PROGRESS_TIME,
 )
 from isotruss_ros.viewer.meshes import prism
-from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, NEXT_STEPS, Picture
+from isotruss_ros.viewer.picture import Hold, MESSAGE_TIMEOUT, NEXT_STEPS, Picture
 import numpy as np
 import pytest
 from visualization_msgs.msg import Marker, MarkerArray
@@ -125,12 +127,30 @@ def test_an_aborted_drag_resumes_only_after_a_new_grab():
 
 def test_stale_state_is_not_shown_as_held():
     picture = Picture(ROBOT, 0.3)
-    assert picture.is_held(0.0) is None
+    assert picture.hold(0.0) is Hold.UNKNOWN
     picture.receive_state(GraspState(code=0, held=True, utilisation=[0.1] * 9), 1.0)
-    assert picture.is_held(1.0) is True
-    assert picture.is_held(1.0 + MESSAGE_TIMEOUT) is None
+    assert picture.hold(1.0) is Hold.HELD
+    assert picture.hold(1.0 + MESSAGE_TIMEOUT) is Hold.UNKNOWN
     picture.receive_state(GraspState(code=21, held=False), 2.0)
-    assert picture.is_held(2.0) is None
+    assert picture.hold(2.0) is Hold.UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ('place', 'hold', 'words'),
+    [
+        ((0.0, 3.0), Hold.FREE, '<b>free</b>: the object touches nothing'),
+        (tangent_center(ROBOT.home, 'north/Z', 0.295), Hold.NOT_HELD, '<b>not held</b>: '),
+    ],
+)
+def test_an_object_without_contact_is_shown_as_free(place, hold, words):
+    panels = pytest.importorskip('isotruss_ros.viewer.panels')
+    body = ConvexObject.disc(place, 0.3)
+    query = GraspQuery((0.0,) * 6, body, 0.01, (0.0, 0.0, 0.0), 0.02)
+    report = GraspMonitor(ROBOT, query, 1.0, LatestInputs()).analyze_request(query, 0.0)
+    picture = Picture(ROBOT, 0.3)
+    picture.receive_state(to_state_message(report, 'truss'), 0.0)
+    assert picture.hold(0.0) is hold
+    assert panels.describe_state(picture, 0.0).partition('>')[2].startswith(words)
 
 
 def line(number):
