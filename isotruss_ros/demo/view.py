@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         '--browser-timeout',
         type=float,
         default=0.5,
-        help='time without a heartbeat after which a page loses control [s]',
+        help='time without a drawn picture after which a page loses control [s]',
     )
     options, ros_arguments = parse_arguments(parser, arguments)
     domain = keep_to_this_machine()

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 
 from isotruss_ros.viewer.control import Control
 from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESET, RESUME, SHAPE
@@ -23,10 +23,10 @@ class BrowserPanel:
         self,
         client: viser.ClientHandle,
         choices: Mapping[str, Sequence[str]],
-        leave: Callable[[str, float | str], None],
+        queue: Callable[[str, object], None],
     ) -> None:
         self._number, self._gui = client.client_id, client.gui
-        self._choices, self._leave = choices, leave
+        self._choices, self._queue = choices, queue
         self._words = client.gui.add_markdown('', order=PANEL_ORDER)
         self._switch = client.gui.add_checkbox(
             'control', False, hint='Commands are sent while on', order=PANEL_ORDER + 1.0
@@ -63,7 +63,7 @@ class BrowserPanel:
                 ('release the stop', RELEASE),
                 ('reset', RESET),
             ):
-                gui.add_button(label).on_click(lambda _, name=name: self._leave(name, 0.0))
+                gui.add_button(label).on_click(self._on_event(name, 0.0))
             with gui.add_folder('assumed by the analysis', expand_by_default=False):
                 for setting in SETTINGS:
                     self._add_slider(setting, values[setting.name])  # type: ignore[arg-type]
@@ -76,8 +76,24 @@ class BrowserPanel:
 
     def _add_slider(self, setting: Setting, value: float) -> None:
         slider = self._gui.add_slider(setting.label, *setting.bounds, setting.step, value)
-        slider.on_update(lambda _: self._leave(setting.name, slider.value))
+        slider.on_update(self._on_event(setting.name))
 
     def _add_choice(self, label: str, name: str, values: Mapping[str, float | str]) -> None:
         choice = self._gui.add_dropdown(label, self._choices[name], initial_value=values[name])
-        choice.on_update(lambda _: self._leave(name, choice.value))
+        choice.on_update(self._on_event(name))
+
+    def _on_event(
+        self, name: str, value: float | None = None
+    ) -> Callable[[viser.GuiEvent], Coroutine[None, None, None]]:
+        """
+        Return a callback that queues a request.
+
+        It is a coroutine, which viser calls in its own thread, so that the order is preserved.
+
+        :param value: value of the request; None: that of the control.
+        """
+
+        async def queue(event: viser.GuiEvent) -> None:
+            self._queue(name, event.target.value if value is None else value)
+
+        return queue

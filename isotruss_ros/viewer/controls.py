@@ -4,14 +4,16 @@
 """
 Controls of the view: a stop button, handles to drag, and a panel for each browser.
 
-Callbacks for events in browsers run in threads of the server. They only queue requests, which the
-program that shows the view processes in its own thread.
+Callbacks for events in browsers run in the thread of the server. They only queue requests, which
+the program that shows the view processes in its own thread; everything else belongs to that
+thread. Values of viser's handles, which viser replaces as a whole, are read without a lock.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+import html
 import math
 import queue
 
@@ -19,7 +21,7 @@ from isotruss_ros.core import Pose
 from isotruss_ros.viewer.browser_panel import BrowserPanel
 from isotruss_ros.viewer.control import Control
 from isotruss_ros.viewer.drag import LEVER_LENGTH, place_on_circle
-from isotruss_ros.viewer.heartbeat import Heartbeats
+from isotruss_ros.viewer.heartbeat import HEARTBEAT, Heartbeats
 from isotruss_ros.viewer.names import (
     DRAGGED,
     OBJECT,
@@ -62,8 +64,8 @@ class Controls:
     Controls that accept a stop from any browser, other requests from the browser in control.
 
     :ivar control: browser in control and its commands.
-    :param timeout: longest time without a heartbeat of the browser in control [s]; it is longer
-        for a page that draws slowly, see `Heartbeats.timeout`.
+    :param timeout: longest delay of the pictures that the browser in control draws [s]; it is
+        longer for a page that draws slowly, see `Heartbeats.timeout`.
     """
 
     def __init__(
@@ -76,7 +78,9 @@ class Controls:
     ) -> None:
         self.control = Control()
         self._server = server
-        self._requests: queue.SimpleQueue[tuple[int, str, object]] = queue.SimpleQueue()
+        self._received: queue.SimpleQueue[tuple[int, str, object]] = queue.SimpleQueue()
+        self._requests: list[tuple[int, str, object]] = []
+        self._released = False
         self._panels: dict[int, BrowserPanel] = {}
         self._values = {
             DRAGGED: OBJECT,
@@ -90,13 +94,14 @@ class Controls:
             picture.robot.node_names[: len(picture.robot.topology.joint_names)]
         )
         self._timeout, self._report = timeout, report
-        self._heartbeats = Heartbeats(server)
+        self._heartbeats = Heartbeats(server, self._queue)
         self._at: Pose | None = None
         self._grip = (0.0, 0.0)
         self._twisted = self._way = 0.0
         # At the top, so that it is visible on every screen.
         stop = server.gui.add_button('stop', color='red', order=STOP_ORDER)
-        stop.on_click(lambda event: self._requests.put((event.client_id, STOP, 0.0)))
+        stop.on_click(self._press_stop)
+        self._fault = server.gui.add_html('', order=STOP_ORDER)
         server.gui.add_markdown(INTRODUCTION, order=FIRST_ORDER)
         # Above the object and the tubes, always reachable.
         self._height = picture.robot.description.tube_diameter
@@ -112,10 +117,33 @@ class Controls:
         """Return the name of the part selected for dragging: `object`, or the name of a joint."""
         return self._values[DRAGGED]  # type: ignore[return-value]
 
-    def take(self, now: float) -> list[tuple[str, float | str]]:
+    def hear(self, now: float) -> bool:
         """
-        Update which browser is in control, and return the requests since the last call in order.
+        Read what the browsers have sent since the last call, and return whether one pressed stop.
 
+        It depends neither on a page nor on the drawing, so that a stop always works.
+
+        :param now: time on the clock of the heartbeats [s].
+        """
+        stops = False
+        # Not until it is empty: a page may send faster than this reads.
+        for _ in range(self._received.qsize()):
+            browser, name, value = self._received.get()
+            if name == HEARTBEAT:
+                self._heartbeats.note(browser, value, now)
+            elif name == STOP:
+                stops = True
+                self._release()
+            else:
+                self._requests.append((browser, name, value))
+        return stops
+
+    def take(self, now: float, robot_time: float) -> list[tuple[str, float | str]]:
+        """
+        Update which browser is in control, and return its requests of the last `hear` in order.
+
+        :param now: time on the clock of the heartbeats [s].
+        :param robot_time: time on the clock of the robot, for drags [s].
         :return: name and value of each request.
         """
         clients = self._server.get_clients()
@@ -123,30 +151,38 @@ class Controls:
             number: self._panels.get(number) or self._add_panel(client)
             for number, client in clients.items()
         }
+        self._heartbeats.keep(clients)
         wishes = {number: panel.wish for number, panel in self._panels.items()}
-        alive = dict(wishes)
-        holder = self.control.browser
-        timeout = self._heartbeats.timeout(holder, self._timeout)
-        if self._heartbeats.is_silent(holder, timeout):
-            alive[holder] = False
-            self._report(f'control ended: browser {holder} sent no heartbeat for {timeout:.3g} s')
-        self.control.pass_on(alive)
-        if self.control.browser not in (holder, None):
-            self._heartbeats.note(self.control.browser)
+        self._pass_on({} if self._released else wishes, now)
+        self._released = False
+        requests, self._requests = self._requests, []
         taken = []
-        while not self._requests.empty():
-            number, name, value = self._requests.get()
-            if name != STOP and number != self.control.browser:
+        for number, name, value in requests:
+            if number != self.control.browser:
                 continue
             try:
                 check_request(name, value, self._choices)
             except RequestError as error:
                 self._report(str(error))
             else:
-                taken += self._sort(name, value, now)
+                taken += self._sort(name, value, robot_time)
         for number, panel in self._panels.items():
             panel.show(self.control, wishes[number], self._values)  # type: ignore[arg-type]
         return taken
+
+    def mark(self, now: float) -> None:
+        """Mark what was sent until now as a picture, which the browser in control must draw."""
+        self._fault.content = ''
+        self._heartbeats.mark(now)
+
+    def give_up(self, words: str) -> None:
+        """
+        End the control by a browser after an error, and show it in all pages.
+
+        :param words: text of the error.
+        """
+        self._release()
+        self._fault.content = f'<b style="color: #b00">{html.escape(words)}</b>'
 
     def update(self, pose: Pose | None) -> None:
         """
@@ -168,10 +204,33 @@ class Controls:
         self._at = pose if drag is None else None
 
     def _add_panel(self, client: viser.ClientHandle) -> BrowserPanel:
-        number = client.client_id
-        return BrowserPanel(
-            client, self._choices, lambda name, value: self._requests.put((number, name, value))
-        )
+        return BrowserPanel(client, self._choices, partial(self._queue, client.client_id))
+
+    def _queue(self, browser: int, name: str, value: object) -> None:
+        self._received.put((browser, name, value))
+
+    async def _press_stop(self, event: viser.GuiEvent) -> None:
+        self._queue(event.client_id, STOP, 0.0)
+
+    def _release(self) -> None:
+        """End the control by a browser; its switch must be switched on again."""
+        self.control.release()
+        self._requests.clear()
+        self._released = True
+
+    def _pass_on(self, wishes: dict[int, bool], now: float) -> None:
+        """Pass on the control; a browser whose pictures are delayed loses it."""
+        holder, alive = self.control.browser, dict(wishes)
+        if holder is not None:
+            timeout = self._heartbeats.timeout(holder, self._timeout)
+            if self._heartbeats.delay(holder, now) > timeout:
+                alive[holder] = False
+                self._report(
+                    f'control ended: browser {holder} has drawn no new picture for {timeout:.3g} s'
+                )
+        self.control.pass_on(alive)
+        if self.control.browser not in (holder, None):
+            self._heartbeats.begin(self.control.browser, now)
 
     def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
         """Apply a request that concerns the controls; return any other request for the viewer."""
@@ -188,9 +247,7 @@ class Controls:
             return []
         if name in self._values:
             self._values[name] = value
-        if name == STOP:
-            control.release()
-        elif name in CANCELLING_REQUESTS:
+        if name in CANCELLING_REQUESTS:
             control.drag = None
         return [] if value == INITIAL_CHOICE else [(name, value)]  # type: ignore[list-item]
 
@@ -198,7 +255,7 @@ class Controls:
         """Queue a drag event; the server's event loop calls this, so the order is preserved."""
         begins = event.phase == 'start'
         drag = (begins, event.start_position[:2], event.end_position[:2])
-        self._requests.put((event.client_id, name, drag))
+        self._queue(event.client_id, name, drag)
 
     def _move_handle(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float

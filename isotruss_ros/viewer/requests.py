@@ -24,7 +24,6 @@ from isotruss_ros.viewer.names import (
     RESET,
     RESUME,
     SHAPE,
-    STOP,
     TARGET,
     TURN,
 )
@@ -33,7 +32,7 @@ from isotruss_ros.viewer.names import (
 INITIAL_CHOICE = 'as started'
 #: Largest valid coordinate of a drag [m].
 MAX_DRAG_DISTANCE = 100.0
-BUTTONS = (STOP, RELEASE, RESUME, RESET, PICK, PLACE)
+BUTTONS = (RELEASE, RESUME, RESET, PICK, PLACE)
 
 
 class RequestError(IsotrussError, ValueError):

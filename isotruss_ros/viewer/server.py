@@ -5,9 +5,9 @@
 Server of a view, with access control for its page and websocket.
 
 viser 1.1.1 uses another port if the requested one is taken, hangs if an address cannot be bound,
-and accepts requests from pages of any origin. So this module passes a bound socket to viser, and
-sets options of `websockets` that viser does not set. A malformed message of a page is reported in
-one line.
+accepts requests from pages of any origin, and lets a page change any attribute of its controls. So
+this module passes a bound socket to viser, and sets options of `websockets` that viser does not
+set. A message that no page of the view sends is ignored and reported in one line.
 """
 
 from __future__ import annotations
@@ -25,15 +25,18 @@ import socket
 import sys
 import threading
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.viewer.camera import STYLE
 from isotruss_ros.viewer.heartbeat import SCRIPT
 from isotruss_ros.viewer.names import LOCAL
+from isotruss_ros.viewer.page_messages import check_message
+from isotruss_ros.viewer.requests import RequestError
 import viser
 import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import MultipleValuesError
 from websockets.http11 import Request, Response
 
 #: Response headers that prevent other pages from embedding the page, and leaks of its address.
@@ -94,8 +97,14 @@ class Gate:
                     HTTPStatus.FORBIDDEN, 'Open the address that was printed, with its token.\n'
                 )
             # Uncompressed, since script and style are inserted into the page.
-            request.headers.pop('Accept-Encoding', None)
-            response = answer(connection, request)
+            if 'Accept-Encoding' in request.headers:
+                del request.headers['Accept-Encoding']
+            try:
+                response = answer(connection, request)
+            except (OSError, ValueError, MultipleValuesError):  # no file has such a name
+                return connection.respond(
+                    HTTPStatus.BAD_REQUEST, 'Path and headers must be those of a browser.\n'
+                )
             if response is None and not self._is_own_page(connection, request):
                 return connection.respond(
                     HTTPStatus.FORBIDDEN, 'Only pages of this server open its websocket.\n'
@@ -125,8 +134,8 @@ class Gate:
 
     def _has_token(self, request: Request) -> bool:
         """Return whether the address of a request contains the token."""
-        given = parse_qs(urlsplit(request.path).query).get('token', [''])
-        return self._is_token(given[0])
+        tokens = parse_qs(request.path.partition('?')[2]).get('token', [''])
+        return self._is_token(tokens[0])
 
     def _has_cookie(self, request: Request) -> bool:
         """Return whether a request has the cookie of the page."""
@@ -134,15 +143,24 @@ class Gate:
         values = dict(part.partition('=')[::2] for part in parts)
         return self._is_token(values.get(self._cookie, ''))
 
-    def _is_token(self, given: str) -> bool:
-        return secrets.compare_digest(given.encode(), self._token.encode())
+    def _is_token(self, text: str) -> bool:
+        # Bytes that are not ASCII arrive as surrogates, which have no encoding.
+        return secrets.compare_digest(text.encode(errors='replace'), self._token.encode())
 
 
-class _Server(viser.ViserServer):
-    """Server without viser's tunnel, with which a page could open the server to the internet."""
+class PageConnection(ServerConnection):
+    """Websocket that ignores messages that no page of the view sends."""
 
-    def request_share_url(self, verbose: bool = True) -> None:
-        """Refuse to open a tunnel to the internet, which a page can request by a message."""
+    async def recv(self, decode: bool | None = None) -> Any:
+        """Return the next message that the page of a view may send."""
+        while True:
+            message = await super().recv(decode)
+            try:
+                check_message(message)
+            except RequestError as error:
+                _report(str(error))
+            else:
+                return message
 
 
 def open_server(host: str, port: int) -> tuple[viser.ViserServer, Gate]:
@@ -156,7 +174,7 @@ def open_server(host: str, port: int) -> tuple[viser.ViserServer, Gate]:
     gate = Gate(bound)
     # viser prints the address without the token.
     with _serving(bound, gate) as served, contextlib.redirect_stdout(io.StringIO()):
-        server = _Server(host=host, port=port, verbose=False)
+        server = viser.ViserServer(host=host, port=port, verbose=False)
     if not served:
         server.stop()
         bound.close()
@@ -216,6 +234,7 @@ def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
             handler,
             sock=bound,
             process_request=gate.guard(process_request),
+            create_connection=PageConnection,
             logger=_quiet,
             **options,
         )
@@ -229,8 +248,12 @@ def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
 
 
 def _report_message(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Print one line about a message of a page whose handler in viser failed."""
-    reason = repr(context.get('exception') or context['message'])
+    """Report a message of a page whose handler in viser failed."""
+    _report(repr(context.get('exception') or context['message']))
+
+
+def _report(reason: str) -> None:
+    """Print one line about a message of a page."""
     print(f'viewer: message of a page ignored: {reason:.200}', file=sys.stderr, flush=True)
 
 

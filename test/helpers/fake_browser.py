@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A client of a view that sends what it likes, as no page does, and that can freeze."""
+"""A client of a view that sends any message, and that can freeze."""
 
 from __future__ import annotations
 
@@ -28,21 +28,20 @@ CAMERA = {
     'look_at': [0.0, 0.0, 0.0],
     'up_direction': [0.0, 1.0, 0.0],
 }
-ALIVE = {
-    'type': 'LocalStorageGetItemResponseMessage',
-    'request_uuid': '',
-    'value': None,
-    'error': None,
-}
+HEARTBEAT = {'type': 'LocalStorageGetItemResponseMessage', 'request_uuid': '', 'error': None}
+#: Period of the heartbeats [s].
+PERIOD = 0.1
+#: Texts before and after the time of a picture.
+MARK = '<!--picture ', '-->'
 
 
 class FakeBrowser:
     """
-    Connected to a view, it gives signs of life while it is not frozen.
+    Client that draws each picture at once while it is not frozen.
 
-    :ivar frozen: whether it gives none.
-    :ivar controls: uuid of what the page shows, by its label.
-    :param address: of the view.
+    :ivar frozen: whether it draws no pictures.
+    :ivar controls: uuid of each control of the page, by its label.
+    :param address: address of the view.
     """
 
     def __init__(self, address: str) -> None:
@@ -55,8 +54,10 @@ class FakeBrowser:
             max_size=None,
         )
         self.frozen, self.controls = False, {}
+        self._texts: dict[str, str] = {}
+        self._mark = None
         self._closed = threading.Event()
-        self._send(CAMERA)
+        self.send(CAMERA)
         self._threads = [
             threading.Thread(target=each, daemon=True) for each in (self._listen, self._live)
         ]
@@ -71,9 +72,13 @@ class FakeBrowser:
             thread.join()
 
     def set(self, label: str, value: object) -> None:  # noqa: A003
-        """Give a control a value, once the page shows it."""
+        """Set the value of a control."""
         message = {'type': 'GuiUpdateMessage', 'uuid': self.controls[label]}
-        self._send(message | {'updates': {'value': value}})
+        self.send(message | {'updates': {'value': value}})
+
+    def shows(self, words: str) -> bool:
+        """Return whether a changed element of the page contains words."""
+        return any(words in text for text in list(self._texts.values()))
 
     def drag(self, handle: str, phase: str, x: float, y: float) -> None:
         """Send a phase of a drag of `handle` or `turner`."""
@@ -81,16 +86,21 @@ class FakeBrowser:
         screen = {'start_screen_pos': [0.5, 0.5], 'end_screen_pos': [0.5, 0.5]}
         drag = {'type': 'SceneNodeDragMessage', 'phase': phase, 'name': f'/{handle}'}
         how = {'instance_index': None, 'button': 'left', 'modifier': None, 'owner': ''}
-        self._send(drag | how | place | screen)
+        self.send(drag | how | place | screen)
 
-    def _send(self, message: dict[str, Any]) -> None:
-        self._socket.send(msgspec.msgpack.encode(message))
+    def send(self, message: dict[str, Any]) -> None:
+        """Send a message of viser's protocol."""
+        self.send_packed(msgspec.msgpack.encode(message))
+
+    def send_packed(self, message: str | bytes) -> None:
+        """Send text or bytes."""
+        self._socket.send(message)
 
     def _live(self) -> None:
         with contextlib.suppress(ConnectionClosed):
-            while not self._closed.wait(0.1):
+            while not self._closed.wait(PERIOD):
                 if not self.frozen:
-                    self._send(ALIVE)
+                    self.send(HEARTBEAT | {'value': self._mark})
 
     def _listen(self) -> None:
         with contextlib.suppress(ConnectionClosed):
@@ -105,3 +115,8 @@ class FakeBrowser:
     def _take(self, message: dict[str, Any]) -> None:
         if 'props' in message and (label := message['props'].get('label')):
             self.controls[label] = message['uuid']
+        content = message.get('updates', {}).get('content')
+        if isinstance(content, str):
+            self._texts[message['uuid']] = content
+            if content.startswith(MARK[0]):
+                self._mark = content.removeprefix(MARK[0]).removesuffix(MARK[1])

@@ -9,9 +9,12 @@ from types import SimpleNamespace
 import urllib.error
 import urllib.request
 
+from hypothesis import given
+from hypothesis import strategies as st
 from isotruss_ros.core import load_robot
 from isotruss_ros.viewer.picture import Picture
 import pytest
+from robots import examples
 
 viser = pytest.importorskip('viser')
 from isotruss_ros.viewer.heartbeat import SCRIPT  # noqa: E402,I100
@@ -148,10 +151,6 @@ def test_every_page_has_the_heartbeat_script(local):
         assert SCRIPT.encode() in answer.read()
 
 
-def test_no_message_of_a_page_makes_the_server_public(local):
-    assert local.server.request_share_url() is None
-
-
 def test_a_port_in_use_is_refused(local):
     port = local.server.get_port()
     with pytest.raises(ViewError, match=rf'no server at 127\.0\.0\.1:{port}: Address already in'):
@@ -174,6 +173,48 @@ def test_an_incompatible_version_of_viser_is_refused(monkeypatch):
     monkeypatch.setattr('viser.infra._infra.websockets', own)
     with pytest.raises(ViewError, match=r'does not check connections: install viser 1\.1\.1'):
         View(Picture(ROBOT, 0.3), '127.0.0.1', 0)
+
+
+def answer(view, request):
+    """Return the status of the answer to the bytes of a request; None without an answer."""
+    with socket.create_connection(('127.0.0.1', view.server.get_port()), timeout=60) as client:
+        client.sendall(request)
+        words = client.recv(1000).split()
+    return int(words[1]) if len(words) > 1 else None
+
+
+PAGE = b'GET /%b HTTP/1.1\r\nHost: here\r\n%b\r\n'
+UPGRADE = b'Connection: Upgrade\r\nUpgrade: websocket\r\n'
+
+
+@pytest.mark.parametrize(
+    'query', [b'?token=\xff', b'?token=%FF', b'?\xff', b'/[?token=', b'?token=%']
+)
+@pytest.mark.parametrize('header', [b'', b'Cookie: isotruss_view_1=\xff\r\n', UPGRADE])
+def test_a_token_of_any_bytes_is_refused(local, query, header):
+    assert answer(local, PAGE % (query, header)) == REFUSED
+
+
+TEXTS = st.one_of(
+    st.binary(max_size=30), st.sampled_from([b'a' * 300, b'%00', b'%ff', b'[', b'..'])
+)
+HEADERS = st.lists(
+    st.tuples(
+        st.sampled_from([b'Cookie', b'Origin', b'Upgrade', b'Accept-Encoding', b'Host', b'X']),
+        TEXTS,
+    ),
+    max_size=4,
+)
+
+
+@examples(200)
+@given(TEXTS, TEXTS, HEADERS, st.booleans(), st.booleans())
+def test_no_request_is_an_error_of_the_server(local, path, query, headers, has_token, upgrades):
+    token = token_of(local).encode() + b'&' if has_token else b'?'
+    lines = b''.join(b'%b: %b\r\n' % header for header in headers)
+    request = PAGE % (path + token + query, lines + UPGRADE * upgrades)
+    # Without an answer: no HTTP; 426: no websocket of this version.
+    assert answer(local, request) in (200, 400, REFUSED, 404, 426, None)
 
 
 def test_invalid_http_prints_nothing(local, capfd):

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import partial
 import math
 import time
+import traceback
 from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
@@ -53,7 +54,6 @@ from isotruss_ros.viewer.names import (
     RESET,
     RESUME,
     SHAPE,
-    STOP,
 )
 from isotruss_ros.viewer.picture import Picture
 from rclpy.client import Client
@@ -77,8 +77,8 @@ SPECS = (
     FixedSpec(
         'browser_timeout',
         0.5,
-        'Time without a heartbeat after which a page loses control [s]; a page that draws slowly '
-        'has twice its longest pause, at most 2 s',
+        'Time without a drawn picture after which a page loses control [s]; a page that draws '
+        'slowly has twice its longest delay, at most 2 s',
         (0.2, 60.0),
     ),
     FixedSpec('rate', 20.0, 'Displayed frames per second [Hz]', (5.0, 60.0)),
@@ -150,6 +150,22 @@ class Viewer(StoppableNode):
         if self._view is not None:
             self._view.close()
 
+    def fail(self, error: Exception) -> None:
+        """
+        End the control by a browser after an uncaught error in a callback.
+
+        The node goes on, because it has the stop button.
+        """
+        if self._controls is None:
+            raise error
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        words = f'error of the viewer: {type(error).__name__}: {error}'
+        self.reasons.note('error', f'{words} (in {place.name}, {place.filename}:{place.lineno})')
+        self._report_goal(words)
+        self._controls.give_up(words)
+        self._publish_twist(None, self.now())
+        self._publish_wrench()
+
     def _subscribe(self) -> None:
         picture = self.picture
         self._frame = RobotFrame.heard_by(self, picture.robot)
@@ -179,11 +195,13 @@ class Viewer(StoppableNode):
     def _step(self) -> None:
         # Progress counts on the clock of the robot, which a busy simulator slows down.
         controls, now, robot_time = self._controls, time.monotonic(), self.now()
+        if controls.hear(now):
+            self._stops.publish(Bool(data=True))
         stopped = self._stopped or self.picture.is_stopped(now)
         if controls.control.stopped and not stopped:
             self._report_goal('')  # requests from before the stop are void
         controls.control.latch(stopped)
-        for name, value in controls.take(robot_time):
+        for name, value in controls.take(now, robot_time):
             self._carry_out(name, value)
         control, pose = controls.control, self._dragged_pose(now)
         position = None if pose is None else pose[:2]
@@ -197,6 +215,7 @@ class Viewer(StoppableNode):
         self._publish_twist(position, robot_time)
         self._publish_wrench()
         self._view.update(now)
+        controls.mark(now)
 
     def _dragged_pose(self, now: float) -> Pose | None:
         """Return the pose of the object or joint that is dragged; None if unknown."""
@@ -246,9 +265,7 @@ class Viewer(StoppableNode):
         self._pulling = True
 
     def _carry_out(self, name: str, value: float | str) -> None:
-        if name == STOP:
-            self._stops.publish(Bool(data=True))
-        elif name == RELEASE:
+        if name == RELEASE:
             self._stops.publish(Bool(data=False))
             make_calls(self._ask(self._release))
         elif name == RESUME:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node `viewer`, beside a browser that sends what no page does."""
+"""The node `viewer`, with a browser that can send any message."""
 
 import contextlib
 
@@ -15,6 +15,7 @@ from std_msgs.msg import Bool
 from visualization_msgs.msg import Marker, MarkerArray
 
 pytest.importorskip('viser')
+from isotruss_ros.core import Disc  # noqa: E402
 from isotruss_ros.nodes.viewer.node import Viewer  # noqa: E402,I100
 
 
@@ -104,3 +105,38 @@ def test_a_viewer_goes_on_after_messages_that_cannot_be_shown():
             lambda: node.picture.config.roller_positions[0] == pytest.approx(0.01),
             lambda: w.probe.send_joints(position=travel),
         )
+
+
+class BrokenShape(Disc):
+    """Shape of a user, whose outline cannot be computed."""
+
+    def outline(self, spacing):
+        """Raise an error."""
+        raise ZeroDivisionError('the outline of a user')
+
+
+def spin_as_run(spin_once, node):
+    """Return a function that spins once as `run` does."""
+
+    def spin(timeout_sec):
+        try:
+            spin_once(timeout_sec=timeout_sec)
+        except ZeroDivisionError as error:
+            node.fail(error)
+
+    return spin
+
+
+def test_an_error_of_drawing_ends_the_drag_but_not_the_stop_button():
+    with viewed() as (w, node, browser):
+        w.executor.spin_once = spin_as_run(w.executor.spin_once, node)
+        w.probe.listen(Bool, 'stop', 'emergency_stop')
+        browser.drag('handle', 'start', 0.5, 0.5)
+        w.until(lambda: moves(w), w.probe.send_pose)
+        node.picture.shape = BrokenShape(0.15)
+        w.until(lambda: w.probe.last('twist') == Twist(), w.probe.send_pose)
+        w.until(lambda: browser.shows('ZeroDivisionError: the outline of a user'))
+        browser.set('stop', True)
+        w.until(lambda: w.probe.last('stop') == Bool(data=True))
+        node.picture.shape = None
+        w.until(lambda: not browser.shows('error of the viewer'))
