@@ -21,7 +21,7 @@ PRINTED = {
     'chance_map': 'largest chance 0.85, at the largest slip margin 0.72',
     'deform_under_load': 'T: 1.09 mm, -4.01 mm, 0.0000 rad',
     'draw_grasp': 'the members press with 13.0 N: see drawing.png',
-    'estimate_roller_offsets': 'to be added: [5. 5. 5. 5. 5. 5.] mm',
+    'estimate_roller_offsets': 'to be added: [4.4 5.  4.5 4.8 4.3 5.2] mm',
     'failed_roller': 'failed: none: 3 independent motions left',
     'first_twist': 'south/P  -0.0033 m/s',
     'follow_path': 'reached 0.26 mm off',

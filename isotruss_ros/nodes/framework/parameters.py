@@ -109,7 +109,9 @@ class Parameters:
                 descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
         value = spec.default
         if given is not None:
-            (read,) = self._convert([given])
+            # An empty list in a parameter file has no type.
+            is_untyped = given.type_ is Parameter.Type.NOT_SET and spec.name in self._names
+            read = Parameter(spec.name, value=NO_NAMES) if is_untyped else self._convert_one(given)
             value = read.value
             expected = Parameter.Type.from_parameter_value(spec.default)
             if read.type_ is not expected:
@@ -133,9 +135,8 @@ class Parameters:
         name, kind, value = parameter.name, parameter.type_, parameter.value
         if name in self._real and kind in WHOLE_NUMBERS:
             return Parameter(name, value=WHOLE_NUMBERS[kind](value))
-        # An empty list in a parameter file has no type; that of a message may have any.
-        is_empty = kind is Parameter.Type.NOT_SET or (kind.name.endswith('ARRAY') and not value)
-        if name in self._names and is_empty:
+        # An empty list in a message may have any type.
+        if name in self._names and kind.name.endswith('ARRAY') and not value:
             return Parameter(name, value=NO_NAMES)
         return parameter
 
