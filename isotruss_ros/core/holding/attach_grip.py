@@ -35,7 +35,6 @@ from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS
-from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 
@@ -64,7 +63,7 @@ def attach_grip(
     it overlaps fewer than two, the two nearest. The wrench (fx, fy, m) is about the origin of the
     object's frame [N, N m], the stiffness relative to the modelled one [-]. A `quick` search fits
     in a control cycle. The iteration begins at the first of `starts` that has the same contacts,
-    if any, and is then as accurate as that of `roll_grip`.
+    if any.
     """
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
@@ -128,7 +127,7 @@ def _contact_solver(
             if np.array_equal(grip.contacts.corners, chosen.contacts.corners):
                 bent = grip.statics.bent_under(unknowns, statics.bent.structure)
                 initial = replace(statics, bent=replace(bent, stiffness=stiffness))
-                solution = initial.settle(unknowns, wrench, conditions, steps, FOLLOWED_MOTION)
+                solution = initial.settle(unknowns, wrench, conditions, steps)
                 break
         if solution is None:  # from straight tubes at the measured pose
             solution = statics.settle(statics.start(), wrench, conditions, steps)

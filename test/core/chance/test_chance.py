@@ -54,6 +54,21 @@ def settle_again(settled, change):
     return assess_equilibrium(grip.statics.body.pose, grip, friction)
 
 
+def settle_afresh(settled, change):
+    """Return a disc's grasp with changes of all parameters, by `settle_grasp` alone."""
+    parameters, grip = core.grasp_gradient(settled).parameters, settled.equilibrium
+    given = grip.statics.body
+    disc = core.Disc(given.shape.diameter * (1.0 + change[-1]))
+    return core.settle_grasp(
+        grip.config.moved_to(grip.config.roller_positions + change[parameters.rollers]),
+        core.ConvexObject(disc, np.add(given.pose, change[parameters.place])),
+        max(settled.friction + change[parameters.friction], 0.0),
+        grip.wrench * (1.0, 1.0, grip.arm) + change[parameters.wrench],
+        pressure=grip.pressures + change[parameters.pressures],
+        members=grip.member_names,
+    )
+
+
 @pytest.mark.parametrize('name', some_now(['brick', 'box', 'three members', 'disc 0.2 m'], 3))
 def test_rates_of_criteria_are_those_of_exact_equilibria(name):
     body, members = place(make_robot(), name, 0.5)
@@ -226,21 +241,24 @@ def test_opposite_offsets_of_a_belief_change_the_chance():
     assert chances[1] < 0.1 * chances[0]
 
 
-@pytest.mark.parametrize('uncertainty', some_now([CALIBRATED, core.Uncertainty()]))
-def test_gradient_of_the_chance_is_that_of_differences(uncertainty):
+@pytest.mark.parametrize('uncertainty', [CALIBRATED, core.Uncertainty()])
+def test_gradient_of_the_chance_is_that_of_grasps_settled_afresh(uncertainty):
     settled = settle(0.66)
     gradient = core.grasp_gradient(settled).chance(uncertainty)
     spread = np.sqrt(np.diag(uncertainty.covariance(settled.equilibrium)))
     for k, unit in enumerate(np.maximum(spread, 1e-3)):
+        if k == core.grasp_gradient(settled).parameters.stiffness:
+            continue
         changes = 3e-3 * unit * np.array([1.0, -1.0, 2.0, -2.0])
         ahead, behind, far_ahead, far_behind = (
-            settle_again(settled, change * np.eye(18)[k])
-            .chance(uncertainty, samples=0)
-            .probability
+            uncertainty.chance(settle_afresh(settled, change * np.eye(18)[k]), samples=0)
             for change in changes
         )
-        rate = (8.0 * (ahead - behind) - (far_ahead - far_behind)) / (12.0 * changes[0])
-        assert unit * gradient[k] == pytest.approx(unit * rate, abs=1e-6)
+        near = ahead.probability - behind.probability
+        far = far_ahead.probability - far_behind.probability
+        rate = (8.0 * near - far) / (12.0 * changes[0])
+        # Each component, also a small one, to 1e-4 of itself.
+        assert unit * gradient[k] == pytest.approx(unit * rate, rel=1e-4, abs=1e-8)
 
 
 @pytest.mark.parametrize(
