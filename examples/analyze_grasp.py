@@ -14,4 +14,5 @@ print(f'{len(grasp.normal_forces)} contact points, {grasp.normal_forces.sum():.1
 for member, length in grasp.contact_lengths.items():
     print(f'{member} touches over {1000 * length:.0f} mm')
 print('normal forces add up to', grasp.normal_wrench.round(3) + 0.0, '[N, N, N m]')
-print(f'closed by friction: {grasp.closed_by_friction}, from {grasp.required_friction:.3f} on')
+print('closed by friction:', grasp.closed_by_friction)
+print('required coefficient of friction:', grasp.required_friction)
