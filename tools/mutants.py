@@ -6,7 +6,7 @@ Mutation tests of the loop that holds an object: small faults in the sources fai
 
 A mutant is a source file with one operator or number changed by Cosmic Ray. The tests that execute
 its function run in a forked process, the shortest first. A mutant that passes them survives; the
-exit code is 1 if more than 8 % of all mutants survive.
+exit code is 1 if more than 8 % of the mutants survive. Two copies of the tree are tested at once.
 
     python tools/mutants.py --count 200 --seed 0
 """
@@ -16,12 +16,14 @@ from __future__ import annotations
 import argparse
 import ast
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 import functools
 import itertools
 import json
 import multiprocessing
 import os
 from pathlib import Path
+import queue
 import random
 import shutil
 import subprocess
@@ -80,6 +82,8 @@ OPTIONS = ['-q', '-n', '0', '-p', 'no:cacheprovider']
 EQUAL = Path(__file__).with_name('equal_mutants.json')
 #: Largest share of surviving mutants [-].
 MAX_SURVIVING_SHARE = 0.08
+#: Number of copies of the tree, in each of which one process runs tests.
+COPIES = 2
 #: Largest duration of the tests of a mutant, as measured without mutants [s].
 MAX_TEST_DURATION = 60.0
 
@@ -93,12 +97,14 @@ class Mutant(NamedTuple):
     operator: Operator  #: operator that makes the change
     number: int  #: number of the change among those of the operator
 
-    def write(self, tree: Path) -> tuple[str, str]:
-        """Change the file; return the changed line before and after."""
+    def change(self, source: str) -> str:
+        """Return the changed source of the file."""
+        return MutationVisitor.mutate_code(source, self.operator, self.number)
+
+    def lines(self, tree: Path) -> tuple[str, str]:
+        """Return the changed line before and after."""
         source = (tree / self.path).read_text(encoding='utf-8')
-        changed = MutationVisitor.mutate_code(source, self.operator, self.number)
-        (tree / self.path).write_text(changed, encoding='utf-8')
-        lines = zip(source.splitlines(), changed.splitlines(), strict=False)
+        lines = zip(source.splitlines(), self.change(source).splitlines(), strict=False)
         before, after = next((one, other) for one, other in lines if one != other)
         return before.strip(), after.strip()
 
@@ -165,15 +171,25 @@ class Recorder:
         Path('durations.json').write_text(json.dumps(self.durations), encoding='utf-8')
 
 
-def measure(tree: Path) -> tuple[dict[str, float], coverage.CoverageData]:
+def measure(trees: list[Path]) -> tuple[dict[str, float], list[coverage.CoverageData]]:
     """Run the tests without mutants; return their durations [s] and the lines they execute."""
-    command = [*OPTIONS, '-m', 'not nightly', *TESTS]
-    failed = in_fork(tree, lambda: pytest.main(command, plugins=[Recorder(tree)]))
-    if failed:
-        sys.exit('the tests fail without mutants, see .mutants/log.txt')
-    data = coverage.CoverageData(str(tree / '.coverage'))
-    data.read()
-    return json.loads((tree / 'durations.json').read_text(encoding='utf-8')), data
+    shares = [TESTS[number :: len(trees)] for number in range(len(trees))]
+    with ThreadPoolExecutor(len(trees)) as pool:
+        failed = list(pool.map(record_tests, trees, shares))
+    if any(failed):
+        sys.exit('the tests fail without mutants, see .mutants/*/log.txt')
+    durations: dict[str, float] = {}
+    recorded = [coverage.CoverageData(str(tree / '.coverage')) for tree in trees]
+    for tree, data in zip(trees, recorded, strict=True):
+        data.read()
+        durations |= json.loads((tree / 'durations.json').read_text(encoding='utf-8'))
+    return durations, recorded
+
+
+def record_tests(tree: Path, tests: list[str]) -> int | None:
+    """Run tests in a copy of the tree with a `Recorder`; return the exit code."""
+    command = [*OPTIONS, '-m', 'not nightly', *tests]
+    return in_fork(tree, lambda: pytest.main(command, plugins=[Recorder(tree)]))
 
 
 def all_mutants(tree: Path, folder: str) -> Iterator[Mutant]:
@@ -201,54 +217,54 @@ def unchanged_spans(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, i
 
 
 def find_tests(
-    tree: Path, mutant: Mutant, durations: dict[str, float], data: coverage.CoverageData
+    trees: list[Path],
+    mutant: Mutant,
+    durations: dict[str, float],
+    recorded: list[coverage.CoverageData],
 ) -> list[str]:
     """Return the tests that execute the function of a mutant, or any function of its file."""
-    parsed = ast.parse((tree / mutant.path).read_text(encoding='utf-8'))
+    parsed = ast.parse((trees[0] / mutant.path).read_text(encoding='utf-8'))
     kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
     functions = [node for node in ast.walk(parsed) if isinstance(node, kinds)]
     around = [node for node in functions if node.lineno <= mutant.line <= node.end_lineno]
     lines = {
         line for node in around or functions for line in range(node.lineno, node.end_lineno + 1)
     }
-    contexts = data.contexts_by_lineno(str(tree / mutant.path))
-    executing = {test for line in lines for test in contexts.get(line, ()) if test}
+    executing = set()
+    for tree, data in zip(trees, recorded, strict=True):
+        contexts = data.contexts_by_lineno(str(tree / mutant.path))
+        executing |= {test for line in lines for test in contexts.get(line, ()) if test}
     own = FOLDERS[mutant.folder][1]
     ordered = sorted(executing, key=lambda test: (not test.startswith(own), durations[test]))
     spent = itertools.accumulate(durations[test] for test in ordered)
     return [test for test, s in zip(ordered, spent, strict=True) if s < MAX_TEST_DURATION]
 
 
-def try_sample(
-    tree: Path,
-    mutants: list[Mutant],
-    count: int,
-    durations: dict[str, float],
-    data: coverage.CoverageData,
-) -> int:
-    """Try mutants that are not listed as equal; print the survivors, and return their number."""
+def draw_mutants(tree: Path, folder: str, count: int, seed: int) -> list[Mutant]:
+    """Return a random sample of the mutants of a folder, without those listed as equal."""
     equal = {(entry['path'], entry['before'], entry['after']) for entry in read_equal()}
-    survivors = tried = 0
-    for mutant in mutants:
-        if tried == count:
-            break
-        tests = find_tests(tree, mutant, durations, data)
-        limit = 20.0 + 5.0 * sum(durations[test] for test in tests)
-        run = functools.partial(pytest.main, [*OPTIONS, '-x', *tests])
-        path = tree / mutant.path
-        original = path.read_text(encoding='utf-8')
-        try:
-            before, after = mutant.write(tree)
-            if (mutant.path, before, after) in equal:
-                continue
-            tried += 1
-            if not tests or in_fork(tree, run, limit) == 0:
-                survivors += 1
-                message = f'{mutant.path}:{mutant.line}: passes {len(tests)} tests'
-                print(f'{message}\n- {before}\n+ {after}', flush=True)
-        finally:
-            path.write_text(original, encoding='utf-8')
-    return survivors
+    mutants = list(all_mutants(tree, folder))
+    random.Random(seed).shuffle(mutants)
+    unlisted = (mutant for mutant in mutants if (mutant.path, *mutant.lines(tree)) not in equal)
+    return list(itertools.islice(unlisted, count))
+
+
+def survives(mutant: Mutant, trees: queue.Queue[Path], tests: list[str], limit: float) -> bool:
+    """Return whether a mutant passes tests within a time limit [s]; print it if it does."""
+    tree = trees.get()
+    path = tree / mutant.path
+    original, (before, after) = path.read_text(encoding='utf-8'), mutant.lines(tree)
+    run = functools.partial(pytest.main, [*OPTIONS, '-x', *tests])
+    try:
+        path.write_text(mutant.change(original), encoding='utf-8')
+        passes = not tests or in_fork(tree, run, limit) == 0
+    finally:
+        path.write_text(original, encoding='utf-8')
+        trees.put(tree)
+    if passes:
+        message = f'{mutant.path}:{mutant.line}: passes {len(tests)} tests'
+        print(f'{message}\n- {before}\n+ {after}', flush=True)
+    return passes
 
 
 @functools.cache
@@ -271,23 +287,27 @@ def main() -> int:
     parser.add_argument('--seed', type=int, default=0, help='seed of the random choice')
     parser.add_argument('--folders', nargs='*', default=list(FOLDERS), choices=FOLDERS)
     options = parser.parse_args()
-    tree, folders, total, passed = TOP / '.mutants', options.folders, 0, 0
-    copy_tree(tree)
-    durations, data = measure(tree)
-    for folder in folders:
-        mutants = list(all_mutants(tree, folder))
-        random.Random(options.seed).shuffle(mutants)
-        count, begin = min(-(-options.count // len(folders)), len(mutants)), time.monotonic()
-        survivors = try_sample(tree, mutants, count, durations, data)
-        killed, spent = 1.0 - survivors / count, (time.monotonic() - begin) / count
-        print(
-            f'{folder}: {killed:.1%} of {count} mutants killed, a sample of {len(mutants)}; '
-            f'{spent:.1f} s each',
-            flush=True,
-        )
-        total, passed = total + count, passed + survivors
-    print(f'{passed} of {total} mutants survive; at most {MAX_SURVIVING_SHARE:.0%} may')
-    return int(passed > MAX_SURVIVING_SHARE * total)
+    trees = [TOP / '.mutants' / str(number) for number in range(COPIES)]
+    for tree in trees:
+        copy_tree(tree)
+    durations, recorded = measure(trees)
+    free: queue.Queue[Path] = queue.Queue()
+    for tree in trees:
+        free.put(tree)
+    survived = tried = 0
+    for folder in options.folders:
+        count = -(-options.count // len(options.folders))
+        mutants = draw_mutants(trees[0], folder, count, options.seed)
+        tests = [find_tests(trees, mutant, durations, recorded) for mutant in mutants]
+        limits = [20.0 + 5.0 * sum(durations[test] for test in own) for own in tests]
+        begin = time.monotonic()
+        with ThreadPoolExecutor(COPIES) as pool:
+            passed = list(pool.map(survives, mutants, itertools.repeat(free), tests, limits))
+        survived, tried = survived + sum(passed), tried + len(mutants)
+        duration = time.monotonic() - begin
+        print(f'{folder}: {sum(passed)} of {len(mutants)} survive; {duration:.0f} s', flush=True)
+    print(f'{survived} of {tried} mutants survive; at most {MAX_SURVIVING_SHARE:.0%} may')
+    return int(survived > MAX_SURVIVING_SHARE * tried)
 
 
 if __name__ == '__main__':
