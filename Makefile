@@ -5,6 +5,7 @@ MINUTES ?= 10
 WALKS ?= 1000
 CALLS ?= 100000
 MUTANTS ?= 200
+MATRIX ?= noble trixie newest
 SEED ?= 0
 # Kinds of processors whose rounding the random calls run with, as far as this one has their instructions.
 CORETYPES ?= Nehalem Sandybridge Haswell
@@ -87,13 +88,14 @@ wheel: venv
 noble:
 	+$(MAKE) noble-some $(NOBLE)
 
+# Within an hour on two cores. The versions of .noble run the daily tests, those of .venv the long ones.
 nightly: venv
 	+$(MAKE) noble-all $(NOBLE)
-	+$(MAKE) matrix
+	+$(MAKE) matrix MATRIX='trixie newest' EXAMPLES_SHARE=0.02
 	$(PYTEST) --dist loadgroup -m nightly
-	+$(MAKE) soak
-	+$(MAKE) calls
-	+$(MAKE) mutants
+	+$(MAKE) soak MINUTES=4 WALKS=60
+	+$(MAKE) calls CALLS=15000
+	+$(MAKE) mutants MUTANTS=60
 	+$(MAKE) plant
 	+$(MAKE) demo SENSORS=real
 	+$(MAKE) demo PLANT=mujoco
@@ -101,14 +103,14 @@ nightly: venv
 
 # What other versions of NumPy, SciPy, MuJoCo and the readers of files can change.
 matrix:
-	set -e; for versions in noble trixie newest; do tools/version_matrix.sh $$versions .matrix \
+	set -e; for versions in $(MATRIX); do tools/version_matrix.sh $$versions .matrix \
 		$(addprefix test/, core/numerics core/model core/statics core/contact core/holding core/manipulation \
 		core/estimation core/servo mujoco_plant programs/test_plotting.py); done
 
 noble-venv:
 	+$(MAKE) venv $(NOBLE)
 
-# What runs into other versions: solvers, files, messages, drawing. By night all tests do, and the demo.
+# What runs into other versions: solvers, files, messages, drawing. By night all daily tests do, and the demo.
 # What random examples prove does not depend on the versions: a few of them do.
 noble-some: export EXAMPLES_SHARE = 0.02
 noble-some: venv
@@ -118,8 +120,8 @@ noble-some: venv
 		nodes/bring_up/test_simulator_node.py calibration/test_fit.py programs/test_plotting.py)
 
 noble-all: venv
-	$(PYTEST) -m 'not system and not linter'
-	$(PYTEST) --dist loadgroup -m system
+	$(PYTEST) -m 'not system and not linter and not nightly'
+	$(PYTEST) --dist loadgroup -m 'system and not nightly'
 	$(BIN)/python -m isotruss_ros.demo --output $(VENV)/demo
 	$(BIN)/python -m studies.paper --output $(VENV)/paper
 
