@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.polygon import Polygon
@@ -27,7 +28,11 @@ def object_geoms(held: ConvexObject) -> list[dict[str, str]]:
     side and a sphere at each corner.
 
     :param held: the object at its pose.
+    :raises GraspError: MuJoCo has no geoms of its shape.
     """
+    if type(held.shape) not in GEOMS:
+        known = ', '.join(kind.__name__ for kind in GEOMS)
+        raise GraspError(f'shape {held.shape!r}: must be one of {known} in MuJoCo')
     return GEOMS[type(held.shape)](held)
 
 

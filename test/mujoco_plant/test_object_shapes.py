@@ -5,8 +5,9 @@
 
 from isotruss_ros.cli.export_mujoco import main
 from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.mujoco_plant.object_geoms import MIN_CORNER_RADIUS
+from isotruss_ros.mujoco_plant.object_geoms import MIN_CORNER_RADIUS, object_geoms
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
 import numpy as np
@@ -99,3 +100,11 @@ def test_the_file_is_opened_by_mujoco_and_rests(name, tmp_path):
 def test_a_robot_that_does_not_exist_is_refused(tmp_path, capsys):
     assert main(['nobody', str(tmp_path / 'model.xml')]) == 2
     assert 'export_mujoco: ' in capsys.readouterr().err
+
+
+def test_shape_without_geoms_is_refused_by_name():
+    class Other(Disc):
+        """Shape that MuJoCo does not know."""
+
+    with pytest.raises(GraspError, match=r'must be one of Disc, Ellipse, Polygon in MuJoCo'):
+        object_geoms(ConvexObject(Other(0.3)))

@@ -98,7 +98,7 @@ def test_python_example_of_the_readme_runs(capsys):
 def test_python_examples_of_the_pages_run(page, capsys):
     for example in python_blocks(TEXTS[page]):
         exec(compile(example, page, 'exec'), {})
-        assert capsys.readouterr().out
+        assert capsys.readouterr().out, 'the example must print its result; `py` marks others'
 
 
 @pytest.mark.parametrize('page', TEXTS)

@@ -29,7 +29,8 @@ CODES = {
 def test_codes_are_those_of_the_message(message):
     codes = {code.name: int(code) for code in CODES[message]}
     names = [n for n in dir(message) if n.isupper() and not n.startswith(('SLOT_', 'HELD_'))]
-    assert {name: getattr(message, name) for name in names} == codes
+    declared = {name: getattr(message, name) for name in names}
+    assert declared == codes, f'{message.__name__} and {CODES[message].__name__} differ'
 
 
 @pytest.mark.parametrize('name', sorted(node_classes()))
