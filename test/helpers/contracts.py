@@ -3,7 +3,7 @@
 
 """Checks of the interfaces that a shape or a barrier of one's own implements."""
 
-from isotruss_ros.core import RollingGrip
+from isotruss_ros.core import RollingGrip, Status
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import ALL_VALUES
 import numpy as np
@@ -135,6 +135,7 @@ def check_barrier(barrier, config, grip, generator):
     :param grip: the grip; None for a barrier without an object.
     :param generator: random generator of the motion, which keeps the contacts of the grip.
     """
+    assert isinstance(barrier.status, Status)
     near = barrier.active(config, grip)
     assert len(near.indices), 'no value is within the band: nothing to check'
     values = barrier.values(config, grip, ALL_VALUES)
