@@ -193,7 +193,7 @@ class Carry:
             held.config,
             held.body,
             held.members,
-            stiffness=held.statics.bent.stiffness,
+            stiffness=held.statics.bent.structure.stiffness,
             pressure=held.pressures,
         )
         return cls(plan[0], foresee_path(at_rest, FRICTION, np.array(CARRY)).grips)

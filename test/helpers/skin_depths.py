@@ -19,7 +19,7 @@ def contact_loads(grip):
     rows = zip(grip.contacts.members, grip.state.feet, grip.state.loads, axes, strict=True)
     for number, foot, (along, across, moment), axis in rows:
         force = complex(along, across) * axis
-        row = np.array([force.real, force.imag, moment]) / grip.statics.bent.stiffness
+        row = np.array([force.real, force.imag, moment])
         loads.setdefault(grip.config.robot.member_names[number], []).append((foot, *row))
     return loads
 

@@ -93,7 +93,7 @@ def changed_grip(grip: HeldGrip, change: Array, starts: Sequence[Start] = ()) ->
     body = resized.moved_to(np.array(resized.pose) + change[columns.place])
     pressures = grip.pressures + change[columns.pressures]
     # A normal number may be negative.
-    stiffness = max(grip.statics.bent.stiffness + change[columns.stiffness], 0.05)
+    stiffness = max(grip.statics.bent.structure.stiffness + change[columns.stiffness], 0.05)
     config = grip.config.moved_to(grip.config.roller_positions + change[columns.rollers])
     wrench = grip.wrench * (1.0, 1.0, grip.arm) + change[columns.wrench]
     starts = starts or [(grip, grip.state.unknowns)]

@@ -40,7 +40,7 @@ class Uncertainty:
     those of a robot that was inflated, but not calibrated (docs/chance.md).
 
     :ivar friction: of the coefficient of friction [-].
-    :ivar stiffness: of the robot's stiffness relative to the model [-].
+    :ivar stiffness: of the tubes' EA, EI and GA relative to their values [-].
     :ivar pressure: of each tube's gauge pressure relative to its value [-].
     :ivar roller_offset: of the offset of each roller [m].
     :ivar position: of x and y of the object's given pose [m].
@@ -119,7 +119,8 @@ class Uncertainty:
         deviations[columns.rollers] = self.roller_offset
         deviations[columns.place] = self.position, self.position, self.angle
         deviations[columns.pressures] = self.pressure * np.array(grip.pressures)
-        deviations[[columns.friction, columns.stiffness]] = self.friction, self.stiffness
+        deviations[columns.friction] = self.friction
+        deviations[columns.stiffness] = self.stiffness * grip.statics.bent.structure.stiffness
         deviations[columns.wrench] = self.force, self.force, self.moment
         deviations[-1] = self.size
         covariance = np.diag(deviations**2)

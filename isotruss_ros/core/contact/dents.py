@@ -249,23 +249,21 @@ class Dents(NamedTuple):
     """Depths of the dents at k contacts with one object."""
 
     tables: Sequence[DentTable]
-    scale: float  #: ratio of the tubes' stiffness to that of the tables [-]
 
     def __call__(self, forces: Array, angles: Array) -> tuple[Array, Array, Array]:
         """Return the depths (k,) [m], and their derivatives by forces [m/N] and angles [m/rad]."""
         rows = [table(force, angle) for table, force, angle in self._contacts(forces, angles)]
         depths, by_force, by_angle = np.array(rows).T
-        return depths, by_force / self.scale, by_angle
+        return depths, by_force, by_angle
 
     def press(self, forces: Array, angles: Array) -> list[PressedSkin]:
         """Return the pressed skin at each contact under positive normal forces (k,) [N]."""
-        skins = [table.press(*at) for table, *at in self._contacts(forces, angles)]
-        return [skin._replace(forces=self.scale * skin.forces) for skin in skins]
+        return [table.press(*at) for table, *at in self._contacts(forces, angles)]
 
     def smooth_near(self, forces: Array, angles: Array) -> Dents:
         """Return dents interpolated with the polynomials near given forces (k,) [N] and angles."""
         tables = [table.smooth_near(*at) for table, *at in self._contacts(forces, angles)]
-        return self._replace(tables=tables)
+        return Dents(tables)
 
     def pressure_rates(self, forces: Array, angles: Array) -> Array:
         """Return the derivatives (k,) of the depths by the tubes' gauge pressures [m/Pa]."""
@@ -273,5 +271,5 @@ class Dents(NamedTuple):
         return np.array(rates)
 
     def _contacts(self, forces: Array, angles: Array) -> Iterator[tuple[DentTable, float, float]]:
-        """Yield table, force divided by `scale` [N] and angle of each contact."""
-        return zip(self.tables, (forces / self.scale).tolist(), angles.tolist(), strict=True)
+        """Yield table, force [N] and angle of each contact."""
+        return zip(self.tables, forces.tolist(), angles.tolist(), strict=True)

@@ -13,7 +13,8 @@ white noise v, the measured pose is
 
     e = (w, b, a, delay | dphi),   z = equilibrium(q + dphi, a) + C w + b + v
 
-The stiffness of the tubes is no state: it scales all forces and moves nothing.
+The stiffness of the tubes is no state: it scales forces and moves little. The dents do not become
+stiffer, so the relative error of the squeeze is at most that of the stiffness, which is taken.
 """
 
 from __future__ import annotations
@@ -140,7 +141,7 @@ class GripBelief:
         if grasp.sections.used.max() > MAX_UTILISATION and not self.is_assumed:
             return HoldStatus.WRINKLES
         # The required friction has the relative error that geometry causes in the squeeze; the
-        # stiffness scales all forces.
+        # stiffness scales forces alike.
         relative_error = 2.0 * self.geometric_deviation / max(self.squeeze, SMALLEST_NORMAL)
         hold = grasp.hold(self._friction * (1.0 + relative_error))
         is_far = hold is HoldStatus.HELD and not self.state.explains(start_pose, self.cache)

@@ -61,9 +61,9 @@ def attach_grip(
 
     The grasping members are given by their indices (m,), or are those that the object overlaps; if
     it overlaps fewer than two, the two nearest. The wrench (fx, fy, m) is about the origin of the
-    object's frame [N, N m], the stiffness relative to the modelled one [-]. A `quick` search fits
-    in a control cycle. The iteration begins at the first of `starts` that has the same contacts,
-    if any.
+    object's frame [N, N m]; `stiffness` is a factor on EA, EI and GA of the tubes [-]. A `quick`
+    search fits in a control cycle. The iteration begins at the first of `starts` that has the same
+    contacts, if any.
     """
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
@@ -98,7 +98,7 @@ def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
     if grip.required_friction <= friction:  # held as it is
         return grip
-    body, stiffness = grip.statics.body, grip.statics.bent.stiffness
+    body, stiffness = grip.statics.body, grip.statics.bent.structure.stiffness
     solve = _contact_solver(grip.config, body, grip.pressures, stiffness, grip.wrench)
     for corner in sorted(find_free_corners(grip, gap), reverse=True):  # deepest first
         *_, whole_face = add_corner(grip, corner, rolls=False)
@@ -126,7 +126,7 @@ def _contact_solver(
         for grip, unknowns in starts:
             if np.array_equal(grip.contacts.corners, chosen.contacts.corners):
                 bent = grip.statics.bent_under(unknowns, statics.bent.structure)
-                initial = replace(statics, bent=replace(bent, stiffness=stiffness))
+                initial = replace(statics, bent=bent)
                 solution = initial.settle(unknowns, wrench, conditions, steps)
                 break
         if solution is None:  # from straight tubes at the measured pose

@@ -364,25 +364,23 @@ def build_statics(
     stiffness: float = 1.0,
 ) -> ContactStatics:
     """Return the equilibrium equations of an object with given contacts, for straight tubes."""
-    structure = structure_of(config, pressure)
+    structure = structure_of(config, pressure, stiffness)
     lines = Lines.of(structure, contacts.members)
     normals = facing_normals(body.middle, lines.start, lines.axis)
     points, _ = body.shape.surface_at(contacts.corners, normals * body.turn.conjugate())
     feet = ((body.center + body.turn * points - lines.start) * lines.axis.conj()).real
-    bent = BentTubes.of(structure, contacts.members, np.clip(feet, 0.0, lines.length), stiffness)
+    bent = BentTubes.of(structure, contacts.members, np.clip(feet, 0.0, lines.length))
     return ContactStatics(
         bent=bent,
         body=body,
         contacts=contacts,
         tube_radius=0.5 * config.robot.description.tube_diameter,
         sides=np.sign((normals * lines.axis.conj()).imag),
-        dents=find_dents(structure, body.shape, contacts, stiffness),
+        dents=find_dents(structure, body.shape, contacts),
     )
 
 
-def find_dents(
-    structure: Structure, shape: Shape, contacts: PressedContacts, stiffness: float
-) -> Dents:
+def find_dents(structure: Structure, shape: Shape, contacts: PressedContacts) -> Dents:
     """Return the dents at all contacts, as functions of normal forces and angles."""
     robot = structure.config.robot
     tubes = robot.topology.tube[contacts.members].tolist()
@@ -390,4 +388,4 @@ def find_dents(
         dent_table(flattening_of(robot, structure.pressures[tube]), shape, corner)
         for tube, corner in zip(tubes, contacts.corners.tolist(), strict=True)
     ]
-    return Dents(tables, stiffness)
+    return Dents(tables)

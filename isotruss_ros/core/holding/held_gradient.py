@@ -34,7 +34,7 @@ class GraspParameters(NamedTuple):
     pressures: slice  #: gauge pressures of the t tubes, in the order of the robot file [Pa]
     friction: int  #: coefficient of friction [-]
     wrench: slice  #: wrench fx, fy, m on the object [N, N m]
-    stiffness: int  #: ratio of the robot's true stiffness to its modelled stiffness [-]
+    stiffness: int  #: ratio of the tubes' true EA, EI and GA to the modelled ones [-]
     size: int  #: number p of the parameters
 
     @classmethod
@@ -59,7 +59,6 @@ class ParameterChanges(NamedTuple):
     spins: Array  #: (k, p) rotations of the contacts' members [rad]
     sections: Array  #: (4, c, p) rest length, EA, EI and GA of the frame's parts
     pressures: Array  #: (t, p) gauge pressures of the tubes [Pa]
-    stiffness: Array  #: (p,) stiffness of the robot, relative to its stiffness [-]
     place: Array  #: (3, p) given pose of the object [m, rad]
     wrench: Array  #: (3, p) wrench on the object, see `HeldGrip.wrench` [N]
 
@@ -99,9 +98,10 @@ class LoadedTubes(NamedTuple):
         pressures = directions[columns.pressures]
         changes = ParameterChanges(
             spins=(span_rates / (bent.lines.length * bent.lines.axis)[:, None]).imag,
-            sections=section_rates(bent.structure, bent.frame, node_rates, pressures),
+            sections=section_rates(
+                bent.structure, bent.frame, node_rates, pressures, directions[columns.stiffness]
+            ),
             pressures=pressures,
-            stiffness=directions[columns.stiffness] / bent.stiffness,
             place=directions[columns.place],
             wrench=directions[columns.wrench] / np.array([[1.0], [1.0], [grip.arm]]),
         )
@@ -116,8 +116,6 @@ class LoadedTubes(NamedTuple):
         tube = grip.config.robot.topology.tube[grip.contacts.members]
         by_pressure = dents.pressure_rates(state.normal_forces, angles)
         depth_rates = by_pressure[:, None] * changes.pressures[tube]
-        # A dent that is stiffer by a fraction is as deep as under a force smaller by it.
-        depth_rates -= np.outer(pushes.depth_by_force * state.normal_forces, changes.stiffness)
         depth_rates += pushes.depth_by_angle[:, None] * changes.spins
         by_sections = grip.statics.bent.section_changes(changes.sections)
         return cls(grip, changes, pushes, depth_rates, by_sections)
@@ -172,8 +170,6 @@ class LoadedTubes(NamedTuple):
         # Friction acts at the skin, so its moment depends on the depths of the dents.
         moment_rates = self.depth_rates * state.friction_forces[:, None]
         loads = np.stack([force_rates.real, force_rates.imag, moment_rates], axis=1)
-        # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.
-        loads -= state.loads[..., None] * changes.stiffness
         loads += self.pushes.load_rates(change)
         by_loads = self.grip.statics.bent.load_changes(loads, change[state.places.feet])
         return TubeRates(*map(np.add, self.by_sections, by_loads))
@@ -187,11 +183,8 @@ class LoadedTubes(NamedTuple):
         # which the sum M1 + M2 and the difference M1 - M2 are given; wall tension, axial force.
         force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[usage.piece]
         by_end_forces = np.array([[0.0, -0.5, -0.5], [0.0, 0.5, -0.5], [1.0, 0.0, 0.0]])
-        load_rates = np.tensordot(by_end_forces, bent.stiffness * force_rates, (1, 1))
-        load_rates += usage.loads[:3, :, None] * changes.stiffness
-        # The part of the wall's tension that pressure exerts does not depend on the stiffness.
-        pressure_rates = changes.pressures - np.outer(self.grip.pressures, changes.stiffness)
-        load_rates[2] += np.pi * radius**2 * pressure_rates[tube]
+        load_rates = np.tensordot(by_end_forces, force_rates, (1, 1))
+        load_rates[2] += np.pi * radius**2 * changes.pressures[tube]
         load_rates = np.concatenate([load_rates, force_rates[None, :, 0]])
         length_and_section_rates = changes.sections[[0, 2, 3]][:, usage.piece]
         # Complex step at the same kind of place. The utilisation of a tube without wall tension is

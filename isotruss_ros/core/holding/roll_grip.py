@@ -60,12 +60,12 @@ def roll_contacts(
     anchors = grip.anchors[chosen.origins]
     previous_angles = grip.angles[chosen.origins]
     # Where Newton's method starts: at the bent tubes, or for other contacts at straight tubes.
+    stiffness = grip.statics.bent.structure.stiffness
     if are_same_contacts:
         starts = [grip.extrapolate(travel), grip.state.unknowns]
-        structure = structure_under(config, grip.pressures)
+        structure = structure_under(config, grip.pressures, stiffness)
         initial = replace(grip.statics, bent=grip.statics.bent_under(starts[0], structure))
     else:
-        stiffness = grip.statics.bent.stiffness
         initial = build_statics(config, grip.body, chosen.contacts, grip.pressures, stiffness)
         starts = [_start_from(grip, initial, chosen.origins)]
         angles = np.angle(initial.straight_normals / grip.body.turn)
@@ -131,7 +131,7 @@ def with_pressures(grip: HeldGrip, pressures: tuple[float, ...] | None) -> HeldG
     pressures = pressures or tube_pressures(grip.config.robot.description)
     if pressures == grip.pressures:
         return grip
-    structure = structure_under(grip.config, pressures)
-    dents = find_dents(structure, grip.body.shape, grip.contacts, grip.statics.bent.stiffness)
+    structure = structure_under(grip.config, pressures, grip.statics.bent.structure.stiffness)
+    dents = find_dents(structure, grip.body.shape, grip.contacts)
     bent = grip.statics.bent_under(grip.state.unknowns, structure)
     return replace(grip, statics=replace(grip.statics, bent=bent, dents=dents))

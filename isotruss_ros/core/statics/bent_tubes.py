@@ -125,7 +125,6 @@ class BentTubes:
     cuts: Cuts  #: nodes at the load points
     lines: Lines  #: members of the load points
     frame: Frame  #: the structure's frame with these nodes
-    stiffness: float  #: factor on the modelled stiffness [-]
     state: BentState  #: state about which the tubes are linearised
 
     @classmethod
@@ -134,7 +133,6 @@ class BentTubes:
         structure: Structure,
         members: Indices,
         positions: Array,
-        stiffness: float = 1.0,
         values: Array | None = None,
     ) -> BentTubes:
         """Return the tubes linearised about the state `values`; None: without loads."""
@@ -151,7 +149,7 @@ class BentTubes:
         unknowns, loads, axial = np.split(values, [loads_begin, axial_begin])
         state = BentState(unknowns, loads.reshape(-1, 3), axial)
         lines = Lines.of(structure, members)
-        return cls(structure, members, positions, cuts, lines, frame, stiffness, state)
+        return cls(structure, members, positions, cuts, lines, frame, state)
 
     @property
     def values(self) -> Array:
@@ -220,7 +218,7 @@ class BentTubes:
         # Unit loads on the nodes at the load points, which are the last ones; from member axes.
         node_rows = np.arange(-3 * count, 0).reshape(-1, 3)
         load_columns = np.arange(3 * count).reshape(count, 1, 3)
-        loads[node_rows[:, :, None], load_columns] = self.lines.turns / self.stiffness
+        loads[node_rows[:, :, None], load_columns] = self.lines.turns
         # Forces of lengthened parts.
         by_motions = self._length_by_motions[parts, None]
         forces = tangent.length_rates[parts, :, None] * by_motions
@@ -286,9 +284,7 @@ class BentTubes:
         if not is_near or frame.layout is not self.frame.layout:
             state = self._convert(state, frame, is_near)
         lines = self.lines if structure is self.structure else Lines.of(structure, self.members)
-        return BentTubes(
-            structure, self.members, positions, cuts, lines, frame, self.stiffness, state
-        )
+        return BentTubes(structure, self.members, positions, cuts, lines, frame, state)
 
     def _find_active(self, loads: Array, positions: Array, structure: Structure) -> Indices:
         """Return the blocks that given loads deform, see `UnloadedBlocks`."""
@@ -348,7 +344,7 @@ class BentTubes:
         force_changes, chord_changes = self._force_changes(factors, absolute)
         forces = tangent.forces.values + force_changes
         ends = end_forces(forces, tangent.length + chord_changes)
-        return self.stiffness * ends, forces[:, 0]
+        return ends, forces[:, 0]
 
     def _force_changes(self, factors: Array, unknowns: Array) -> tuple[Array, Array]:
         """Return changes of end forces (p, 3) and elongations (p,) since the linearisation."""

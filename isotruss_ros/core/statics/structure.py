@@ -12,6 +12,7 @@ matrix of (4) is symmetric.
 
 from __future__ import annotations
 
+from dataclasses import replace
 import functools
 from typing import NamedTuple
 
@@ -72,12 +73,16 @@ class Structure:
     The first nodes are the joints, followed by B, C, D, E of each module. For m modules the frame
     has 6 m members, m of each kind in this order: sides AB, AC and BC, tube pieces BD and CE, and
     long tube pieces DE' to the ring E' of the following module. `pressures` (t,) are the gauge
-    pressures of the tubes [Pa]; for `pieces` and `owners` see `FrameLayout`.
+    pressures of the tubes [Pa], `stiffness` is a factor on EA, EI and GA of the tubes [-]; for
+    `pieces` and `owners` see `FrameLayout`.
     """
 
-    def __init__(self, config: Configuration, pressures: tuple[float, ...]) -> None:
-        self.config, self.pressures = config, pressures
-        self.tube, numbering, self.pieces, self.owners = frame_layout(config.robot)
+    def __init__(
+        self, config: Configuration, pressures: tuple[float, ...], stiffness: float = 1.0
+    ) -> None:
+        self.config, self.pressures, self.stiffness = config, pressures, stiffness
+        tube, numbering, self.pieces, self.owners = frame_layout(config.robot)
+        self.tube = replace(tube, scale=stiffness * tube.scale)
         self.node_names = numbering.names
         topology, module = config.robot.topology, config.robot.description.module
         joints = len(topology.joint_names)
@@ -159,19 +164,31 @@ class Structure:
         return self.pieces[kind, module], within, np.where(on_end, -1.0, 1.0)
 
 
-def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:
+def structure_of(
+    config: Configuration, pressure: Pressure | None = None, stiffness: float = 1.0
+) -> Structure:
     """Return the structural model, cached; for `pressure` see `tube_pressures`."""
-    return structure_under(config, tube_pressures(config.robot.description, pressure))
+    return structure_under(config, tube_pressures(config.robot.description, pressure), stiffness)
 
 
-#: Returns the structural model for a configuration and tube pressures (t,) [Pa], cached.
+#: Returns the structural model for a configuration, tube pressures (t,) [Pa], and a factor on the
+#: stiffness of the tubes [-], cached.
 structure_under = functools.lru_cache(maxsize=8)(Structure)
 
 
 def section_rates(
-    structure: Structure, frame: Frame, node_rates: Points, pressure_rates: Array
+    structure: Structure,
+    frame: Frame,
+    node_rates: Points,
+    pressure_rates: Array,
+    stiffness_rates: Array,
 ) -> Array:
-    """Return changes (4, c, p) of rest length, EA, EI, GA by nodes (N, p) and pressures (t, p)."""
+    """
+    Return changes (4, c, p) of rest length, EA, EI and GA.
+
+    They follow from changes of the nodes' positions (n, p), of the pressures (t, p), and of the
+    factor on the stiffness of the tubes (p,).
+    """
     config, topology = structure.config, structure.config.robot.topology
     spans = node_rates[topology.end] - node_rates[topology.b]
     elongations = (spans * config.member_axes[:, None].conj()).real
@@ -181,7 +198,9 @@ def section_rates(
     flexibility_rates += by_pressure[:, :, None] * pressure_rates[topology.tube]
     layout, (parts, owner) = frame.layout, structure.tube_parts(frame)
     rates = np.zeros((4, len(frame.length), node_rates.shape[1]))
-    rates[1:, parts] = -(frame.section[:, parts, None] ** 2) * flexibility_rates[:, owner]
+    sections = frame.section[:, parts, None]
+    rates[1:, parts] = -(sections**2) * flexibility_rates[:, owner]
+    rates[1:, parts] += sections * stiffness_rates / structure.stiffness
     # If a member becomes longer, both nodes of its last piece (CE, from pinch point to ring) shift
     # along it; this piece runs backward. Other nodes and cuts are fixed.
     last_pieces = structure.pieces[1]

@@ -31,6 +31,7 @@ from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 from nightly import some_now
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.stats import multivariate_normal, norm
 
 HOME = core.load_robot('nine_member').home
@@ -55,12 +56,13 @@ def settle_again(settled, change):
 
 
 def settle_afresh(settled, change):
-    """Return a disc's grasp with changes of all parameters, by `settle_grasp` alone."""
+    """Return a disc's grasp with changes of all parameters, by robot file and `settle_grasp`."""
     parameters, grip = core.grasp_gradient(settled).parameters, settled.equilibrium
-    given = grip.statics.body
+    given, stiffness = grip.statics.body, 1.0 + change[parameters.stiffness]
     disc = core.Disc(given.shape.diameter * (1.0 + change[-1]))
+    robot = core.Robot(replace(grip.config.robot.description, stiffness_scale=stiffness))
     return core.settle_grasp(
-        grip.config.moved_to(grip.config.roller_positions + change[parameters.rollers]),
+        robot.home.moved_to(grip.config.roller_positions + change[parameters.rollers]),
         core.ConvexObject(disc, np.add(given.pose, change[parameters.place])),
         max(settled.friction + change[parameters.friction], 0.0),
         grip.wrench * (1.0, 1.0, grip.arm) + change[parameters.wrench],
@@ -139,7 +141,7 @@ def test_chance_is_the_frequency_of_held_draws(friction, uncertainty):
     held = []
     for _ in range(100):
         try:
-            held.append(settle_again(settled, root @ rng.standard_normal(18)).held)
+            held.append(settle_afresh(settled, root @ rng.standard_normal(18)).held)
         except GraspError:
             held.append(False)
     noise = np.std(held) / np.sqrt(len(held))
@@ -191,6 +193,20 @@ def test_friction_alone_decides_by_its_normal_distribution():
     settled = settle()
     sigmas = (settled.friction - settled.required_friction) / 0.1
     assert settled.chance(known).reliability == pytest.approx(sigmas)
+
+
+def test_stiffness_that_wrinkles_a_tube_is_that_of_a_robot_file():
+    names = 'friction', 'pressure', 'roller_offset', 'position', 'angle', 'size', 'mass'
+    settled = settle(1.2, wrench=(0.0, 0.0, 0.0), depth=0.05)
+
+    def excess(stiffness):
+        change = (stiffness - 1.0) * np.eye(18)[core.grasp_gradient(settled).parameters.stiffness]
+        return max(settle_afresh(settled, change).utilisation.values()) - 1.0
+
+    stiffest = brentq(excess, 0.7, 1.0, xtol=1e-4)
+    chance = settled.chance(core.Uncertainty(stiffness=0.1, **dict.fromkeys(names, 0.0)))
+    assert chance.limit.startswith('wrinkling of')
+    assert chance.reliability == pytest.approx((stiffest - 1.0) / 0.1, rel=0.08)
 
 
 def test_samples_without_a_configuration_are_left_out(monkeypatch):
@@ -247,8 +263,6 @@ def test_gradient_of_the_chance_is_that_of_grasps_settled_afresh(uncertainty):
     gradient = core.grasp_gradient(settled).chance(uncertainty)
     spread = np.sqrt(np.diag(uncertainty.covariance(settled.equilibrium)))
     for k, unit in enumerate(np.maximum(spread, 1e-3)):
-        if k == core.grasp_gradient(settled).parameters.stiffness:
-            continue
         changes = 3e-3 * unit * np.array([1.0, -1.0, 2.0, -2.0])
         ahead, behind, far_ahead, far_behind = (
             uncertainty.chance(settle_afresh(settled, change * np.eye(18)[k]), samples=0)

