@@ -33,8 +33,6 @@ def burst(publisher, count):
         publisher.publish(Bool(data=False))
 
 
-#: Environment without a folder for the log of ROS, which a stop does not need.
-NO_HOME = {key: value for key, value in os.environ.items() if key not in ('HOME', 'ROS_LOG_DIR')}
 LONG = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PLAIN = QoSProfile(depth=1000)
 HASTY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -161,8 +159,10 @@ def test_the_command_release_works_after_a_stop_by_the_topic():
 def request(*words):
     """Start a command of the terminal; return its process."""
     command = [sys.executable, '-m', 'isotruss_ros.executables', *words]
+    # A stop needs no folder for the log of ROS.
+    environment = os.environ | {'HOME': '', 'ROS_HOME': '', 'ROS_LOG_DIR': ''}
     return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=NO_HOME
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
     )
 
 
@@ -175,9 +175,9 @@ def test_the_command_stop_stops_the_robot_of_its_namespace(words):
         w.until_code(Status.OK, w.probe.send_all)
         command = request('stop', *words)
         w.until(lambda: command.poll() is not None, w.probe.send_all)
-        said, _ = command.communicate()
+        said, failure = command.communicate()
+        assert command.returncode == 0, failure
         w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
-    assert command.returncode == 0
     assert f'{"/left" if words else ""}/release_emergency_stop' in said
 
 
