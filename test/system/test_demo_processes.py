@@ -71,9 +71,10 @@ def test_with_real_sensors_it_plans_a_grasp(tmp_path):
         assert demo.poll() is None, demo.stdout.read()
         assert time.monotonic() < end, log.read_text()
         time.sleep(0.1)
+    # What is printed then depends on the call of rclpy that the signal interrupts.
     os.killpg(demo.pid, signal.SIGINT)
-    printed, _ = demo.communicate(timeout=DEADLINE)
-    assert 'demo stopped' in printed
+    demo.communicate(timeout=DEADLINE)
+    assert not nodes_of(tmp_path)
 
 
 def test_beside_another_simulation_it_says_so(tmp_path):
