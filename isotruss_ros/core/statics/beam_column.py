@@ -85,7 +85,7 @@ class BeamColumns(NamedTuple):
         # The energy is stationary in N, with the derivative `stretching` of N by l.
         stretching = 1.0 / (compliance - softening)
         stationary = (elongation + 0.5 * shortening) * stretching
-        pull = stationary if axial is None else np.where(np.isnan(axial), stationary, axial)
+        pull = stationary if axial is None else axial
         moments_by_pull = linear + 2.0 * (pull * quadratic)
         moments_by_elongation = moments_by_pull * stretching
         stiffness = np.empty((3, 3, len(pull)), dtype=stretching.dtype)

@@ -314,7 +314,8 @@ class BentTubes:
             at_cuts = self.frame.interpolate(nodes, layout.whole[behind], begins[behind])
             unknowns = np.append(unknowns[: -at_cuts.size], at_cuts)
         part = self.frame.locate(layout.whole, middles)
-        axial = np.where(part < 0, np.nan, state.axial[part])
+        # Tubes without parts in this frame are undeformed.
+        axial = np.where(part < 0, 0.0, state.axial[part])
         return BentState(unknowns, state.loads, axial)
 
     def _complete(self, unknowns: Array) -> Array:

@@ -157,7 +157,7 @@ def linearize(
     axial: Array | None = None,
     kept: Sequence[UnloadedBlocks] = (),
 ) -> Tangent:
-    """Return a frame linearised about unknowns (u,), near axial forces (p,) [N] or NaN."""
+    """Return a frame linearised about unknowns (u,), near axial forces (p,) [N]."""
     layout, count = frame.layout, frame.layout.numbering.rows
     multipliers, displacements = unknowns[:count], unknowns[count:].reshape(-1, 3)
 

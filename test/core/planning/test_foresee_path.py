@@ -51,6 +51,12 @@ def test_a_disc_is_carried_to_the_end():
     assert 3.0 < found.slip_margin <= grip.slip_margin(FRICTION)
 
 
+@pytest.mark.parametrize('grasp', ['brick', 'disc 0.3 m', 'three members'])
+def test_bent_tubes_of_foreseen_equilibria_are_finite(grasp):
+    for grip in foresee(held(grasp), (0.1, 0.05, 0.0)).grips:
+        assert all(np.isfinite(values).all() for values in grip.statics.bent.state)
+
+
 def test_a_path_ends_where_the_margin_is_the_least_one():
     grip = held('box')
     found = foresee(grip, (0.3, 0.2, 0.0))
