@@ -22,7 +22,6 @@ from isotruss_ros.core import load_robot
 from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.demo.path import Phase, translation
 from isotruss_ros.demo.processes import keep_to_this_machine, NodeProcess, running_nodes
-from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.viewer.recording import read_recording, RecordingError
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -60,17 +59,11 @@ def carry(phases: tuple[Phase, ...], file: Path, logs: Path) -> None:
                 process.require_running()
             client.require_alone()
 
-        client.wait(
-            lambda: (grasp := client.last_grasp()) is not None and grasp.code == GraspCode.OK,
-            check,
-            'a grasp that is held',
-        )
+        client.wait(client.find_no_analysis, check, 'an analysis of the grasp')
         recorder = NodeProcess('record', TIME | {'file': file}, logs / 'record.log')
         try:
             client.wait(
-                lambda: file.exists() and _has_all_topics(file),
-                recorder.require_running,
-                'a recording of all topics',
+                lambda: _find_missing_topics(file), recorder.require_running, 'a recording'
             )
             client.wait_for_rest(check, 'a manipulation that is ready')
             for phase in phases:
@@ -81,13 +74,13 @@ def carry(phases: tuple[Phase, ...], file: Path, logs: Path) -> None:
     client.destroy_node()
 
 
-def _has_all_topics(file: Path) -> bool:
-    """Return whether the written part of a recording has a message of each displayed topic."""
+def _find_missing_topics(file: Path) -> list[str]:
+    """Return a sentence for each displayed topic without a message in the written part."""
     topics = set()
-    with contextlib.suppress(RecordingError):  # because the file is not complete yet
-        for _, topic, _ in read_recording(file):
-            topics.add(topic)
-    return len(topics) == len(TOPICS)
+    if file.exists():
+        with contextlib.suppress(RecordingError):  # because the file is not complete yet
+            topics = {topic for _, topic, _ in read_recording(file)}
+    return [f'{topic} has no recorded message' for topic in TOPICS if topic not in topics]
 
 
 def thin(file: Path, thinned: Path) -> None:

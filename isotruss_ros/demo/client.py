@@ -256,6 +256,14 @@ class DemoClient(Node):
             return 1e-9 * self.get_clock().now().nanoseconds
         return time.monotonic()
 
+    def find_no_analysis(self) -> Iterable[str]:
+        """Yield a sentence unless the last analysis of the grasp has no fault."""
+        grasp = self.last_grasp()
+        if grasp is None:
+            yield 'no analysis of the grasp has been received'
+        elif grasp.code != GraspState.OK:
+            yield f'the last analysis of the grasp has the code {grasp.code}: {grasp.message}'
+
     def find_motion(self) -> Iterable[str]:
         """Yield a sentence unless object and rollers have been at rest for `REST_TIME`."""
         if self._rest is None:

@@ -50,11 +50,7 @@ def client(processes):
 
     begin_context()
     client = DemoClient(load_robot('nine_member').roller_names)
-    client.wait(
-        lambda: client.last_grasp() and client.last_grasp().code == GraspState.OK,
-        check,
-        'an analysis',
-    )
+    client.wait(client.find_no_analysis, check, 'an analysis')
     yield client, check
     client.destroy_node()
     rclpy.shutdown()
@@ -79,9 +75,12 @@ def test_processes_carry_the_object_along_an_arc(client):
     assert 0.0 < record.max_roller_speed <= 0.1
     # An analysis of the rest, however late it comes.
     at_rest = record.snapshots[-1].time
-    client.wait(
-        lambda: read_stamp(client.last_grasp().header) >= at_rest, check, 'an analysis at rest'
-    )
+
+    def find_old_analysis():
+        stamp = read_stamp(client.last_grasp().header)
+        return [] if stamp >= at_rest else [f'the last analysis is of {stamp} s']
+
+    client.wait(find_old_analysis, check, 'an analysis at rest')
     assert_grasps_belong_to_the_motion(record)
 
 
