@@ -4,8 +4,9 @@
 """
 Make outdated pictures, films and recordings of the README and the site again.
 
-python tools/pictures.py makes all outdated pictures python tools/pictures.py --check fails if a
-picture is outdated python tools/pictures.py --keep NAME marks a picture as up to date
+    python tools/pictures.py [NAME ...]     make outdated pictures, all or those named
+    python tools/pictures.py --check        fail if a picture is outdated
+    python tools/pictures.py --keep NAME    mark a picture as up to date
 
 docs/images/inputs.json contains a hash of the sources of each picture without comments and
 docstrings, and the words in the drawings. A check computes these words again; their numbers may
@@ -232,6 +233,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :return: 1 if `--check` finds an outdated picture, else 0.
     """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument(
+        'names', nargs='*', help='pictures to make; without names all outdated ones'
+    )
     parser.add_argument('--check', action='store_true', help='only fail where one is out of date')
     parser.add_argument('--keep', nargs='+', default=[], choices=PICTURES, help='as they are')
     options = parser.parse_args(arguments)
@@ -240,6 +244,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.keep:
         return 0
     stale = find_stale()
+    if options.names:
+        stale = {name: why for name, why in stale.items() if name in options.names}
     for name, why in stale.items():
         if options.check:
             files = ', '.join(PICTURES[name].files)
