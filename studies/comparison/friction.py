@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from isotruss_ros.core import settle_grasp
+from isotruss_ros.core import ConvexObject, settle_grasp
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from studies.comparison.grips import press, PressedCase, release
@@ -22,6 +22,8 @@ GRIPS = (
 )
 #: Initial friction [-], and its rate of decrease [1/s].
 FRICTION, RATE = 0.8, 0.005
+#: Ratio of a rate far above the friction at which the object is lost [-].
+HASTE = 4.0
 #: Start of the decrease relative to the prediction [-], and period of the check [s].
 START, PERIOD = 1.05, 0.1
 #: Displacement at which an object counts as lost [m].
@@ -40,7 +42,7 @@ def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
         release(plant, FRICTION)
         settled = settle_grasp(config, cylinder.moved_to(plant.object_pose()), FRICTION)
         ours = settled.required_friction
-        theirs = lost_at(plant, START * ours)
+        theirs = lost_at(plant, cylinder, START * ours)
         errors.append(abs(theirs / ours - 1.0))
         rows.append(
             (
@@ -75,20 +77,42 @@ def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
     )
 
 
-def lost_at(plant: MujocoPlant, start: float) -> float:
+def lost_at(
+    plant: MujocoPlant,
+    body: ConvexObject,
+    start: float,
+    near: float = np.inf,
+    moved: float = MOVED,
+    period: float = PERIOD,
+) -> float:
     """
     Return the friction at which the object is lost; zero if it is not lost.
 
     :param plant: plant that holds the object.
+    :param body: the object, with any pose.
     :param start: initial friction [-].
+    :param near: friction above which the friction falls `HASTE` times as fast [-].
+    :param moved: displacement at which the object counts as lost [m].
+    :param period: period of the steps of the friction, and of the check [s].
     """
     plant.set_friction(start)
     plant.settle(1.0)
-    before, friction = np.array(plant.object_pose()[:2]), start
+    before, friction = body.moved_to(plant.object_pose()), start
     while friction > 0.0:
-        friction -= RATE * PERIOD
-        plant.set_friction(friction)
-        plant.settle(PERIOD)
-        if np.hypot(*(np.array(plant.object_pose()[:2]) - before)) > MOVED:
+        friction -= RATE * period * (HASTE if friction > near else 1.0)
+        plant.set_friction(max(friction, 0.0))
+        plant.settle(period)
+        if distance(plant, before) > moved:
             return friction
     return 0.0
+
+
+def distance(plant: MujocoPlant, before: ConvexObject) -> float:
+    """
+    Return the distance of the object from a pose, with the rotation times its radius [m].
+
+    :param plant: plant with the object.
+    :param before: the object at the pose.
+    """
+    x, y, angle = np.subtract(plant.object_pose(), before.pose)
+    return float(np.hypot(x, y) + before.arm * abs(angle))

@@ -5,13 +5,15 @@
 
 from pathlib import Path
 
+from isotruss_ros.core import place_between, settle_grasp
 from matplotlib.figure import Figure
 from mujoco_worlds import needs_mujoco
 from nightly import some_now
 import numpy as np
 import pytest
-from studies.comparison import drops, faulty_carries
-from studies.comparison.grips import PressedCase
+from studies.comparison import drops, faces, faulty_carries
+from studies.comparison.friction import lost_at
+from studies.comparison.grips import press_on, PressedCase, release, round_robot
 from studies.comparison.page import FOLDER, page
 from studies.comparison.random_carries import DISC
 from studies.comparison.section import Check, Section
@@ -27,6 +29,20 @@ def test_a_load_below_the_slip_margin_is_held_and_one_above_is_not(above, droppe
     monkeypatch.setattr(drops, 'ABOVE', above)
     case = drops.Case(PressedCase(40.0, 0.05, 0.2), 0.6, None, np.array([0.01, 0.0, 0.05]))
     assert drops.attempt(case).dropped == dropped
+
+
+@needs_mujoco
+def test_a_box_on_a_face_uses_more_friction_than_that_at_which_it_is_lost():
+    home, case = round_robot().home, faces.CASES[1]
+    grip = place_between(home, case.members, case.shape, 0.0, case.indentation)
+    plant = press_on(home, grip.body, case.members)
+    release(plant, faces.FRICTION)
+    body = grip.body.moved_to(plant.object_pose())
+    ours = settle_grasp(home, body, faces.FRICTION, members=case.members).required_friction
+    used = max(abs(force.friction) / force.normal for force in plant.contact_forces().values())
+    assert used > 1.3 * ours
+    lost = lost_at(plant, body, faces.FRICTION, faces.NEAR * ours, faces.LOST, faces.PERIOD)
+    assert lost == pytest.approx(ours, rel=0.04)
 
 
 @pytest.mark.parametrize(('way', 'arrived'), [(0.0, False), (0.09, False), (0.096, True)])

@@ -88,9 +88,10 @@ class SettledGrasp(
     negative and computed from the gaps between members and object, see `LostContact`.
 
     For a face contact with unknown contact history, the distribution of forces with the least
-    friction is assumed. So `held`, `required_friction` and `slip_margin` are best cases. The
-    friction that a contact uses may be larger, but is redistributed before the object is lost: a
-    box with a required friction of 0.590 used 0.87 in MuJoCo and was lost at 0.588.
+    friction is assumed. The friction that a contact uses may be larger. When friction or loads
+    change slowly, it is redistributed before the object is lost. For sudden changes, `held`,
+    `required_friction` and `slip_margin` are best cases: in MuJoCo, an object is lost at up to
+    6 % above its required friction if the coefficient falls in one step.
     """
 
     hold: HoldStatus  #: hold status
