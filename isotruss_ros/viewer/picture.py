@@ -193,11 +193,23 @@ class Picture:
             return 'manipulation: no status'
         if self.status.code == Status.HALT_NO_TWIST and self.goal is None:
             return 'manipulation: at rest, nothing is commanded'
+        if self._is_put_down(now):
+            return 'manipulation: at rest, the object is free'
         return _describe_status(self.status)
 
     def describe_next_step(self, now: float) -> str:
         """Return the next step after a halt that persists; empty without such a halt."""
+        if self._is_put_down(now):
+            return 'to carry the object: press “pick”'
         return NEXT_STEPS.get(self.status.code, '') if self.is_fresh('status', now) else ''
+
+    def _is_put_down(self, now: float) -> bool:
+        """Return whether the manipulation waits for a grip, because the object is free."""
+        return (
+            self.is_fresh('status', now)
+            and self.status.code == Status.HALT_NOT_HELD
+            and self.hold(now) is Hold.FREE
+        )
 
     def describe_squeeze(self, now: float) -> str:
         """Return a text with the estimated squeeze; empty without squeeze control."""

@@ -22,6 +22,7 @@ from isotruss_ros.viewer.drag import (
     PROGRESS_TIME,
 )
 from isotruss_ros.viewer.meshes import prism
+from isotruss_ros.viewer.message_checks import NO_CONTACT
 from isotruss_ros.viewer.picture import Hold, MESSAGE_TIMEOUT, NEXT_STEPS, Picture
 import numpy as np
 import pytest
@@ -239,6 +240,18 @@ def test_state_line_has_hold_margin_squeeze_and_the_next_step_of_a_halt(code):
     shown = describe_state(picture, 0.0)
     assert all(words in shown for words in ('held', 'slip margin 3.2 N', 'squeeze 10.0 N'))
     assert ('<strong>' in shown) == (code in LATCHED)
+
+
+@pytest.mark.parametrize(('message', 'is_free'), [(NO_CONTACT, True), ('', False)])
+def test_a_free_object_is_not_described_as_lost(message, is_free):
+    panels = pytest.importorskip('isotruss_ros.viewer.panels')
+    picture = Picture(ROBOT, 0.3)
+    state = GraspState(held=False, message=message, hold_message='not held: no equilibrium')
+    picture.receive_state(state, 0.0)
+    tell(picture, Status.HALT_NOT_HELD, message='not held: no equilibrium')
+    shown = panels.describe_state(picture, 0.0) + panels.describe(picture, 0.0)
+    assert ('not held' not in shown) == is_free
+    assert '“pick”' in shown
 
 
 @pytest.mark.parametrize(
