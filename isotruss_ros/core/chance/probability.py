@@ -4,9 +4,9 @@
 """
 Probability that an object is held: to first order in normal parameters, and from samples.
 
-The violations of two conditions are jointly normal. Ditlevsen's upper bound
-p <= sum_i p_i - sum_(i > 1) max_(j < i) p_ij (in descending order of p_i) is exact for up to two
-conditions, and has no random error.
+To first order the violations of two conditions are jointly normal. Ditlevsen's bound of their
+union, sum_i p_i - sum_(i > 1) max_(j < i) p_ij (in descending order of p_i), is exact for up to
+two conditions, and has no random error. It does not bound the error of the linearised conditions.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.numerics.tolerances import EPSILON, SMALLEST_NORMAL
+from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np
 import scipy
 
@@ -39,13 +39,14 @@ QUANTITIES = 'roller offsets', 'pose', 'pressures', 'friction', 'load', 'stiffne
 class Chance(Record, headline=('probability', 'method', 'limit', 'shares', 'standard_error')):
     """Probability that an object is held although parameters are uncertain."""
 
-    #: probability that the object is held. To first order, it is a lower bound, see this module
-    probability: float
+    probability: float  #: probability that the object is held
     method: str  #: `first order`, `samples`, or `no equilibrium`
     limit: str  #: most probable violation, for example `slip at south/P-Q`
-    #: shares of the quantities in the variance of this criterion to first order, largest first [-]
+    #: shares of the quantities in the variance of this criterion to first order, largest first;
+    #: zeros without any deviation [-]
     shares: dict[str, float]
-    standard_error: float = 0.0  #: standard error of a probability from samples; 0 to first order
+    #: standard error of a probability from samples, positive also if all agree; 0 to first order
+    standard_error: float = 0.0
     reliability: float = 0.0  #: standard normal quantile of the probability; larger is better [-]
 
 
@@ -58,7 +59,8 @@ def find_chance(grips: Sequence[HeldGrip], friction: float, covariance: Array) -
         sigmas = np.nan_to_num(criteria.values / deviations, nan=np.inf)
     # Criteria that may be violated, the most probable violation first.
     order = np.argsort(sigmas, kind='stable')[: max(1, int((sigmas < MAX_SIGMAS).sum()))]
-    rates = criteria.rates[order] / np.maximum(deviations[order, None], SMALLEST_NORMAL)
+    certain = deviations[order, None] == 0.0
+    rates = criteria.rates[order] / np.where(certain, np.inf, deviations[order, None])
     failure = failure_probability(sigmas[order], rates @ covariance @ rates.T)
     variances = rates[0] * (covariance @ rates[0])
     shares = zip(QUANTITIES, (float(variances[i].sum()) for i in columns), strict=True)
@@ -108,7 +110,8 @@ def sample_friction(
     on_progress: Callable[[float], None] | None,
 ) -> Array:
     """Return the required friction (s,) in random samples; infinite if the object is not held."""
-    changes = _draw_changes(grip, covariance, samples, seed)
+    rng = np.random.default_rng(seed)
+    changes = rng.multivariate_normal(np.zeros(len(covariance)), covariance, samples)
     required: list[float] = []
     # The first equilibrium with each set of corners in contact, its change, and the derivatives of
     # its unknowns, by which Newton's method starts at linearly extrapolated unknowns.
@@ -137,14 +140,11 @@ def sample_friction(
     return np.array(required)
 
 
-def _draw_changes(grip: HeldGrip, covariance: Array, samples: int, seed: int) -> Array:
-    """Return random changes (s, p) of the parameters, normally distributed."""
-    rng = np.random.default_rng(seed)
-    changes = rng.multivariate_normal(np.zeros(len(covariance)), covariance, samples)
-    # Dents are tabulated for each pressure and size. So these have one of three values, with the
-    # first five moments of a normal number.
-    tabulated = np.append(np.r_[GraspParameters.of(grip.config).pressures], -1)
-    root, shares = math.sqrt(3.0), (1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0)
-    sigmas = rng.choice([-root, 0.0, root], (samples, len(tabulated)), p=shares)
-    changes[:, tabulated] = sigmas * np.sqrt(np.diag(covariance))[tabulated]
-    return changes
+def standard_error(chances: Array) -> float:
+    """
+    Return the standard error of the mean of random chances (s,).
+
+    As in the interval of Agresti and Coull, two samples that are held and two that are not are
+    added, so that it is positive if all samples agree.
+    """
+    return float(np.std([*chances, 0.0, 0.0, 1.0, 1.0]) / math.sqrt(len(chances)))

@@ -10,7 +10,13 @@ from dataclasses import dataclass, fields, replace
 import math
 from typing import Any
 
-from isotruss_ros.core.chance.probability import Chance, changed_grip, find_chance, sample_friction
+from isotruss_ros.core.chance.probability import (
+    Chance,
+    changed_grip,
+    find_chance,
+    sample_friction,
+    standard_error,
+)
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grasp_gradient import GraspGradient
 from isotruss_ros.core.holding.held_gradient import GraspParameters
@@ -169,7 +175,7 @@ class Uncertainty:
             chance,
             probability=float(chances.mean()),
             method='samples',
-            standard_error=float(chances.std() / math.sqrt(len(chances))),
+            standard_error=standard_error(chances),
             reliability=float(scipy.special.ndtri(chances.mean())),
         )
 
