@@ -133,10 +133,10 @@ def draw_closure() -> plt.Figure:
     return figure
 
 
-def _draw_verdict(axes: Axes, indentation: float, free: bool) -> None:
+def _draw_verdict(axes: Axes, shift: float, free: bool) -> None:
     """Draw the forces of two members on a disc, and their closure in words below."""
     home = load_robot('nine_member').home
-    body = ConvexObject.disc(tangent_center(home, 'south/P', 0.3, indentation), 0.3)
+    body = ConvexObject.disc(tangent_center(home, 'south/P', 0.3, shift), 0.3)
     fast, settled = analyze_grasp(home, body, 0.8), settle_grasp(home, body, 0.8)
     plot_grasp(settled.equilibrium, axes, scale=0.0)
     axes.set_axis_off()

@@ -18,7 +18,7 @@ import numpy as np
 from studies.benchmarks.measuring import SHARE, Table, timed
 
 RATE, DURATION = 200.0, max(0.1, 5.0 * SHARE)
-DIAMETER, INDENTATION, FRICTION = 0.3, 0.02, 0.8
+DIAMETER, SHIFT, FRICTION = 0.3, 0.02, 0.8
 #: Speed of the rollers, to and fro [m/s].
 SPEEDS = 0.02 * np.array([1.0, -1.0, 0.5, 0.3, -0.4, 0.2])
 
@@ -26,7 +26,7 @@ SPEEDS = 0.02 * np.array([1.0, -1.0, 0.5, 0.3, -0.4, 0.2])
 def driven(options: PlantOptions) -> DrivenRobot:
     """Return a robot in MuJoCo in contact with an object."""
     robot = load_robot('nine_member')
-    center = tangent_center(robot.home, 'north/Z', DIAMETER, INDENTATION)
+    center = tangent_center(robot.home, 'north/Z', DIAMETER, SHIFT)
     return DrivenRobot(robot, ConvexObject.disc(center, DIAMETER), False, options, RollerFaults())
 
 

@@ -31,8 +31,8 @@ from studies.comparison.wedge import MODULE
 from studies.paper.tables import number, Table
 
 CASES, SEED = 50, 0
-#: Ranges of opening angles [degrees], indentations [m], diameters [m] and friction [-].
-WEDGES, INDENTATIONS, DIAMETERS, FRICTIONS = (25, 60), (0.02, 0.08), (0.16, 0.32), (0.4, 0.9)
+#: Ranges of opening angles [degrees], shifts into the corner [m], diameters [m] and friction [-].
+WEDGES, SHIFTS, DIAMETERS, FRICTIONS = (25, 60), (0.02, 0.08), (0.16, 0.32), (0.4, 0.9)
 #: Largest velocity of the object, with rotations times the radius [m/s], and duration of the
 #: motion [s].
 SPEED, DURATION = 0.02, 3.0
@@ -107,8 +107,8 @@ def compare(cases: int = CASES) -> Section:
     )
     return Section(
         'Nothing is dropped whose slip margin exceeds the load',
-        'Corner angle, indentation, object, friction, load and motion are chosen at random. The '
-        'load is the smallest slip margin of our model on the path, divided by '
+        'Corner angle, shift into the corner, object, friction, load and motion are chosen at '
+        'random. The load is the smallest slip margin of our model on the path, divided by '
         f'{1.0 + ABOVE:g}, in every second case in the direction of the smallest margin. It rises '
         f'in {RISE:g} s; then the rollers carry the object in open loop for {DURATION:g} s. '
         f'Grasps with a margin below {LEAST:g} N, or with tubes that would wrinkle, are replaced.',
@@ -145,9 +145,7 @@ def draw(random: np.random.Generator, weakest: bool) -> Case:
     :param random: random number generator.
     :param weakest: whether the load is along the weakest direction of the grasp.
     """
-    grip = PressedCase(
-        *(float(random.uniform(*range_)) for range_ in (WEDGES, INDENTATIONS, DIAMETERS))
-    )
+    grip = PressedCase(*(float(random.uniform(*range_)) for range_ in (WEDGES, SHIFTS, DIAMETERS)))
     friction = float(random.uniform(*FRICTIONS))
     direction, twist = random.standard_normal(3), random.uniform(-SPEED, SPEED, 3)
     twist[2] /= 0.5 * grip.diameter

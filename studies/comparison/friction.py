@@ -47,7 +47,7 @@ def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
         rows.append(
             (
                 f'{grip.degrees:.0f}',
-                f'{1e3 * grip.indentation:.0f}',
+                f'{1e3 * grip.shift:.0f}',
                 number(theirs),
                 number(ours),
                 number(100.0 * (theirs / ours - 1.0), 2),
@@ -69,7 +69,7 @@ def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
             Table(
                 'friction',
                 'Coefficient of friction at which the object is lost',
-                ('wedge [°]', 'indentation [mm]', 'MuJoCo', 'ours', 'off by [%]'),
+                ('wedge [°]', 'shift [mm]', 'MuJoCo', 'ours', 'off by [%]'),
                 rows,
                 shown=False,
             ),

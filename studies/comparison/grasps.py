@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forces, friction and stiffness of grasps over wedge and indentation."""
+"""Forces, friction and stiffness of grasps over wedge and shift."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from studies.comparison.grips import FINE, press, PressedCase, release
 from studies.comparison.section import Check, Section
 from studies.paper.tables import number, Table
 
-WEDGES, INDENTATIONS = (55.0, 40.0, 30.0), (0.01, 0.02, 0.04)
+WEDGES, SHIFTS = (55.0, 40.0, 30.0), (0.01, 0.02, 0.04)
 STEPS = "MuJoCo's tubes bend only between segments, and its friction creeps"
 #: Coefficient of friction at which each wedge holds [-].
 FRICTION = 0.8
@@ -36,16 +36,14 @@ class Compared:
     stiffness: Array  #: (2, 3, 3) stiffness of the grasp: MuJoCo, model [N/m, N, N m]
 
 
-def compare(
-    wedges: Sequence[float] = WEDGES, indentations: Sequence[float] = INDENTATIONS
-) -> Section:
+def compare(wedges: Sequence[float] = WEDGES, shifts: Sequence[float] = SHIFTS) -> Section:
     """
     Compare grasps.
 
     :param wedges: angles between the grasping members [degrees].
-    :param indentations: indentations of the members, for straight tubes [m].
+    :param shifts: distances of the object from the tangent center toward the corner [m].
     """
-    grips = [PressedCase(*pair) for pair in itertools.product(wedges, indentations)]
+    grips = [PressedCase(*pair) for pair in itertools.product(wedges, shifts)]
     found = [compare_one(grip) for grip in grips]
     return Section(
         'Forces, friction and stiffness of grasps',
@@ -126,7 +124,7 @@ def _stiffness_error(grasp: Compared) -> float:
 def _tables(found: Sequence[Compared]) -> tuple[Table, ...]:
     rows = []
     for grasp in found:
-        grip = (f'{grasp.grip.degrees:.0f}', f'{1e3 * grasp.grip.indentation:.0f}')
+        grip = (f'{grasp.grip.degrees:.0f}', f'{1e3 * grasp.grip.shift:.0f}')
         forces = [number(float(forces.mean())) for forces in grasp.free]
         needs = [number(need) for need in grasp.required]
         off, used = number(100.0 * _stiffness_error(grasp), 2), number(grasp.utilisation, 2)
@@ -138,7 +136,7 @@ def _tables(found: Sequence[Compared]) -> tuple[Table, ...]:
             'the compliances',
             (
                 'wedge [°]',
-                'indentation [mm]',
+                'shift [mm]',
                 'mean N MuJoCo [N]',
                 'ours',
                 'required friction MuJoCo',

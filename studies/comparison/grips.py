@@ -37,7 +37,7 @@ class PressedCase:
     """An object pressed into a wedge."""
 
     degrees: float  #: opening angle of the wedge at `MODULE` [degrees]
-    indentation: float  #: indentation of each member, for straight tubes [m]
+    shift: float  #: distance of the object from the tangent center toward the corner [m]
     diameter: float = 0.3  #: diameter of the object [m]
 
 
@@ -99,7 +99,7 @@ def place(case: PressedCase) -> tuple[Configuration, ConvexObject]:
     :param case: wedge and object.
     """
     config = closed_to(round_robot().home, case.degrees, case.diameter)
-    center = tangent_center(config, MODULE, case.diameter, case.indentation)
+    center = tangent_center(config, MODULE, case.diameter, case.shift)
     return config, ConvexObject.disc(center, case.diameter)
 
 

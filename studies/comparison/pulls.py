@@ -56,7 +56,7 @@ def compare(
             plant.restore(state)
             theirs = found(plant, along, SURE * ours)
             errors.append(abs(theirs / ours - 1.0))
-            name = f'{grip.degrees:.0f}°, {1e3 * grip.indentation:.0f} mm'
+            name = f'{grip.degrees:.0f}°, {1e3 * grip.shift:.0f} mm'
             cells = (number(theirs), number(ours), number(margin))
             rows.append((name, f'{math.degrees(direction):.0f}', *cells))
     check = Check(
@@ -77,7 +77,7 @@ def compare(
             Table(
                 'pulls',
                 'Force at which a contact slips or opens [N]',
-                ('wedge, indentation', 'direction [°]', 'MuJoCo', 'ours', 'slip margin'),
+                ('wedge, shift', 'direction [°]', 'MuJoCo', 'ours', 'slip margin'),
                 rows,
                 shown=False,
             ),

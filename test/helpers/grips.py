@@ -29,9 +29,9 @@ def gripped(degrees=35.0, diameter=0.3, squeeze=0.02, module='north/Z', robot='n
     return config, disc_grip(config, module, diameter, squeeze).body
 
 
-def disc_grip(config, module, diameter=0.3, indentation=0.0):
+def disc_grip(config, module, diameter=0.3, shift=0.0):
     """Return the grip of a disc that touches both members at a module."""
-    center = tangent_center(config, module, diameter, indentation)
+    center = tangent_center(config, module, diameter, shift)
     return Grip.at_module(config.robot, module, ConvexObject.disc(center, diameter))
 
 

@@ -37,7 +37,7 @@ def place_between(
     :param members: names `t/j-k` of two or three members.
     :param shape: shape of the object.
     :param angle: angle of the object in the robot frame [rad].
-    :param indentation: penetration into the undeformed skin of the tubes [m].
+    :param indentation: penetration into the undeformed skin of each member [m].
     :raises GraspError: the robot has no such members; a number is not finite; or the object does
         not fit between these members.
     """
@@ -76,7 +76,7 @@ def place_between(
 
 
 def tangent_center(
-    config: Configuration, module: str, diameter: float, indentation: float = 0.0
+    config: Configuration, module: str, diameter: float, shift: float = 0.0
 ) -> tuple[float, float]:
     """
     Return the tangent center of a disc at a module, or the center shifted toward the corner.
@@ -86,16 +86,16 @@ def tangent_center(
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.
     :param diameter: diameter of the disc [m].
-    :param indentation: shift of the center from the tangent center, toward the corner of the two
-        members [m]. The disc penetrates each member by this shift times the sine of half the angle
-        between the members. For a given penetration see `place_between`.
+    :param shift: distance from the tangent center toward the corner of the two members [m]. The
+        indentation of each member is this distance times the sine of half the angle between the
+        members, 0.5 times at 60 degrees. For a given indentation see `place_between`.
     :return: (x, y) in the robot frame [m].
-    :raises GraspError: the robot has no such module; the diameter is not positive; the indentation
-        is not finite; or the disc at its tangent center does not fit between the members.
+    :raises GraspError: the robot has no such module; the diameter is not positive; the shift is
+        not finite; or the disc at its tangent center does not fit between the members.
     """
     require_configuration(config)
-    (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
+    (distance,) = finite_array([shift], 1, 'shift [m]', GraspError)
     grip = place_between(config, members_at(config.robot, module), Disc(diameter))
     toward = sum(contact.normal for contact in find_contacts(config, grip))
-    center = grip.center + depth * toward / abs(toward)
+    center = grip.center + distance * toward / abs(toward)
     return center.real, center.imag

@@ -63,7 +63,7 @@ def test_held_implies_force_closure(robot, rng, kind, count, flat):
 
 
 @pytest.mark.parametrize(
-    ('indentation', 'friction', 'closure', 'hold'),
+    ('shift', 'friction', 'closure', 'hold'),
     [
         (0.02, 0.8, True, HoldStatus.HELD),
         (0.06, 0.8, True, HoldStatus.WRINKLES),
@@ -71,8 +71,8 @@ def test_held_implies_force_closure(robot, rng, kind, count, flat):
         (-0.05, 0.8, False, HoldStatus.NO_CONTACT),
     ],
 )
-def test_a_wrinkling_tube_ends_held_and_leaves_force_closure(indentation, friction, closure, hold):
-    body = ConvexObject.disc(tangent_center(HOME, 'south/P', 0.3, indentation), 0.3)
+def test_a_wrinkling_tube_ends_held_and_leaves_force_closure(shift, friction, closure, hold):
+    body = ConvexObject.disc(tangent_center(HOME, 'south/P', 0.3, shift), 0.3)
     settled = settle_grasp(HOME, body, friction)
     assert (settled.force_closure, settled.hold) == (closure, hold)
 

@@ -3,6 +3,8 @@
 
 """Where an object touches given members, or both of those at a module."""
 
+import math
+
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     Disc,
@@ -91,16 +93,21 @@ def test_tangent_object_touches_both_members(robot, rng, number):
         arm = (center - start) * axis.conjugate()
         assert abs(arm.imag) == pytest.approx(0.5 * (diameter + robot.description.tube_diameter))
         assert -1e-9 < arm.real < abs(end - start) + 1e-9
-    # Pressed in, it is nearer to the corner by that, and as deep in both.
-    pressed = complex(*tangent_center(config, module, diameter, indentation=0.01))
-    assert abs(pressed - center) == pytest.approx(0.01)
-    depths = [
-        abs(((c - start) / (end - start)).imag) * abs(end - start)
-        for start, end in (ends[:2], ends[2:])
-        for c in (center, pressed)
-    ]
-    assert depths[0] - depths[1] == pytest.approx(depths[2] - depths[3])
-    assert depths[0] > depths[1]
+
+
+@robots.examples(60)
+@given(robots.robots(), robots.generators(), strategies.integers(0, 10**6))
+def test_shift_from_the_tangent_center_indents_by_the_sine_of_half_the_angle(robot, rng, number):
+    config, grip, ends = robots.random_grasp(robot, rng, number)
+    module, shape = grip.members[0].split('-')[0], grip.body.shape
+    center, shifted = (
+        complex(*tangent_center(config, module, shape.diameter, shift)) for shift in (0.0, 1e-3)
+    )
+    assert abs(shifted - center) == pytest.approx(1e-3)
+    one, other = ends[1] - ends[0], ends[3] - ends[2]
+    depth = 1e-3 * math.sin(0.5 * abs(np.angle(one / other)))
+    placed = place_between(config, grip.members, shape, indentation=depth)
+    assert placed.center == pytest.approx(shifted, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -116,8 +123,8 @@ def test_object_that_does_not_fit_is_refused(module, diameter, message):
     config = load_robot('triangle').home
     with pytest.raises(GraspError, match=message):
         tangent_center(config, module, diameter)
-    with pytest.raises(GraspError, match='indentation'):
-        tangent_center(config, 'main/T', 0.2, indentation=np.nan)
+    with pytest.raises(GraspError, match='shift'):
+        tangent_center(config, 'main/T', 0.2, shift=np.nan)
 
 
 def test_a_member_is_touched_up_to_its_end():

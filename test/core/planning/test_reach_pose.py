@@ -15,7 +15,7 @@ import pytest
 from robots import preset
 
 ROBOT = preset('nine_member')
-GRIP = disc_grip(ROBOT.home, 'north/Z', indentation=0.01)
+GRIP = disc_grip(ROBOT.home, 'north/Z', shift=0.01)
 SIDES = box_between(angle=0.2)
 
 

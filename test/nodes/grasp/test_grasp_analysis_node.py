@@ -28,7 +28,7 @@ from sensor_msgs.msg import FluidPressure
 from studies.comparison.wedge import pressed_into
 from visualization_msgs.msg import Marker, MarkerArray
 
-SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=0.01)
+SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.01)
 node = maker(GraspAnalysisNode)
 
 
@@ -151,7 +151,7 @@ def test_markers_show_the_grasp_and_leave_nothing_behind():
         assert thing.scale.x == thing.scale.y == DIAMETER
         assert thing.color.r > thing.color.g  # open
         # Just out of touch: the arrows and regions go.
-        away = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=-0.01)
+        away = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=-0.01)
         w.until(lambda: update() == {'members', 'deformed', 'object'}, feed(w, center=away))
         # Nothing is known: nothing is shown.
         w.until(lambda: update() == set())

@@ -33,7 +33,7 @@ import pytest
 
 ROBOT = load_robot('nine_member')
 DIAMETER, FRICTION, SPACING = 0.3, 0.5, 0.005
-CENTER = tangent_center(ROBOT.home, 'north/Z', DIAMETER, indentation=0.01)
+CENTER = tangent_center(ROBOT.home, 'north/Z', DIAMETER, shift=0.01)
 POSE = Pose(*CENTER, 0.0)
 HOME = np.zeros(len(ROBOT.roller_names))
 NOW, TIMEOUT = 1000.0, 0.2
@@ -196,7 +196,7 @@ def test_tubes_wrinkle_beyond_the_whole_of_their_moment(used, code, told):
 
 
 def test_tubes_that_wrinkle_under_the_held_object_are_named():
-    center = tangent_center(ROBOT.home, 'north/Z', DIAMETER, indentation=0.06)
+    center = tangent_center(ROBOT.home, 'north/Z', DIAMETER, shift=0.06)
     made = monitor(pose=StampedInput(Pose(*center, 0.0), NOW), wrench=None)
     made.query = question(friction=0.8)
     report = made.report(NOW)
