@@ -3,6 +3,8 @@
 
 """Numbers that are not finite, or of no size that there is, are refused in words."""
 
+import math
+
 from isotruss_ros.calibration.home import calibrate_home
 from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.oscillation import fit_oscillation
@@ -13,6 +15,7 @@ from isotruss_ros.core import (
     ConvexObject,
     deform,
     Disc,
+    ElasticObject,
     GraspRequirements,
     Grip,
     IsotrussError,
@@ -25,6 +28,7 @@ from isotruss_ros.core import (
     reach_pose,
     reachable_twists,
     read_object,
+    RigidObject,
     RollingGrip,
     settle_grasp,
     solve_joint_velocity,
@@ -33,11 +37,12 @@ from isotruss_ros.core import (
     tangent_center,
     TwistServo,
 )
+from isotruss_ros.core.contact.wrench_space import wrench_space
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
 from isotruss_ros.core.inputs import InputFault, RollerState, StampedInput
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
-from isotruss_ros.core.planning.foresee_path import foresee_grip
+from isotruss_ros.core.planning.foresee_path import foresee_grip, foresee_path
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
@@ -95,13 +100,23 @@ FRICTION_CALLS = {
     'grip': lambda mu: Grip.at_module(ROBOT, 'north/Z', BODY, mu),
     'requirements': lambda mu: GraspRequirements(friction=mu),
     'MuJoCo plant': lambda mu: PlantOptions(friction=mu),
+    'wrench space': lambda mu: wrench_space([(0.1, 0.0)], [(1.0, 0.0)], mu, 0.1),
+    'path of an equilibrium': lambda mu: foresee_path(
+        settle_grasp(HOME, BODY).equilibrium, mu, POSES
+    ),
+    'rigid object': lambda mu: RigidObject(BODY, mu),
+    'elastic object': lambda mu: ElasticObject(BODY, mu),
 }
 
 
 @pytest.mark.parametrize('what', FRICTION_CALLS)
-def test_friction_in_percent_is_refused_with_the_unit(what):
+def test_friction_out_of_range_is_refused_with_the_range(what):
     with pytest.raises(GraspError, match=r'80.*: must be from 0 to 10; if it is in percent, it '):
         FRICTION_CALLS[what](80.0)
+    with pytest.raises(IsotrussError, match=r'friction.*-1.*: must be '):
+        FRICTION_CALLS[what](-1.0)
+    with pytest.raises(IsotrussError, match=r'friction.*nan.*: must be '):
+        FRICTION_CALLS[what](math.nan)
 
 
 def test_the_largest_friction_is_accepted():

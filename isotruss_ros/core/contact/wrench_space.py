@@ -15,13 +15,20 @@ from dataclasses import dataclass
 from typing import Literal
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.model.convex_object import check_friction
+from isotruss_ros.core.model.pose import check_range, MAX_SIZE, MIN_DIAMETER
+from isotruss_ros.core.numerics.arrays import Array, finite_rows
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
 #: Limit of the normal forces: of their sum, or of each.
 Norm = Literal['L1', 'Linf']
+#: Largest deviation of the length of a unit normal from 1 [-].
+LENGTH_TOLERANCE = 1e-6
+#: Largest number of contacts with the norm Linf, whose sum has 3^k vertices [-].
+MAX_CONTACTS = 10
 
 
 @dataclass(frozen=True)
@@ -40,14 +47,22 @@ class WrenchSpace:
 
 
 def wrench_space(
-    points: Array, normals: Array, friction: float, arm: float, norm: Norm = 'L1'
+    points: ArrayLike, normals: ArrayLike, friction: float, arm: float, norm: Norm = 'L1'
 ) -> WrenchSpace:
     """
     Return the wrench space of point contacts with friction.
 
-    Points (k, 2) are relative to the reference point of the moments [m], unit normals (k, 2) away
-    from the object; `arm` is the characteristic radius [m].
+    :param points: (k, 2) contacts relative to the reference point of the moments [m].
+    :param normals: (k, 2) unit normals away from the object [-].
+    :param friction: coefficient of friction [-].
+    :param arm: characteristic radius [m].
+    :param norm: limit of the normal forces; `Linf` with at most `MAX_CONTACTS` contacts.
+    :raises GraspError: a value is out of range; the numbers of points and normals differ, or are
+        zero; or a normal has not the length 1.
     """
+    points, normals = _check_contacts(points, normals)
+    friction = check_friction(friction)
+    arm = check_range(arm, 'characteristic radius', 'm', 0.5 * MIN_DIAMETER, MAX_SIZE)
     tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
     # Forces with normal components of 1; axes: contact, edge of its friction cone, x and y.
     forces = -normals[:, None] + friction * np.stack([tangents, -tangents], axis=1)
@@ -58,6 +73,10 @@ def wrench_space(
     if norm == 'L1':
         vertices = np.vstack([vertices, wrenches.reshape(-1, 3)])
     elif norm == 'Linf':
+        if len(points) > MAX_CONTACTS:
+            raise GraspError(
+                f"{len(points)} contacts: must be at most {MAX_CONTACTS} with the norm 'Linf'"
+            )
         # Minkowski sum over the contacts, each of which exerts no force or one on its edges.
         for edges in wrenches:
             vertices = (vertices[:, None] + np.vstack([np.zeros(3), edges])).reshape(-1, 3)
@@ -70,3 +89,19 @@ def wrench_space(
     # The last column has the offsets of the facets, minus their distances from the origin.
     epsilon = -float(hull.equations[:, -1].max())
     return WrenchSpace(epsilon if epsilon > ROUNDING else 0.0, float(hull.volume))
+
+
+def _check_contacts(points: ArrayLike, normals: ArrayLike) -> tuple[Array, Array]:
+    """Return checked points and unit normals (k, 2) of contacts."""
+    at = finite_rows(points, 2, 'points [m]', GraspError, MAX_SIZE)
+    normal = finite_rows(normals, 2, 'normals', GraspError)
+    if not len(at) == len(normal) > 0:
+        raise GraspError(
+            f'{len(at)} points and {len(normal)} normals: must be equal numbers, 1 or more'
+        )
+    lengths = np.hypot(*normal.T)
+    wrong = np.flatnonzero(np.abs(lengths - 1.0) > LENGTH_TOLERANCE)
+    if len(wrong):
+        first = int(wrong[0])
+        raise GraspError(f'normal {first} has the length {lengths[first]:g}: must be 1')
+    return at, normal

@@ -97,6 +97,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     does not follow the path, for example where rollers would move much faster than it. Angles
     of the poses are not wrapped to one turn.
     """
+    friction = check_friction(friction)
     what = 'the poses of the path (x, y, angle) [m, rad]'
     poses = finite_rows(poses, 3, what, GraspError, MAX_MAGNITUDE)
     if not len(poses):

@@ -13,7 +13,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import Grip, GRIP_SIZES
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.pose import Pose
 import numpy as np
 
@@ -30,11 +30,13 @@ class RigidObject:
 
     :param body: the object at its initial pose.
     :param friction: coefficient of friction, used if the object has none of its own.
+    :raises GraspError: the coefficient is out of range.
     """
 
     def __init__(self, body: ConvexObject, friction: float) -> None:
         self._body = body
-        self._friction = friction if body.friction is None else body.friction
+        coefficient = check_friction(friction)
+        self._friction = coefficient if body.friction is None else body.friction
         #: Configurations of the last step, and of the last check of the hold; both None at first.
         self._followed: Configuration | None = None
         self._checked: Configuration | None = None

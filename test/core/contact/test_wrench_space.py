@@ -83,6 +83,30 @@ def test_no_load_of_size_epsilon_exceeds_the_contacts(seed, norm):
         assert largest_load(points, normals, 0.6, direction, norm) >= space.epsilon - 1e-9
 
 
-def test_unknown_norm_is_refused():
-    with pytest.raises(GraspError, match="must be 'L1' or 'Linf'"):
-        wrench_space(*on_disc(0.0, 180.0), 0.5, 1.0, 'L2')
+@pytest.mark.parametrize(
+    ('changed', 'message'),
+    [
+        ({'normals': [(5.0, 0.0), (-5.0, 0.0)]}, 'normal 0 has the length 5: must be 1'),
+        ({'normals': [(1.0, 0.0), (0.0, 0.0)]}, 'normal 1 has the length 0: must be 1'),
+        ({'normals': [(1.0, 0.0)]}, '2 points and 1 normals: must be equal numbers, 1 or more'),
+        ({'normals': [(1.0, 0.0, 0.0)]}, r'normals: .* must be 1 x 2 finite numbers'),
+        (
+            {'points': [(1.0, 0.0), (math.nan, 0.0)]},
+            r'points \[m\]: .* must be 2 x 2 finite numbers',
+        ),
+        ({'points': [], 'normals': []}, '0 points and 0 normals: must be equal numbers'),
+        ({'points': [(1.0, 0.0), (1.0,)]}, r'points \[m\]: .*: must be 2 x 2 finite numbers'),
+        ({'arm': 0.0}, r'characteristic radius 0.0 m: must be from '),
+        ({'arm': math.nan}, r'characteristic radius \[m\]: nan: must be a finite number'),
+        ({'norm': 'L2'}, "'L2': must be 'L1' or 'Linf'"),
+        (
+            {'norm': 'Linf', 'points': [(1.0, 0.0)] * 11, 'normals': [(1.0, 0.0)] * 11},
+            'at most 10',
+        ),
+    ],
+)
+def test_invalid_contacts_are_refused_with_the_valid_form(changed, message):
+    points, normals = on_disc(0.0, 180.0)
+    values = {'points': points, 'normals': normals, 'friction': 0.5, 'arm': 1.0}
+    with pytest.raises(GraspError, match=message):
+        wrench_space(**values | changed)
