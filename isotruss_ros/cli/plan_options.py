@@ -21,7 +21,7 @@ OPTIONS = {
     'friction': ('MU', 'coefficient of friction between tubes and object (default %(default)s)'),
     'external_wrench': (
         ('FX', 'FY', 'M'),
-        'external wrench on the object about its centre [N, N m]',
+        'external wrench on the object about the origin of its frame [N, N m]',
     ),
     'module': ('T/J', 'module at which two grasping members meet; default: any'),
     'members': ('T/J-K', 'two or three grasping members, instead of a module'),

@@ -11,7 +11,7 @@ import math
 
 #: Twist (vx, vy, omega) in the robot frame [m/s, rad/s].
 Twist = tuple[float, float, float]
-#: Wrench (fx, fy, m) on the object about its centre [N, N m].
+#: Wrench (fx, fy, m) on the object about the origin of its frame [N, N m].
 Wrench = tuple[float, float, float]
 
 #: Times at which the external wrench begins and ends, relative to the duration of the phase [-].

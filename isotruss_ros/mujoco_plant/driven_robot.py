@@ -82,7 +82,7 @@ class DrivenRobot(DrivenRollers):
         """
         Set the external wrench on the object from now on.
 
-        :param wrench: wrench (fx, fy, m) about the centre of the object [N, N m].
+        :param wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
         :raises PlantError: the wrench is not finite.
         """
         self.plant.pull(wrench)

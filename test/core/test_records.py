@@ -5,7 +5,9 @@
 
 import copy
 import enum
+import inspect
 import json
+import math
 import pickle
 from typing import NamedTuple
 
@@ -28,7 +30,14 @@ RESULTS = {
     'grip': GRIP,
     'configuration': ROBOT.configuration([0.01, 0.0, 0.0, 0.0, 0.0, 0.0]),
     'settled': SETTLED,
+    'lost': core.settle_grasp(ROBOT.home, DISC.moved_to((0.7, 0.3, 0.0)), members=MEMBERS),
     'analysis': core.analyze_grasp(ROBOT.home, DISC),
+    'chance': SETTLED.chance(core.Uncertainty()),
+    'uncertainty': core.Uncertainty(offset_covariance=np.diag([1e-4] * 6)),
+    'requirements': core.GraspRequirements(members=MEMBERS, carry=((0.7, 0.7, 0.0),)),
+    'no chance': core.Uncertainty().chance(
+        core.settle_grasp(ROBOT.home, DISC.moved_to((0.7, 0.3, 0.0)), members=MEMBERS)
+    ),
     'gradient': core.grasp_gradient(SETTLED),
     'deformation': core.deform(ROBOT.home, {'Z': (0.0, -5.0)}),
     # Sparse factors.
@@ -71,7 +80,28 @@ def test_html_has_a_row_for_each_member(result):
 
 def test_data_are_plain_python(result):
     data = result.to_dict()
-    assert json.loads(json.dumps(data)).keys() == data.keys()
+    assert json.loads(json.dumps(data, allow_nan=False)) == data
+
+
+def test_numbers_that_are_not_finite_are_none_in_data():
+    analysis, requirements = RESULTS['analysis'], RESULTS['requirements']
+    assert analysis.required_friction == requirements.max_total_force == math.inf
+    assert analysis.to_dict()['required_friction'] is None
+    assert requirements.to_dict()['max_total_force'] is None
+    assert as_plain({1: [math.nan, -np.inf], 'a': np.array([np.inf, 1.0])}) == {
+        '1': [None, None],
+        'a': [None, 1.0],
+    }
+
+
+def test_chance_of_a_settled_grasp_has_the_signature_of_its_uncertainty():
+    signature = inspect.signature(core.Uncertainty.chance).parameters
+    settled = inspect.signature(type(SETTLED).chance)
+    assert list(settled.parameters) == ['self', 'uncertainty', *list(signature)[2:]]
+    assert settled.parameters['uncertainty'].annotation == 'Uncertainty'
+    assert settled.return_annotation == 'Chance'
+    for name in list(signature)[2:]:
+        assert settled.parameters[name] == signature[name]
 
 
 def test_data_have_forces_by_member():

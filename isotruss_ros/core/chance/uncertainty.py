@@ -28,6 +28,7 @@ from isotruss_ros.core.model.robot_schema import find_faults
 from isotruss_ros.core.model.safe_yaml import parse_yaml
 from isotruss_ros.core.numerics.arrays import Array, covariance_matrix
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np
 import scipy
@@ -37,8 +38,8 @@ STEP = 3e-4
 COVARIANCE = 'offset_covariance [m^2]'
 
 
-@dataclass(frozen=True, eq=False)
-class Uncertainty:
+@dataclass(frozen=True, eq=False, repr=False)
+class Uncertainty(Record):
     """
     Standard deviations of the parameters of a grasp, normally distributed.
 

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 import math
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
@@ -29,6 +29,10 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
 import numpy as np
+
+if TYPE_CHECKING:  # this package is below `core.chance`
+    from isotruss_ros.core.chance.probability import Chance
+    from isotruss_ros.core.chance.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,9 +169,24 @@ class SettledGrasp(
             return self.lost.slip_margin
         return 0.0 if self.equilibrium is None else self.equilibrium.slip_margin(self.friction)
 
-    def chance(self, uncertainty: Any, **options: Any) -> Any:
-        """Return the `Chance` that the object is held, see `Uncertainty.chance`."""
-        return uncertainty.chance(self, **options)
+    def chance(
+        self,
+        uncertainty: Uncertainty,
+        samples: int | None = None,
+        seed: int = 0,
+        on_progress: Callable[[float], None] | None = None,
+    ) -> Chance:
+        """
+        Return the probability that the object is held, see `Uncertainty.chance`.
+
+        :param uncertainty: standard deviations of the parameters.
+        :param samples: number of equilibria with random parameters; 0: to first order; None: 200
+            for objects with corners, otherwise to first order.
+        :param seed: seed of the random parameters.
+        :param on_progress: function that is called with the completed fraction, 0 to 1.
+        :raises GraspError: the number of samples is invalid, or the equilibrium is neutral.
+        """
+        return uncertainty.chance(self, samples, seed, on_progress)
 
     @property
     def slip_direction(self) -> Array:

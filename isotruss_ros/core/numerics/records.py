@@ -11,6 +11,7 @@ import enum
 from functools import cached_property
 import html
 import itertools
+import math
 from typing import Any, ClassVar
 
 import numpy as np
@@ -39,7 +40,11 @@ class Record:
         cls.headline, cls.data = headline or cls.headline, data or cls.data
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the data as a dictionary of numbers, texts, lists and dictionaries."""
+        """
+        Return the data as a dictionary of numbers, texts, lists and dictionaries.
+
+        Numbers that are not finite become None, since JSON has none.
+        """
         return {name: as_plain(getattr(self, name)) for name in _names(type(self))}
 
     def __repr__(self) -> str:
@@ -83,9 +88,11 @@ class Record:
 
 
 def as_plain(value: Any) -> Any:
-    """Convert a value to numbers, texts, lists and dictionaries."""
+    """Convert a value to finite numbers, None, texts, lists and dictionaries with text keys."""
     if isinstance(value, enum.Enum):
         return value.value if isinstance(value.value, str) else value.name
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if hasattr(value, 'to_dict'):
@@ -97,7 +104,7 @@ def as_plain(value: Any) -> Any:
     if isinstance(value, slice):
         return [value.start, value.stop]
     if isinstance(value, Mapping):
-        return {key: as_plain(item) for key, item in value.items()}
+        return {str(key): as_plain(item) for key, item in value.items()}
     if hasattr(value, '_asdict'):
         return as_plain(value._asdict())
     if isinstance(value, (tuple, list, set, frozenset)):

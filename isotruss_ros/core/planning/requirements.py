@@ -13,6 +13,7 @@ from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import check_member_names
 from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
 from isotruss_ros.core.numerics.arrays import finite_array, LARGEST_NUMBER, MAX_LOAD
+from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
@@ -28,8 +29,8 @@ class Measure(str, Enum):
     STIFFNESS = 'stiffness'  #: largest stiffness of the object along `direction` [N/m]
 
 
-@dataclass(frozen=True)
-class GraspRequirements:
+@dataclass(frozen=True, repr=False)
+class GraspRequirements(Record):
     """
     Requirements that a grasp of a free object must fulfil.
 

@@ -57,7 +57,7 @@ class ElasticObject:
 
     @property
     def external_wrench(self) -> Array:
-        """Return the external wrench (fx, fy, m) on the object about its centre [N, N m]."""
+        """Return the wrench (fx, fy, m) about the origin of the object's frame [N, N m]."""
         return self._wrench
 
     @external_wrench.setter

@@ -37,7 +37,7 @@ SPECS = (
     Spec(
         'omega',
         0.0,
-        'Angular velocity of the push, about the centre of the object [rad/s]',
+        "Angular velocity of the push, about the origin of the object's frame [rad/s]",
         (-10.0, 10.0),
     ),
     Spec('listen_time', 3.0, 'Duration of the measurement after the push [s]', (0.5, 60.0)),

@@ -142,7 +142,7 @@ class StaticPlant(SimulatedRobot):
         """
         Set the external wrench on the object; it has no effect on a rigid object.
 
-        :param wrench: wrench (fx, fy, m) about the centre of the object [N, N m].
+        :param wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
         """
         if self.elastic is not None:
             self.elastic.external_wrench = np.asarray(wrench)

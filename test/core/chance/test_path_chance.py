@@ -94,16 +94,16 @@ def test_a_longer_path_has_a_smaller_chance():
 
 
 @cache
-def plan(carry=(), uncertainty=None):
+def plan(carry=(), is_certain=True):
     """Return the grasps for the nominal or for an uncertain robot."""
-    needs = core.GraspRequirements(carry=carry)
+    needs, uncertainty = core.GraspRequirements(carry=carry), None if is_certain else UNCERTAIN
     return core.plan_grasps(HOME, DISC, needs, max_rounds=1, uncertainty=uncertainty)
 
 
 @pytest.fixture(params=[(), CARRY], ids=['grasp', 'carry'])
 def plans(request):
     """Return the plans for the nominal and for the uncertain robot."""
-    return plan(request.param), plan(request.param, UNCERTAIN)
+    return plan(request.param), plan(request.param, is_certain=False)
 
 
 def test_grasps_are_ranked_by_their_chance(plans):
@@ -139,4 +139,4 @@ def test_without_uncertainty_no_chance_is_computed(monkeypatch):
 def test_the_chance_is_that_under_the_required_wrench():
     needs = core.GraspRequirements(external_wrench=(0.0, -1.0, 0.0), count=1)
     loaded = core.plan_grasps(HOME, DISC, needs, max_rounds=1, uncertainty=UNCERTAIN)
-    assert loaded[0].chance.reliability < plan((), UNCERTAIN)[0].chance.reliability
+    assert loaded[0].chance.reliability < plan(is_certain=False)[0].chance.reliability
