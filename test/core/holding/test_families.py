@@ -76,7 +76,7 @@ def holds(robot, travel, members, shape, place, parameter, shares, friction=1.3)
 def count_holes(found):
     """Return the number of grasps without an equilibrium between grasps at rest."""
     at_rest = np.flatnonzero([hold.at_rest for hold in found])
-    between = found[at_rest[0] : at_rest[-1]] if len(at_rest) else []
+    between = found[at_rest[0] : at_rest[-1]] if len(at_rest) else []  # noqa: E203
     return between.count(HoldStatus.NO_BALANCE)
 
 

@@ -15,7 +15,7 @@ from std_msgs.msg import Bool
 from visualization_msgs.msg import Marker, MarkerArray
 
 pytest.importorskip('viser')
-from isotruss_ros.core import Disc  # noqa: E402
+from isotruss_ros.core import Disc  # noqa: E402,I100
 from isotruss_ros.nodes.viewer.node import Viewer  # noqa: E402,I100
 
 
