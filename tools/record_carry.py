@@ -76,11 +76,14 @@ def carry(phases: tuple[Phase, ...], file: Path, logs: Path) -> None:
 
 def _find_missing_topics(file: Path) -> list[str]:
     """Return a sentence for each displayed topic without a message in the written part."""
-    topics = set()
+    missing = set(TOPICS)
     if file.exists():
         with contextlib.suppress(RecordingError):  # because the file is not complete yet
-            topics = {topic for _, topic, _ in read_recording(file)}
-    return [f'{topic} has no recorded message' for topic in TOPICS if topic not in topics]
+            for _, topic, _ in read_recording(file):
+                missing.discard(topic.lstrip('/'))
+                if not missing:
+                    break
+    return [f'{topic} has no recorded message' for topic in sorted(missing)]
 
 
 def thin(file: Path, thinned: Path) -> None:

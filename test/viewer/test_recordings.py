@@ -5,6 +5,7 @@
 
 import contextlib
 import functools
+import importlib
 import importlib.util
 import io
 from pathlib import Path
@@ -302,6 +303,18 @@ def test_every_message_of_a_shipped_recording_is_displayed(path):
     for time, topic, message in read_recording(path):
         show_message(picture, topic, message, time)
     assert picture.hold(time) is Hold.HELD
+
+
+@pytest.mark.parametrize('path', SHIPPED, ids=lambda path: path.name)
+def test_shipped_recordings_have_the_present_message_definitions(path):
+    from mcap.reader import make_reader
+
+    with path.open('rb') as stream:
+        recorded = make_reader(stream).get_summary().schemas.values()
+    for schema in recorded:
+        package, folder, name = schema.name.split('/')
+        kind = getattr(importlib.import_module(f'{package}.{folder}'), name)
+        assert schema.data.decode() == schema_text(kind), f'{schema.name}: make pictures'
 
 
 def test_recordings_are_shipped():
