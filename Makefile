@@ -97,6 +97,7 @@ nightly: venv
 	+$(MAKE) calls CALLS=15000
 	+$(MAKE) mutants MUTANTS=60
 	+$(MAKE) plant
+	+$(MAKE) measure
 	+$(MAKE) demo SENSORS=real
 	+$(MAKE) demo PLANT=mujoco
 	+$(MAKE) demo PLANT=mujoco SENSORS=real

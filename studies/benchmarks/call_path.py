@@ -47,6 +47,8 @@ PRESSED = core.ConvexObject.disc(
 )
 #: Number of cycles after which the rollers have accelerated to the twist [-].
 CYCLES = 60
+#: Information of the middleware about a message whose publisher numbers nothing.
+UNNUMBERED = {'publication_sequence_number': None}
 
 
 class Walk(NamedTuple):
@@ -140,7 +142,7 @@ def node_tick() -> Walk:
             'joint_states': rollers,
             'object_pose': PoseStamped(header=header, pose=pose),
         }
-        received = [partial(take[topic], message) for topic, message in given.items()]
+        received = [partial(take[topic], message, UNNUMBERED) for topic, message in given.items()]
         paths.append(trace(lambda calls=received: [call() for call in (*calls, node.cycle.run)]))
     assert node.details()['status'] == core.Status.OK.name, node.details()
     rclpy.shutdown()
