@@ -287,7 +287,7 @@ class GraspSequences:
 def _squeeze_in_words(squeeze: float, deviation: float) -> str:
     """Return a text with the squeeze and its deviation [N], which is NaN if unknown."""
     if math.isnan(deviation):
-        return f'squeeze {squeeze:.1f} N, deviation unknown: manipulation publishes no grip'
+        return f'squeeze {squeeze:.1f} N, deviation unknown: manipulation has published no grip'
     return describe_squeeze(squeeze, deviation)
 
 

@@ -78,18 +78,26 @@ class ObjectWatch:
             )
 
     def confirm(self, held: bool) -> Steps:
-        """Wait until an analysis of the robot at rest reports the object as held, or as free."""
+        """
+        Wait until an analysis of the robot at rest reports the object as held, or as free.
+
+        The squeeze of a held object gets its deviation from the grip of `manipulation`, which may
+        be published later; without a grip, the last analysis is returned after the timeout.
+        """
         arrived = self._node.now()
         while True:
-            now, analysed = self._node.now(), -np.inf
+            now, analysed, confirmed = self._node.now(), -np.inf, False
             if isinstance(self.inputs.grasp, StampedInput):
                 state, analysed = self.inputs.grasp.value, self.inputs.grasp.time
-                if read_held(state) is held and analysed > arrived:
+                confirmed = read_held(state) is held and analysed > arrived
+                if confirmed and not (held and math.isnan(state.squeeze_deviation)):
                     return state
             # The wait is timed by the stamps of the analyses, which are late on a busy machine, or
             # by the clock if no analyses arrive.
             waited = max(analysed, now - self.timeout) - arrived
             if waited > CONFIRMATION_TIMEOUT:
+                if confirmed:
+                    return state
                 has_answer = analysed > arrived and read_held(state) is not None
                 outcome = StepOutcome.NOT_HELD if has_answer else StepOutcome.NOT_READY
                 raise StepError(outcome, self._describe_grasp(arrived))

@@ -4,15 +4,18 @@
 """Whether the object is held: yes, no or unknown, in messages and for motions of the object."""
 
 import math
+from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject
 from isotruss_msgs.msg import GraspState, ManipulationStatus, StateEstimate
 from isotruss_ros.core import Pose
+from isotruss_ros.core.inputs import LatestInputs, StampedInput
 from isotruss_ros.nodes.conversions.messages import make_header, read_pose, to_pose_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
+from isotruss_ros.nodes.pick_and_place.object_watch import CONFIRMATION_TIMEOUT, ObjectWatch
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.viewer import message_checks
 from manual_world import world
@@ -22,7 +25,7 @@ from probe import CENTER, maker, overrides
 import pytest
 
 NO, YES, UNKNOWN = GraspState.HELD_NO, GraspState.HELD_YES, GraspState.HELD_UNKNOWN
-TIMEOUT = 0.5
+TIMEOUT, STEP = 0.5, 0.125
 SILENT = None
 
 
@@ -131,6 +134,26 @@ def test_analysis_of_joint_states_from_the_future_is_no_loss():
 
         w.until(lambda: w.probe.last('state') is not None and w.probe.last('state').code, send)
         assert w.probe.last('state').held == UNKNOWN
+
+
+@pytest.mark.parametrize('grip_delay', [0.3, math.inf])
+def test_a_confirmed_grasp_has_the_deviation_of_a_grip_published_within_the_timeout(grip_delay):
+    clock, inputs = [0.0], LatestInputs()
+    values = SimpleNamespace(command_timeout=TIMEOUT)
+    node = SimpleNamespace(now=lambda: clock[0], values=values)
+    steps = ObjectWatch(node, inputs).confirm(True)
+    next(steps)
+    confirmed = None
+    while confirmed is None:
+        clock[0] += STEP
+        deviation = 2.0 if clock[0] > grip_delay else math.nan
+        inputs.grasp = StampedInput(GraspState(held=YES, squeeze_deviation=deviation), clock[0])
+        try:
+            next(steps)
+        except StopIteration as end:
+            confirmed = end.value
+    assert clock[0] == pytest.approx(min(grip_delay, CONFIRMATION_TIMEOUT), abs=2.0 * STEP)
+    assert math.isnan(confirmed.squeeze_deviation) == math.isinf(grip_delay)
 
 
 PLANT = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.025, 'rate': 20.0}
