@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 import contextlib
 import os
 from pathlib import Path
@@ -73,6 +73,12 @@ class NodeProcess:
                 + ' | '.join(printed)
             )
 
+    def find_line(self, start: str) -> str | None:
+        """Return the first complete printed line with a certain start; None before."""
+        lines = self.log.read_text(errors='replace').splitlines(keepends=True)
+        found = (line.rstrip() for line in lines if line.startswith(start) and line[-1] == '\n')
+        return next(found, None)
+
     def interrupt(self) -> None:
         """Send Ctrl-C to the node."""
         if self.process.poll() is None:
@@ -93,19 +99,28 @@ class NodeProcess:
 
 
 @contextlib.contextmanager
-def _held_signals() -> Iterator[list[int]]:
-    """Defer signals to the end of a `with` block, so that none leaves nodes running."""
+def deferred_interrupts() -> Iterator[Callable[[], None]]:
+    """
+    Defer signals that end a program, which at any point would leave nodes or break rclpy.
+
+    :return: function that raises KeyboardInterrupt after a signal; the `with` block ends with it.
+    """
     received: list[int] = []
 
     def keep(which: int, _frame: FrameType | None) -> None:
         received.append(which)
 
+    def check() -> None:
+        if received:
+            raise KeyboardInterrupt
+
     before = {which: signal.signal(which, keep) for which in STOP_SIGNALS}
     try:
-        yield received
+        yield check
     finally:
         for which, handler in before.items():
             signal.signal(which, handler)
+    check()
 
 
 @contextlib.contextmanager
@@ -121,15 +136,13 @@ def running_nodes(
     """
     processes = []
     try:
-        with _held_signals() as received:
+        with deferred_interrupts():
             for name, parameters in nodes:
                 log = logs / f'{name}.log'
                 processes.append(NodeProcess(name, parameters, log, ros_arguments))
-        if received:
-            raise KeyboardInterrupt
         yield processes
     finally:
-        with _held_signals():
+        with deferred_interrupts():
             for process in reversed(processes):
                 process.interrupt()
             for process in reversed(processes):

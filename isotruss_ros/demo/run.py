@@ -11,24 +11,27 @@ from pathlib import Path
 import signal
 
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import IsotrussError, load_robot, Status
+from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.model.presets import find_robot_file
-from isotruss_ros.demo.client import DemoClient, LEVER_ARM
+from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.film import film
 from isotruss_ros.demo.gripping import Gripping, slow_down
 from isotruss_ros.demo.path import figure_9
-from isotruss_ros.demo.processes import keep_to_this_machine, parse_arguments, running_nodes
+from isotruss_ros.demo.processes import (
+    deferred_interrupts,
+    keep_to_this_machine,
+    parse_arguments,
+    running_nodes,
+)
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.demo.sensors import PERFECT, REAL, REAL_SENSORS, truth_table
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
+from isotruss_ros.demo.verdict import print_verdict
 from isotruss_ros.mujoco_plant.options import RIGID_SECTION_STIFFNESS
 from isotruss_ros.mujoco_plant.rendering import require_egl
 from isotruss_ros.nodes.framework.command_line import start_ros
-from isotruss_ros.nodes.framework.cycle import MIN_RATE_SHARE
-from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.viewer.names import ELASTIC, MUJOCO
-import numpy as np
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
@@ -70,12 +73,6 @@ INPUT_TIMEOUT = 1.5
 COMMAND_TIMEOUT = 1.0
 #: Rate of grasp analyses [Hz]. Each takes 20 to 40 ms on a core that the control loop needs too.
 ANALYSIS_RATE = 5.0
-#: Largest difference between the measured and the executed displacement of the object, if no
-#: control cycle was late [m].
-MAX_POSITION_ERROR = 1e-3
-MAX_ANGLE_ERROR = np.deg2rad(0.25)
-#: Value in place of `MAX_POSITION_ERROR` with simulated sensor faults [m].
-MAX_REAL_ERROR = 1e-2
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -111,7 +108,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
         if round_tubes:
             require_egl()
         file = str(_write_round_robot(options.output)) if round_tubes else ROBOT
-        records, plan = _play(options, file, ros_arguments, console)
+        # An interrupt within rclpy would end in an error of a conversion.
+        with deferred_interrupts() as check:
+            records, plan = _play(options, file, ros_arguments, console, check)
     except IsotrussError as error:
         console.print(f'demo failed: {error}', style='red', markup=False)
         return 1
@@ -134,11 +133,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
         else:
             animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
     console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
-    return _verdict(moved, options.sensors == REAL, options.rate, console)
+    return print_verdict(moved, options.sensors == REAL, options.rate, console)
 
 
 def _play(
-    options: argparse.Namespace, robot: str, ros_arguments: Sequence[str], console: Console
+    options: argparse.Namespace,
+    robot: str,
+    ros_arguments: Sequence[str],
+    console: Console,
+    check_interrupts: Callable[[], None],
 ) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
     """Run the nodes as processes, plan and reach a grasp, and follow the path."""
     domain = keep_to_this_machine()
@@ -172,7 +175,7 @@ def _play(
         started.append(('state_estimator', common | held))
     names = ', '.join(name for name, _ in started)
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
-    # Python's own: those of rclpy would close the context before the nodes are stopped.
+    # Those of rclpy would close the context before the nodes are stopped.
     start_ros(ros_arguments, SignalHandlerOptions.NO)
     client = None
     try:
@@ -180,6 +183,7 @@ def _play(
         with running_nodes(started, output, ros_arguments) as nodes:
 
             def check() -> None:
+                check_interrupts()
                 for node in nodes:
                     node.require_running()
                 client.require_alone()
@@ -224,61 +228,3 @@ def _write_round_robot(output: Path) -> Path:
     with path.open('w', encoding='utf-8') as file:
         yaml.dump(content, file)
     return path
-
-
-def _verdict(records: Sequence[PhaseRecord], real: bool, rate: float, console: Console) -> int:
-    """
-    Print failures; return 0 if the object was held and reached its targets, else 1.
-
-    :param rate: desired rate of the control loop [Hz].
-    """
-    code, limit = 0, MAX_REAL_ERROR if real else MAX_POSITION_ERROR
-    for record in records:
-        if not real:
-            _print_anomalies(record, console)
-        if record.lowest_rate < MIN_RATE_SHARE * rate:
-            console.print(
-                f'{record.name}: the loop reached only {record.lowest_rate:.0f} of {rate:g} Hz in '
-                'its slowest second',
-                style='yellow',
-            )
-        if record.shortfall > limit:
-            shortfall = f'{1e3 * record.shortfall:.1f} mm'
-            console.print(
-                f'{record.name}: limits shortened the motion by {shortfall}', style='yellow'
-            )
-        faults = []
-        if real and min(record.squeezes) <= 0.0:
-            faults.append('the object was not held')
-        if not real and record.held_fraction < 1.0:
-            faults.append(
-                f'the object was held in only {100.0 * record.held_fraction:.1f} % of the analyses'
-            )
-        # A command that is executed for longer than one cycle moves the object too far.
-        turned = not real and record.angle_error > MAX_ANGLE_ERROR + record.delay / LEVER_ARM
-        if turned or record.position_error > limit + record.delay:
-            angle = '' if real else ' or 0.25 degrees'
-            cycles = f'with cycles of up to {1e3 * record.longest_cycle:.0f} ms'
-            faults.append(f'the error is larger than {1e3 * limit:g} mm{angle}, {cycles}')
-        for fault in faults:
-            console.print(f'{record.name}: {fault}', style='red')
-            code = 1
-    return code
-
-
-def _print_anomalies(record: PhaseRecord, console: Console) -> None:
-    """Print unusual statuses, and the effect of an external force."""
-    odd = {
-        str(status) for status in record.statuses - {Status.OK, Status.IDLE, Status.ACCELERATING}
-    }
-    codes = {GraspCode(grasp.code) for grasp in record.grasps}
-    odd |= {f'grasp: {code}' for code in codes - {GraspCode.OK}}
-    if odd:
-        console.print(f'{record.name}: {", ".join(sorted(odd))}', style='yellow')
-    if record.pull is not None:
-        size = float(np.hypot(*record.pull[:2]))
-        console.print(
-            f'{record.name}: a pull of {size:g} N moved the object by up to '
-            f'{1e3 * record.max_shift:.1f} mm; afterwards its error was '
-            f'{1e3 * record.position_error:.2f} mm'
-        )

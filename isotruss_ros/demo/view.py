@@ -84,14 +84,12 @@ def _run(
     nodes: Sequence[tuple[str, dict[str, object]]], folder: Path, ros_arguments: Sequence[str]
 ) -> int:
     with running_nodes(nodes, folder, ros_arguments) as processes:
-        printed = False
+        address = None
         while True:
             for process in processes:
                 process.require_running()
-            words = processes[-1].log.read_text(errors='replace')
-            if not printed and 'viewer: http' in words:
-                print('viewer: http' + words.partition('viewer: http')[2].split()[0], flush=True)
-                printed = True
+            if address is None and (address := processes[-1].find_line('viewer: http')):
+                print(address, flush=True)
             time.sleep(PERIOD)
 
 

@@ -3,11 +3,12 @@
 
 """The demonstration without middleware: its path, its grasp and its pictures."""
 
+from functools import partial
 import math
 import signal
 
 from geometry_msgs.msg import Point
-from isotruss_msgs.msg import PlannedGrasp, StateEstimate
+from isotruss_msgs.msg import GraspState, PlannedGrasp, StateEstimate
 from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.demo import processes, view
 from isotruss_ros.demo.figures import animate, draw_panels, FRAMES_PER_SECOND, SPEED_UP
@@ -18,12 +19,14 @@ from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL, run
 from isotruss_ros.demo.sensors import REAL_SENSORS, truth_table
 from isotruss_ros.demo.tables import motion_table
+from isotruss_ros.demo.verdict import print_verdict
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.simulator import node as simulator
 from mujoco_worlds import CENTER, needs_egl, needs_mujoco, record
 import numpy as np
 from PIL import Image
 import pytest
+from rich.console import Console
 from scipy.integrate import quad_vec
 
 ROBOT = load_robot('nine_member')
@@ -136,6 +139,30 @@ def test_a_signal_while_nodes_are_started_leaves_none_behind(monkeypatch, tmp_pa
     assert made == []
 
 
+def test_an_interrupt_ends_a_program_at_the_next_check():
+    steps = []
+
+    def convert():
+        with processes.deferred_interrupts() as check:
+            signal.raise_signal(signal.SIGINT)
+            steps.append('converted')
+            check()
+            steps.append('published')
+
+    with pytest.raises(KeyboardInterrupt):
+        convert()
+    assert steps == ['converted']
+
+
+def test_a_printed_line_is_read_once_it_is_complete(tmp_path):
+    with processes.running_nodes([('viewer', {})], tmp_path) as (node,):
+        node.process.kill()
+    node.log.write_text('viewer: message ignored\nviewer: http://127')
+    assert node.find_line('viewer: http') is None
+    node.log.write_text('viewer: message ignored\nviewer: http://127.0.0.1:8080\nmore')
+    assert node.find_line('viewer: http') == 'viewer: http://127.0.0.1:8080'
+
+
 def test_the_faults_of_real_sensors_are_parameters_of_the_simulator():
     names = {spec.name for spec in simulator.SPECS}
     assert set(REAL_SENSORS) <= names
@@ -190,6 +217,17 @@ def test_the_columns_of_the_motion_table_add_up():
     assert np.hypot(*difference[:2]) == pytest.approx(float(error), abs=0.1)
     assert difference[2] == pytest.approx(float(turn), abs=0.1)
     assert rate == '62'
+
+
+def test_a_verdict_of_an_object_not_held_names_the_rate_of_a_starved_loop(capsys):
+    state = partial(GraspState, code=GraspState.OK)
+    grasps = [state(held=GraspState.HELD_YES), state(held=GraspState.HELD_UNKNOWN)]
+    record = PhaseRecord('arc', grasps=grasps, lowest_rate=21.3)
+    assert print_verdict([record], False, 100.0, Console(width=200)) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        'arc: the object was held in only 50.0 % of the analyses; '
+        'the loop reached only 21 of 100 Hz in its slowest second'
+    ]
 
 
 def test_an_object_of_another_shape_is_passed_to_all_nodes_of_a_view(monkeypatch, tmp_path):

@@ -71,9 +71,11 @@ def test_with_real_sensors_it_plans_a_grasp(tmp_path):
         assert demo.poll() is None, demo.stdout.read()
         assert time.monotonic() < end, log.read_text()
         time.sleep(0.1)
-    # What is printed then depends on the call of rclpy that the signal interrupts.
     os.killpg(demo.pid, signal.SIGINT)
-    demo.communicate(timeout=DEADLINE)
+    printed, _ = demo.communicate(timeout=DEADLINE)
+    assert demo.returncode == 130, printed
+    assert 'demo stopped' in printed
+    assert 'Traceback' not in printed
     assert not nodes_of(tmp_path)
 
 
