@@ -7,6 +7,7 @@ CALLS ?= 100000
 MUTANTS ?= 200
 MATRIX ?= noble trixie newest
 SEED ?= 0
+SEEDS ?= 1 2 3 4 5
 # Kinds of processors whose rounding the random calls run with, as far as this one has their instructions.
 CORETYPES ?= Nehalem Sandybridge Haswell
 PLANT ?= elastic
@@ -36,7 +37,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls mutants measure soak coverage \
+.PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls mutants measure soak neighbours coverage \
 	format clean
 .PHONY: unit-tests system-tests docs-venv noble-venv noble-some noble-all FORCE
 
@@ -59,6 +60,7 @@ help:
 	@echo 'make mutants MUTANTS=200 small faults in loop, holding and gate, of which the tests must notice 92 %; SEED=0'
 	@echo 'make measure  report sizes, structure, calls and tests beside those of the last release; STORE=VERSION'
 	@echo 'make soak     run the nodes at 1 kHz for MINUTES=15, WALKS=1000 walks at the edge of the shapes'
+	@echo 'make neighbours run the system tests in random orders, SEEDS="1 2 3 4 5", beside the other tests'
 	@echo 'make coverage run the tests and list lines and branches of the core that no test runs'
 	@echo 'make format   format the sources and fix what can be fixed'
 	@echo 'make venv     only set up .venv'
@@ -164,6 +166,15 @@ soak: MINUTES = 15
 soak: venv
 	PYTHONPATH=test/helpers $(BIN)/python tools/soak.py --minutes $(MINUTES)
 	WALKS=$(WALKS) $(PYTEST) test/core/safety/test_walks.py -k other
+
+# Seeds of random orders; a failure ends the other tests as well.
+neighbours: venv
+	set -e; for seed in $(SEEDS); do \
+		$(MAKE) --no-print-directory unit-tests >$(VENV)/neighbour.log 2>&1 & other=$$!; \
+		trap "kill $$other 2>/dev/null || :" EXIT; \
+		SHUFFLE=$$seed $(MAKE) --no-print-directory system-tests; \
+		wait $$other || { tail -n 40 $(VENV)/neighbour.log; exit 1; }; \
+	done
 
 calls: venv
 	set -e; first=0; for kind in $(CORETYPES); do \

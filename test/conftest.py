@@ -1,11 +1,12 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tests keep to this machine, and away from each other and whatever else runs on it."""
+"""Tests keep to this machine, away from each other and whatever else runs, in any order."""
 
 import contextlib
 import itertools
 import os
+import random
 
 from hypothesis import settings
 import pytest
@@ -27,6 +28,14 @@ os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 # However busy the machine is, and the same random examples each time.
 settings.register_profile('any load', deadline=None, derandomize=True)
 settings.load_profile('any load')
+
+
+def pytest_collection_modifyitems(items):
+    """Shuffle the files, and the tests of a file, by the seed `SHUFFLE` if it is set."""
+    if seed := os.environ.get('SHUFFLE'):
+        draw = random.Random(seed).random
+        files = {item.path: draw() for item in items}
+        items.sort(key=lambda item: (files[item.path], draw()))
 
 
 @contextlib.contextmanager
