@@ -1,133 +1,40 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live view in a real browser."""
+"""Control by a browser that reloads, freezes or has lost its server, in Chromium."""
 
 import contextlib
-import importlib.util
-import io
 import re
-import shutil
 import threading
 import time
 
+from browser import (
+    blue,
+    CHROMIUM,
+    count_tubes,
+    DEADLINE,
+    find_switch,
+    launch,
+    MARKS,
+    middle,
+    open_page,
+    pixels,
+    read_address,
+    SERVED,
+    SOME,
+    switch_control,
+    VIEWPORT,
+)
 from geometry_msgs.msg import PoseStamped, Twist
-from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose
 from isotruss_ros.demo.processes import running_nodes
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 import numpy as np
-from PIL import Image
-from probe import begin_context, world
+from probe import begin_context
 import psutil
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from robots import quick_robot
-
-CHROMIUM = shutil.which('chromium')
-PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
-MARKS = [
-    pytest.mark.system,
-    pytest.mark.xdist_group('browser'),
-    pytest.mark.skipif(not PACKAGES, reason='pip install viser playwright'),
-    pytest.mark.skipif(CHROMIUM is None, reason='apt-get install chromium'),
-    pytest.mark.timeout(900),
-]
-#: In which everything here comes about, on a machine that is busy and draws without hardware [s].
-DEADLINE = 240.0
-#: Any port that is free; and a page that draws in software may be slow [s], but no slower than
-#: the websocket, which closes after 20 to 40 s without an answer.
-SERVED = {'port': 0, 'browser_timeout': 20.0}
-VIEWPORT = {'width': 700, 'height': 480}
-#: Width of the scene, left of the panels.
-SCENE = 370
-#: Fewer than the object has, or its handle.
-SOME = 80
-#: What is drawn in software takes the processors from the nodes.
-SLOWLY = """
-const draw = window.requestAnimationFrame.bind(window);
-window.requestAnimationFrame = (show) => setTimeout(() => draw(show), 250);
-window.cancelAnimationFrame = clearTimeout;
-"""
-#: Of the browser's own client: it is no fault of the page.
-HARMLESS = 'Unable to preventDefault inside passive event listener'
-
-
-def pixels(page):
-    """Return the (h, w, 3) colours of the scene, left of the panels."""
-    picture = Image.open(io.BytesIO(page.screenshot(scale='css'))).convert('RGB')
-    return np.asarray(picture).astype(int)[:, :SCENE]
-
-
-def blue(colors):
-    """Return where the handle is drawn: rows and columns."""
-    red, green, last = np.moveaxis(colors, 2, 0)
-    return np.nonzero((last > red + 80) & (last > green + 60))
-
-
-def middle(found):
-    """Return the mean row and column of pixels."""
-    return (float(np.mean(part)) for part in found)
-
-
-def count_green(colors):
-    """Return how many pixels have the colour of a held object."""
-    red, green, last = np.moveaxis(colors, 2, 0)
-    return int(((green > red + 50) & (green > last + 40)).sum())
-
-
-def count_tubes(colors):
-    """Return how many pixels have the colour of a tube."""
-    return int((colors[..., 2] > colors[..., 0] + 25).sum())
-
-
-def polite_browser(folder):
-    """Return a browser that leaves the processors to the nodes: it draws in software."""
-    script = folder / 'chromium'
-    script.write_text(f'#!/bin/sh\nexec nice -n 10 {CHROMIUM} "$@"\n')
-    script.chmod(0o755)
-    return script
-
-
-def launch(playwright, program):
-    """Return a browser."""
-    return playwright.chromium.launch(
-        executable_path=program,
-        args=['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'],
-    )
-
-
-def open_page(browser, scale, viewport=VIEWPORT):
-    """
-    Return a page that draws at most four times a second.
-
-    :param scale: pixels drawn for one of the viewport, each way.
-    """
-    page = browser.new_page(viewport=viewport, device_scale_factor=scale)
-    page.add_init_script(SLOWLY)
-    page.set_default_timeout(1e3 * DEADLINE)
-    return page
-
-
-def read_address(process):
-    """Return the address that a viewer prints, once it does."""
-    end = time.monotonic() + DEADLINE
-    while 'viewer: http' not in (words := process.log.read_text()):
-        assert time.monotonic() < end, words
-        time.sleep(0.05)
-    return words.partition('viewer: ')[2].split()[0]
-
-
-def find_switch(page):
-    """Return the switch of the control; the settings of the browser's client have some as well."""
-    return page.get_by_label('control', exact=True)
-
-
-def switch_control(page):
-    """Click the switch of the control, once it is there."""
-    find_switch(page).evaluate('box => box.click()')
-
 
 pytestmark = MARKS
 
@@ -197,69 +104,6 @@ class Follower:
         self._thread.join()
         self._node.destroy_node()
         rclpy.shutdown()
-
-
-def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
-    from playwright.sync_api import sync_playwright
-
-    shown = {'robot': quick_robot(), 'object_diameter': 0.3, 'friction': 0.8}
-    common = shown | {'command_timeout': 2.0, 'rate': 50.0}
-    nodes = [
-        ('simulator', common | {'plant': 'elastic', 'indentation': 0.005}),
-        ('manipulation', common),
-        ('grasp_analysis', {**common, 'rate': 10.0}),
-        ('viewer', shown | SERVED | {'rate': 10.0}),
-    ]
-    errors = []
-    with (
-        running_nodes(nodes, tmp_path) as processes,
-        sync_playwright() as playwright,
-        world() as w,
-    ):
-
-        def until(what):
-            while not what():  # which takes long: much is heard meanwhile
-                w.spin(0.2)
-
-        address = read_address(processes[-1])
-        assert address.startswith('http://127.0.0.1:')
-        until(lambda: w.probe.last('pose') and w.probe.last('status'))
-        browser = launch(playwright, polite_browser(tmp_path))
-        # A quarter of the pixels: what draws in software takes the processors from the nodes.
-        page = open_page(browser, 0.5)
-        page.on('pageerror', lambda error: errors.append(str(error)))
-        page.on('console', lambda m: errors.append(m.text) if m.type == 'error' else None)
-        page.goto(address)
-        # The browser's warning of slow drawing has the colour of a handle.
-        page.add_style_tag(content='.mantine-Notification-root { display: none }')
-        page.get_by_text('slip margin').wait_for()
-        until(lambda: count_green(pixels(page)) > SOME)
-
-        # Nothing moves while the control is off: no twist was published.
-        assert w.code() == ManipulationStatus.HALT_NO_TWIST
-        assert len(blue(pixels(page))[0]) < 0.5 * SOME
-        switch_control(page)
-        until(lambda: len(blue(pixels(page))[0]) > SOME)
-        y, x = middle(blue(pixels(page)))
-        before = w.place()
-        page.mouse.move(x, y)
-        page.mouse.down()
-        for step in range(10):
-            page.mouse.move(x + 2 * step, y + step)
-        page.mouse.up()
-        until(
-            lambda: (
-                w.code() == ManipulationStatus.IDLE and np.hypot(*(w.place() - before)[:2]) > 0.02
-            )
-        )
-        moved = w.place() - before
-        assert moved[0] > 0.0 > moved[1]
-
-        page.get_by_role('button', name='stop', exact=True).click()
-        until(lambda: w.code() == ManipulationStatus.HALT_EMERGENCY_STOP)
-        page.get_by_text('emergency stop').first.wait_for()
-        browser.close()
-    assert [error for error in errors if HARMLESS not in error] == []
 
 
 class View:

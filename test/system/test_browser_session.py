@@ -1,0 +1,199 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The view of a robot in Chromium; by night a session of `SESSION_MINUTES` with two pages."""
+
+import contextlib
+import os
+import re
+import time
+
+from browser import (
+    blue,
+    count_green,
+    DEADLINE,
+    find_switch,
+    HARMLESS,
+    launch,
+    MARKS,
+    middle,
+    open_page,
+    pixels,
+    polite_browser,
+    read_address,
+    SERVED,
+    SOME,
+    switch_control,
+)
+from geometry_msgs.msg import WrenchStamped
+from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.demo.processes import running_nodes
+from isotruss_ros.demo.view import DIAMETER, FRICTION, list_nodes
+from probe import world
+import pytest
+from robots import quick_robot
+
+SESSION_MINUTES = float(os.environ.get('SESSION_MINUTES', '10'))
+pytestmark = MARKS
+#: Distance of a drag [pixels], in which a metre has about a hundred, and the least motion that
+#: answers it [m].
+DRAG, ANSWER = 5, 0.01
+#: Text of a finished goal, after its stages with their percentage.
+RESULT = r'{}: (?!sent|[a-z ]+ \d+ %)(.+)'
+
+
+class Session:
+    """Pages of one view, whose nodes have to run on whatever the pages do."""
+
+    def __init__(self, w, processes, browser):
+        self.world, self._processes, self._browser = w, processes, browser
+        self._address, self.errors = read_address(processes[-1]), []
+        w.probe.listen(WrenchStamped, 'pull', 'external_wrench')
+        self.until(lambda: w.probe.last('pose') and w.probe.last('status'), 'a pose')
+        self._home = w.place()
+
+    def until(self, what, words):
+        """Wait until something holds while all nodes run and no control ends by itself."""
+        end = time.monotonic() + DEADLINE
+        while not what():
+            self.world.spin(0.2)
+            for process in self._processes:
+                process.require_running()
+            log = self._processes[-1].log.read_text()
+            assert 'control ended' not in log, log
+            assert 'error of the viewer' not in log, log
+            assert time.monotonic() < end, f'{words}: not within {DEADLINE} s'
+
+    def open(self):
+        """Return a page that draws the robot."""
+        page = open_page(self._browser, 0.5)
+        page.on('pageerror', lambda error: self.errors.append(str(error)))
+        page.goto(self._address)
+        self.begin(page)
+        return page
+
+    def begin(self, page):
+        """Wait until a page has its controls, and hide the warnings that look like a handle."""
+        page.add_style_tag(content='.mantine-Notification-root { display: none }')
+        find_switch(page).wait_for(state='attached')
+
+    def take_control(self, page):
+        """Switch control on in a page, once no other page has it."""
+        self.until(lambda: 'nobody has control' in page.inner_text('body'), 'no control')
+        switch_control(page)
+        self.until(lambda: len(blue(pixels(page))[0]) > SOME, 'control')
+
+    def drag(self, page):
+        """Drag the object right and down, or left and up if it was, and await its motion."""
+        begin = self.world.place()
+        sign = 1 if begin[0] <= self._home[0] else -1
+
+        def moved():
+            x, y, _ = sign * (self.world.place() - begin)
+            return min(x, -y) > ANSWER
+
+        y, x = middle(blue(pixels(page)))
+        page.mouse.move(x, y)
+        page.mouse.down()
+        for step in range(DRAG + 1):
+            page.mouse.move(x + sign * step, y + sign * step)
+        page.mouse.up()
+        self.until(moved, 'a drag')
+
+    def pull(self, page):
+        """Pull at the object by the number beside a slider, and let go."""
+        page.get_by_text('external wrench').click()
+        row = page.get_by_text('force x [N]').locator('xpath=ancestor::div[.//input][1]')
+        for value in (1.0, 0.0):
+            row.locator('input').last.fill(f'{value:g}')
+
+            def pulls(value=value):
+                message = self.world.probe.last('pull')
+                return message is not None and message.wrench.force.x == value
+
+            self.until(pulls, f'a pull of {value} N')
+        page.get_by_text('external wrench').click()
+
+    def ask(self, page, name, answer):
+        """Click a button until its goal ends with an answer, as a late message may abort one."""
+        for _ in range(5):
+            page.get_by_role('button', name=name, exact=True).click()
+            self.world.spin(1.0)  # until the result of an earlier goal has gone
+            texts = []
+
+            def ended(texts=texts):
+                texts[:] = re.findall(RESULT.format(name), page.inner_text('body'))
+                return bool(texts)
+
+            self.until(ended, f'an end of {name}')
+            if re.search(answer, texts[0]):
+                return
+        raise AssertionError(texts)
+
+    def reload(self, page):
+        """Reload the page in control, which gives it up."""
+        page.reload()
+        self.begin(page)
+
+
+@contextlib.contextmanager
+def session(folder, nodes):
+    """Return a session beside nodes, the last of them the viewer, which all end as they should."""
+    from playwright.sync_api import sync_playwright
+
+    with (
+        running_nodes(nodes, folder) as processes,
+        sync_playwright() as playwright,
+        world() as w,
+    ):
+        browser = launch(playwright, polite_browser(folder))
+        made = Session(w, processes, browser)
+        yield made
+        browser.close()
+        assert [error for error in made.errors if HARMLESS not in error] == []
+    assert [process.process.returncode for process in processes] == [0] * len(processes)
+
+
+def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
+    shown = {'robot': quick_robot(), 'object_diameter': 0.3, 'friction': 0.8}
+    common = shown | {'command_timeout': 2.0, 'rate': 50.0}
+    nodes = [
+        ('simulator', common | {'plant': 'elastic', 'indentation': 0.005}),
+        ('manipulation', common),
+        ('grasp_analysis', {**common, 'rate': 10.0}),
+        ('viewer', shown | SERVED | {'rate': 10.0}),
+    ]
+    with session(tmp_path, nodes) as s:
+        page = s.open()
+        page.get_by_text('slip margin').wait_for()
+        s.until(lambda: count_green(pixels(page)) > SOME, 'an object drawn as held')
+        # Nothing moves while the control is off: no twist was published.
+        assert s.world.code() == ManipulationStatus.HALT_NO_TWIST
+        assert len(blue(pixels(page))[0]) < 0.5 * SOME
+        s.take_control(page)
+        s.drag(page)
+        s.until(lambda: s.world.code() == ManipulationStatus.IDLE, 'the end of a drag')
+        page.get_by_role('button', name='stop', exact=True).click()
+        s.until(lambda: s.world.code() == ManipulationStatus.HALT_EMERGENCY_STOP, 'a stop')
+        page.get_by_text('emergency stop').first.wait_for()
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(60.0 * SESSION_MINUTES + 1200.0)
+def test_a_session_ends_neither_a_node_nor_a_control(tmp_path):
+    shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
+    nodes = [*list_nodes('elastic', shown), ('viewer', shown | SERVED)]
+    with session(tmp_path, nodes) as s:
+        page, end = s.open(), time.monotonic() + 60.0 * SESSION_MINUTES
+        while time.monotonic() < end:
+            s.take_control(page)
+            s.drag(page)
+            s.pull(page)
+            s.ask(page, 'place', 'the object is free|not held')
+            s.ask(page, 'pick', 'held at|already held')
+            s.drag(page)
+            s.reload(page)
+            other = s.open()
+            s.take_control(other)
+            s.drag(other)
+            other.close()
