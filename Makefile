@@ -169,7 +169,7 @@ soak: venv
 
 # Seeds of random orders; a failure ends the other tests as well.
 neighbours: venv
-	set -e; for seed in $(SEEDS); do \
+	@set -e; for seed in $(SEEDS); do \
 		$(MAKE) --no-print-directory unit-tests >$(VENV)/neighbour.log 2>&1 & other=$$!; \
 		trap "kill $$other 2>/dev/null || :" EXIT; \
 		SHUFFLE=$$seed $(MAKE) --no-print-directory system-tests; \

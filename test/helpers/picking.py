@@ -55,8 +55,6 @@ class Client:
             'grasp_planner': {**patient, **described},
             'pick_and_place': shared,
         }
-        for name in self._values:
-            self.start(name)
         # Ten messages, as by default, are fewer than come while a busy machine holds this process.
         every = QoSProfile(depth=1000)
         self._clients = {
@@ -74,11 +72,16 @@ class Client:
         self.r.signal(name, signal.SIGKILL)
         self.start(name)
 
+    def start_missing(self):
+        """Start the nodes that do not run; return whether there were some."""
+        missing = self._values.keys() - self.r.alive.keys()
+        for name in missing:
+            self.start(name)
+        return bool(missing)
+
     def complete(self):
-        """Start the nodes that do not run."""
-        if missing := self._values.keys() - self.r.alive.keys():
-            for name in missing:
-                self.start(name)
+        """Start the nodes that do not run, and wait until all have discovered each other."""
+        if self.start_missing():
             assert self.execute(READY)[1].code in ANSWERS
 
     def analysis(self):

@@ -58,6 +58,13 @@ class Robot:
             process.wait(DEADLINE)
             del self.alive[name]
 
+    def kill(self) -> None:
+        """Kill all nodes, whose state a test that failed would leave to the next one."""
+        for process in self.alive.values():
+            process.process.kill()
+            process.wait()
+        self.alive.clear()
+
     def close(self) -> None:
         """Stop all, and check that none of them has failed."""
         for process in self.alive.values():

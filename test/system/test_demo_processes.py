@@ -97,7 +97,7 @@ def test_beside_another_simulation_it_says_so(tmp_path):
 @pytest.mark.skipif(importlib.util.find_spec('viser') is None, reason='pip install viser')
 def test_the_view_of_mujoco_places_the_object():
     command = [sys.executable, '-u', '-m', 'isotruss_ros.demo.view', '--plant', 'mujoco']
-    command += ['--port', '8433']
+    command += ['--port', '0']
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as view:
         try:
             while 'viewer: http' not in (line := view.stdout.readline()):

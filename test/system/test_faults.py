@@ -55,12 +55,15 @@ def processes(shared_domain, tmp_path_factory):
 
 
 @pytest.fixture
-def r(processes):
-    """Return the robot, all of whose nodes run, and nothing stops it."""
+def r(processes, request):
+    """Return the robot, all of whose nodes run unless a test fails, and nothing stops it."""
     for name in NODES.keys() - processes.alive.keys():
         start(processes, name)
     release(processes)
-    return processes
+    failures = request.session.testsfailed
+    yield processes
+    if request.session.testsfailed > failures:
+        processes.kill()
 
 
 def release(r):

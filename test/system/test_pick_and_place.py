@@ -3,14 +3,12 @@
 
 """Pick, move and place with all nodes as processes: the object is where it should be, at rest."""
 
-import contextlib
 from pathlib import Path
 import re
 import signal
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 from action_msgs.msg import GoalStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
@@ -38,25 +36,20 @@ ENDED = re.compile('has lost the goal|no node offers the action|has sent no feed
 
 
 @pytest.fixture(scope='module')
-def shared(shared_domain):
-    """Return the client of the nodes that all tests use, none before the first of them."""
-    with contextlib.ExitStack() as stack:
-        yield SimpleNamespace(client=None, stack=stack)
+def shared(shared_domain, tmp_path_factory):
+    """Return the client that all tests use."""
+    with robot(tmp_path_factory.mktemp('nodes')) as r:
+        yield Client(r)
 
 
 @pytest.fixture
-def client(shared, request, tmp_path_factory):
-    """Return a client of all nodes, which run; a test that fails leaves none of them."""
-    if shared.client is None:
-        r = shared.stack.enter_context(robot(tmp_path_factory.mktemp('nodes')))
-        shared.client = Client(r)
-        assert shared.client.execute(READY)[1].code in ANSWERS
-    shared.client.complete()
+def client(shared, request):
+    """Return a client of all nodes, which run; none of them outlives a test that fails."""
+    shared.complete()
     failures = request.session.testsfailed
-    yield shared.client
+    yield shared
     if request.session.testsfailed > failures:
-        shared.client = None
-        shared.stack.close()
+        shared.r.kill()
 
 
 @pytest.mark.nightly

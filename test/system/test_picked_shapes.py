@@ -90,6 +90,7 @@ def test_an_object_is_picked_where_it_was_placed(tmp_path, shape, draw):
     file.write_text(SHAPES[shape], encoding='utf-8')
     with robot(tmp_path, sim_time=True, twist_type=TwistStamped) as r:
         client = Client(r, lies.tolist(), object=str(file), **PACED)
+        client.start_missing()
         PacedClock(r.w.probe, r.alive)
         for goal in (PICK, MoveObject.Goal(path=path_to(*there)), APART, PICK):
             status, result = client.execute(goal)
