@@ -6,6 +6,8 @@
 from functools import partial
 import math
 import signal
+import subprocess
+from types import SimpleNamespace
 
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import GraspState, PlannedGrasp, StateEstimate
@@ -113,30 +115,45 @@ def test_a_slower_path_to_a_grasp_touches_at_the_same_point():
 
 
 def test_a_signal_while_nodes_are_started_leaves_none_behind(monkeypatch, tmp_path):
-    made = []
+    running = []
 
-    class Started:
-        """A node process that gets a signal while it is started."""
+    class Process:
+        """Process that runs until its signal; the second one is interrupted while it starts."""
 
-        def __init__(self, name, *_):
-            made.append(name)
-            if name == 'second':
+        def __init__(self, *_, **__):
+            running.append(self)
+            if len(running) == 2:
                 signal.raise_signal(signal.SIGINT)
-            self.name = name
 
-        def interrupt(self):
-            made.remove(self.name)
+        def poll(self):
+            return None
 
-        def wait(self):
-            pass
+        def send_signal(self, _):
+            running.remove(self)
 
-    monkeypatch.setattr(processes, 'NodeProcess', Started)
+        def wait(self, _):
+            return 0
+
+    monkeypatch.setattr(subprocess, 'Popen', Process)
     with (
         pytest.raises(KeyboardInterrupt),
-        processes.running_nodes([('first', {}), ('second', {})], tmp_path),
+        processes.running_nodes([('simulator', {}), ('viewer', {})], tmp_path),
     ):
         pytest.fail('they are not to be used')
-    assert made == []
+    assert running == []
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """Return the commands of processes by the name of the node; they end at once."""
+    commands = {}
+
+    def start(command, **_):
+        commands[command[3]] = command
+        return SimpleNamespace(poll=lambda: 0, wait=lambda _: 0, returncode=0)
+
+    monkeypatch.setattr(subprocess, 'Popen', start)
+    return commands
 
 
 def test_an_interrupt_ends_a_program_at_the_next_check():
@@ -154,9 +171,9 @@ def test_an_interrupt_ends_a_program_at_the_next_check():
     assert steps == ['converted']
 
 
+@pytest.mark.usefixtures('started')
 def test_a_printed_line_is_read_once_it_is_complete(tmp_path):
-    with processes.running_nodes([('viewer', {})], tmp_path) as (node,):
-        node.process.kill()
+    node = processes.NodeProcess('viewer', {}, tmp_path / 'log')
     node.log.write_text('viewer: message ignored\nviewer: http://127')
     assert node.find_line('viewer: http') is None
     node.log.write_text('viewer: message ignored\nviewer: http://127.0.0.1:8080\nmore')
@@ -230,17 +247,11 @@ def test_a_verdict_of_an_object_not_held_names_the_rate_of_a_starved_loop(capsys
     ]
 
 
-def test_an_object_of_another_shape_is_passed_to_all_nodes_of_a_view(monkeypatch, tmp_path):
-    started = []
-    monkeypatch.setattr(view, '_run', lambda nodes, *_: started.extend(nodes) or 0)
+def test_an_object_of_another_shape_is_passed_to_all_nodes_of_a_view(
+    started, monkeypatch, tmp_path
+):
     monkeypatch.setattr(signal, 'signal', lambda *_: None)
-    assert view.main(['--object', str(tmp_path / 'box.yaml')]) == 0
-    shown = {name for name, values in started if values.get('object', '').endswith('box.yaml')}
-    assert shown == {
-        'simulator',
-        'manipulation',
-        'grasp_analysis',
-        'path_follower',
-        'pick_and_place',
-        'viewer',
-    }
+    assert view.main(['--object', str(tmp_path / 'box.yaml')]) == 1
+    shown = {name for name, command in started.items() if 'box.yaml' in ' '.join(command)}
+    assert shown == started.keys() - {'grasp_planner'}
+    assert 'viewer' in shown
