@@ -12,7 +12,6 @@ from hypothesis import given, strategies
 from isotruss_ros.calibration.analysis import analyse
 from isotruss_ros.calibration.beam_fit import fit_beam
 from isotruss_ros.calibration.law import fit_law
-from isotruss_ros.calibration.linear_range import fit_slope
 from isotruss_ros.calibration.measurements import (
     MAX_FILE_SIZE,
     MeasurementError,
@@ -26,7 +25,6 @@ from isotruss_ros.core.statics.section import InflatableBeam
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 from measured_points import (
     CONSTANTS,
-    HEADER,
     LENGTHS,
     points,
     PRESSURES,
@@ -67,17 +65,6 @@ def constants(model):
 
 
 # -- The beam --
-
-
-def test_a_mode_with_an_inaccurate_beam_is_named(tmp_path, capsys):
-    rows = points()
-    for row in rows[1:]:
-        row[-2] *= 3.0 if row[0] == 'transverse' else 1.0
-    _, out, _ = run(capsys, write(tmp_path, rows))
-    missed = re.findall(r'the beam misses the points of mode (\w+) by', out)
-    assert 'transverse' in missed
-    scattered = write(tmp_path, points(scatter=0.1, noise=0.01, trials=4))
-    assert 'the beam misses' not in run(capsys, scattered)[1]
 
 
 def grid():
@@ -122,20 +109,6 @@ def test_fit_is_the_joint_least_squares_solution_of_all_modes():
         assert np.log(found) == pytest.approx(expected, rel=1e-4)
 
 
-def test_a_constant_without_influence_has_no_confidence_bound():
-    """Ends that do not give: any larger softening constant fits as well."""
-    case = grid()
-    fitted = fit_beam(*case, measured(*case, InflatableBeam(RADIUS, 6e4, 1e4, 1e9)), RADIUS)
-    assert fitted.high.end_softening == np.inf
-    assert fitted.constants[:2] == pytest.approx((6e4, 1e4), rel=1e-3)
-
-
-def test_constants_that_change_together_are_refused_by_name():
-    modes, lengths, pressures = np.array([0, 0, 0, 1]), np.full(4, 0.5), np.full(4, 3e4)
-    with pytest.raises(MeasurementError, match='cannot be distinguished by these points'):
-        fit_beam(modes, lengths, pressures, np.array([900.0, 910.0, 890.0, 300.0]), RADIUS)
-
-
 # -- Power laws, beside it --
 
 
@@ -157,7 +130,7 @@ def test_fit_against_scipy():
     assert fitted.r_squared == pytest.approx(1.0 - rest.var() / logs.var(), rel=1e-6)
 
 
-@pytest.mark.parametrize(('softer', 'bend'), [(0.3, 0.5), (0.0, 0.7), (3.0, 0.6)])
+@pytest.mark.parametrize(('softer', 'bend'), [(0.3, 0.5), (3.0, 0.6)])
 def test_points_out_of_the_linear_range_are_named(softer, bend, tmp_path, capsys):
     rows = points(bend=bend, softer=softer, count=40, noise=0.002, trials=2, seed=2)
     path = write(tmp_path, rows)
@@ -176,11 +149,6 @@ def test_points_out_of_the_linear_range_are_named(softer, bend, tmp_path, capsys
     assert rows[int(first[1]) - 1][3] == RANGES['axial']
 
 
-def test_noise_alone_is_no_end_of_the_linear_range(tmp_path):
-    measurements = read_measurements(write(tmp_path, points(noise=0.03, trials=3, seed=4)))
-    assert sum(map(len, analyse(measurements).unused.values())) <= 0.02 * measurements.rows
-
-
 def test_max_displacement_replaces_the_test_of_linearity(tmp_path, capsys):
     path = write(tmp_path, points(count=11))
     code, out, _ = run(capsys, path, '--max-displacement', 'axial=0.0151')
@@ -188,16 +156,6 @@ def test_max_displacement_replaces_the_test_of_linearity(tmp_path, capsys):
     assert '45 of 297 rows not used' in out
     assert 'axial, 17200 Pa, 0.254 m: beyond 0.0151 m' in out
     assert 'line 8-12' in out
-
-
-def test_each_trial_has_its_own_offset(tmp_path):
-    rows = [[*HEADER, 'trial']]
-    for trial, offset in (('first', -4.0), ('second', 9.0)):
-        rows += [['axial', 3e4, 0.5, x, offset + 200.0 * x, trial] for x in (0.0, 0.01, 0.02)]
-    (group,) = read_measurements(write(tmp_path, rows)).groups
-    slope = fit_slope(group)
-    assert slope.stiffness == pytest.approx(200.0, rel=1e-12)
-    assert slope.offsets == pytest.approx([-4.0] * 3 + [9.0] * 3)
 
 
 # -- Slips --
@@ -251,63 +209,11 @@ def in_degrees(largest):
     return rows
 
 
-@pytest.mark.parametrize('largest', [3.0, 4.0, 8.0, 20.0])
+@pytest.mark.parametrize('largest', [3.0, 20.0])
 def test_rotations_in_degrees_are_told_and_no_block_is_printed(largest, tmp_path, capsys):
     code, out, err = run(capsys, write(tmp_path, in_degrees(largest)))
     assert (code, NO_MODES in err, 'stiffness:' in out) == (1, True, False)
     assert 'degrees' in err
-
-
-@pytest.mark.parametrize('mode', MODES)
-@pytest.mark.parametrize('factor', [9.81, 1e3])
-def test_a_mode_with_loads_in_another_unit_gives_no_block(mode, factor, tmp_path, capsys):
-    rows = changed(4, factor, modes=(mode,))
-    code, out, err = run(capsys, write(tmp_path, rows))
-    assert (code, NO_MODES in err, 'stiffness:' in out) == (1, True, False)
-
-
-@pytest.mark.parametrize('seed', range(4))
-def test_usual_scatter_of_tubes_gives_a_block(seed, tmp_path, capsys):
-    rows = points(scatter=0.1, noise=0.01, seed=seed)
-    code, out, _ = run(capsys, write(tmp_path, rows))
-    assert (code, 'stiffness:' in out) == (0, True)
-
-
-def test_implausible_constants_are_refused(tmp_path, capsys):
-    code, out, err = run(capsys, write(tmp_path, changed(3, 1e-3)))
-    assert code == 1
-    assert re.search(r'membrane_\w+ = .*: must be from .* are lengths in m, displacements in', err)
-    assert 'stiffness:' not in out
-
-
-@robots.examples(30)
-@given(
-    strategies.integers(1, 324),
-    strategies.sampled_from([(3, 10.0), (4, 10.0), (4, 135.0), (4, -1.0)]),
-)
-def test_one_outlying_row_is_named_and_does_not_change_the_fit(line, slip):
-    rows = points(noise=0.01, seed=3)
-    clean = [*map(list, rows)]
-    rows[line][slip[0]] *= slip[1]
-    if abs(rows[line][slip[0]] - clean[line][slip[0]]) < 0.3 * RANGES[rows[line][0]] * (
-        1.0 if slip[0] == 3 else stiffness(*[rows[line][i] for i in (0, 2, 1)])
-    ):
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        found = analyse(read_measurements(write(Path(folder), rows)))
-    named = [number for lines in found.unused.values() for number in lines]
-    assert line + 1 in named
-    assert list(found.fitted.constants) == pytest.approx(list(CONSTANTS.values()), rel=0.1)
-
-
-def test_an_outlying_group_is_named(tmp_path):
-    rows = points(noise=0.01)
-    for row in rows[1:13]:
-        row[4] *= 5.0
-    found = analyse(read_measurements(write(tmp_path, rows)))
-    (reason,) = (reason for reason in found.unused if 'as stiff as the beam' in reason)
-    assert reason.startswith('axial, 17200 Pa, 0.254 m: ')
-    assert list(found.fitted.constants) == pytest.approx(list(CONSTANTS.values()), rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -360,7 +266,7 @@ def test_undetermined_fit_is_refused_with_the_missing_points(case, tmp_path, cap
 
 
 def test_figure_and_block_are_written_and_unknown_columns_are_named(tmp_path, capsys):
-    rows = [[*row, 'x'] for row in points(noise=0.01, bend=0.6, softer=0.4, count=30)]
+    rows = [[*row, 'x'] for row in points(noise=0.01, count=4)]
     rows[0][-1] = 'weather'
     figure, block = tmp_path / 'fit.png', tmp_path / 'block.yaml'
     path = write(tmp_path, rows)
@@ -375,11 +281,9 @@ def test_figure_and_block_are_written_and_unknown_columns_are_named(tmp_path, ca
     for column in np.array_split(blue, 3, axis=1):
         for panel in np.array_split(column, 2):
             assert panel.sum() > 50
-    for target, said in (('no_folder/fit.png', 'No such file'), ('fit.xyz', 'xyz')):
-        code, _, err = run(capsys, path, '--figure', tmp_path / target)
-        assert code == 1
-        assert 'cannot be written' in err
-        assert said in err
+    code, _, err = run(capsys, path, '--figure', tmp_path / 'no_folder/fit.png')
+    assert code == 1
+    assert 'cannot be written' in err
 
 
 BAD_FILES = {
@@ -403,17 +307,6 @@ def test_invalid_file_gives_an_error_of_one_sentence(case, tmp_path, capsys):
     assert err.startswith(f'fit_tube_stiffness: {path}: ')
     assert len(err.splitlines()) == 1
     assert wanted in err
-
-
-def test_byte_order_mark_spaces_and_empty_lines_are_read(tmp_path):
-    path = tmp_path / 'points.csv'
-    path.write_bytes(
-        b'\xef\xbb\xbfmode, pressure ,length,displacement,load\r\n\r\n axial , 3e4,0.5, .1,2 \r\n'
-    )
-    measurements = read_measurements(path)
-    assert measurements.rows == 1
-    (group,) = measurements.groups
-    assert (group.mode, group.pressure, group.lines.tolist()) == ('axial', 3e4, [3])
 
 
 def test_file_that_never_ends_is_refused():
@@ -440,7 +333,7 @@ cells = strategies.sampled_from(
 ) | strategies.floats().map(str)
 
 
-@robots.examples(60)
+@robots.examples(40)
 @given(strategies.data())
 def test_mutated_file_is_fitted_or_refused(data):
     """Whatever stands in a file, each of its rows is used or counted, and no warning escapes."""

@@ -36,8 +36,3 @@ def test_oscillation_is_found_with_one_millimetre_of_noise():
 def test_a_creeping_motion_is_no_oscillation():
     with pytest.raises(MeasurementError, match='not one damped oscillation'):
         fit_oscillation(TIMES, np.outer(TIMES, (0.01, 0.0, 0.0)), ARM)
-
-
-def test_a_few_poses_are_refused():
-    with pytest.raises(MeasurementError, match='5 poses: must be 20 or more'):
-        fit_oscillation(TIMES[:5], np.zeros((5, 3)), ARM)

@@ -8,7 +8,6 @@ import re
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.roller_check import judge_roller
 from isotruss_ros.core import load_robot
-from isotruss_ros.core.errors import GraspError
 import numpy as np
 import pytest
 
@@ -57,8 +56,3 @@ def test_a_motion_that_no_single_roller_causes_is_reported():
 def test_a_check_without_joints_is_refused():
     with pytest.raises(MeasurementError, match='no joint was measured: must be some of P, Q'):
         judge_roller(ROBOT.home, 'south/P', 0.02, {}, NOISE)
-
-
-def test_an_unknown_joint_is_refused():
-    with pytest.raises(GraspError, match="joint 'W'"):
-        judge_roller(ROBOT.home, 'south/P', 0.02, {'W': (0.0, 0.0)}, NOISE)

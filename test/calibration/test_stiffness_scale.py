@@ -3,16 +3,14 @@
 
 """The stiffness of the tubes against the model, from a pull at the empty robot."""
 
-from dataclasses import replace
-
 from carries import make_robot
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
 from isotruss_ros.core import deform
-from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
+from nightly import some_now
 import numpy as np
 import pytest
 
@@ -48,19 +46,8 @@ def test_fitted_scale_agrees_with_the_true_one(scale):
     assert found.scale == pytest.approx(scale)
 
 
-def test_fitted_scale_includes_that_of_the_robot_file():
-    softer = Robot(replace(ROBOT.description, stiffness_scale=0.5))
-    found = calibrate_stiffness(softer.home, PULL, joints(ROBOT.home.nodes), pulled(0.5), 1e-4)
-    assert found.scale == pytest.approx(0.5, rel=1e-3)
-    twice = {joint: 2.0 * np.array(force) for joint, force in PULL.items()}
-    # The modules are as hard as before.
-    assert deform(softer.home, PULL).displacement('Z') == pytest.approx(
-        deform(ROBOT.home, twice).displacement('Z'), rel=0.02
-    )
-
-
 @needs_mujoco
-@pytest.mark.parametrize('scale', [0.6, 1.5])
+@pytest.mark.parametrize('scale', some_now([0.6, 1.5]))
 def test_ten_newtons_at_the_top_determine_the_scale_in_mujoco_within_five_percent(scale):
     plant = MujocoPlant(make_robot(stiffness=scale), None, PlantOptions())
     plant.settle(2.0)
@@ -89,8 +76,3 @@ def test_a_joint_with_an_inconsistent_displacement_is_named():
     under = pulled(1.0) | {'P': (0.05, 0.0)}
     with pytest.raises(MeasurementError, match=r'joint P: moved .* off what one scale explains'):
         calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), under)
-
-
-def test_different_joints_under_the_force_are_refused():
-    with pytest.raises(MeasurementError, match='must be the same'):
-        calibrate_stiffness(ROBOT.home, PULL, {'P': (0.0, 0.0)}, {'Q': (0.0, 0.0)})

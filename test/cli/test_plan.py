@@ -105,7 +105,6 @@ def test_ends_at_the_time_limit(capsys):
         (['--members', 'north/Z-R', 'north/Q'], "members 'north/Q': robot nine_member has no"),
         (['--rollers', '1', '2'], 'must be 6 finite numbers'),
         (['--seed', '-1'], "'-1': must be an integer, not negative"),
-        (['--json', '/nowhere/at/all.json'], '/nowhere/at/all.json'),
         (['--workers', '-1'], "'-1': must be from 0"),
         (['--time-limit', '-1'], "'-1': must be a number of seconds"),
         (['--measure', 'beauty'], 'beauty'),
@@ -120,75 +119,36 @@ def test_invalid_arguments_are_named(options, words, capsys):
     assert words in capsys.readouterr().err
 
 
-def interrupt(monkeypatch, act):
-    """Let something happen in the middle of a search, once there is a grasp."""
-
-    def plan(*arguments, uncertainty):
-        *others, on_progress, should_stop = arguments
-
-        def tell(progress):
-            on_progress(progress)
-            if progress.found:
-                act()
-
-        return plan_grasps(*others, tell, should_stop)
-
-    monkeypatch.setattr(command, 'plan_grasps', plan)
-
-
-def test_first_interruption_prints_the_best_grasp_so_far(monkeypatch, tmp_path, capsys):
-    interrupt(monkeypatch, lambda: signal.raise_signal(signal.SIGINT))
-    file = tmp_path / 'plan.json'
-    before = signal.getsignal(signal.SIGINT)
-    options = ['--count', '1000', '--workers', '1', '--json', str(file)]
-    assert command.main([*OBJECT, *options]) == 0
-    found = written(file)
-    assert not found['complete']
-    assert len(found['grasps']) == 1
-    assert 'stopped before its end' in capsys.readouterr().out
-    assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_second_interruption_ends_the_process(monkeypatch):
-    interrupt(monkeypatch, lambda: [signal.raise_signal(signal.SIGINT) for _ in '12'])
-    # A shell without job control starts what runs in the background with SIGINT ignored.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        assert command.main([*OBJECT, '--workers', '1']) == 130
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert not workers()
-
-
-def test_death_of_a_worker_is_reported(monkeypatch, capsys):
-    interrupt(monkeypatch, lambda: workers()[0].kill())
-    assert command.main([*OBJECT, '--count', '1000', '--workers', '1']) == 3
-    assert 'a worker process died' in capsys.readouterr().err
-    assert not workers()
-
-
-def test_ctrl_c_in_a_terminal_prints_no_traceback():
-    """It goes to all processes of the terminal, those that search and those that just begin."""
+def search_in_terminal(count):
+    """Return the process of an endless search, and its workers, in a session of their own."""
+    module = [sys.executable, '-m', 'isotruss_ros.cli.plan_grasps']
     process = subprocess.Popen(
-        [sys.executable, '-m', 'isotruss_ros.cli.plan_grasps', *OBJECT, *NEVER, '--workers', '2'],
+        [*module, *OBJECT, *NEVER, '--workers', str(count)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     )
-    children = begun_workers(2, process.pid)
+    return process, begun_workers(count, process.pid)
+
+
+def test_death_of_a_worker_is_reported():
+    process, (worker,) = search_in_terminal(1)
+    worker.kill()
+    _, err = process.communicate(timeout=DEADLINE)
+    assert process.returncode == 3
+    assert 'a worker process died' in err
+
+
+def test_ctrl_c_in_a_terminal_prints_no_traceback():
+    """It goes to all processes of the terminal, those that search and those that just begin."""
+    process, children = search_in_terminal(2)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=DEADLINE)
     assert process.returncode == 1
     assert 'stopped before its end' in out
     assert err == ''
     assert not psutil.wait_procs(children, DEADLINE)[1]
-
-
-def test_workers_have_less_priority_than_their_parent():
-    with WorkerPool(1) as pool:
-        assert pool.executor.submit(os.nice, 0).result(DEADLINE) == min(os.nice(0) + 5, 19)
-        assert len(workers()) == 1
 
 
 def test_workers_end_when_the_pool_is_closed():

@@ -8,17 +8,15 @@ from pathlib import Path
 import subprocess
 import sys
 
-from nightly import some_now
 import pytest
 from studies.benchmarks.__main__ import NAMES
 
 ROOT = Path(__file__).parents[2]
-#: The shortest one first, which runs with all tests.
-OTHERS = ['qp_solvers', *(name for name in NAMES if name != 'qp_solvers')]
 
 
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize('name', some_now(OTHERS))
+@pytest.mark.parametrize('name', NAMES)
 def test_benchmark_runs_in_its_shortest_form(name):
     ran = subprocess.run(
         [sys.executable, '-m', 'studies.benchmarks', name],

@@ -6,29 +6,16 @@
 from pathlib import Path
 
 from isotruss_ros.core import place_between, settle_grasp
-from matplotlib.figure import Figure
 from mujoco_worlds import needs_mujoco
-from nightly import some_now
-import numpy as np
 import pytest
-from studies.comparison import drops, faces, faulty_carries
+from studies.comparison import faces, faulty_carries
 from studies.comparison.friction import lost_at
-from studies.comparison.grips import press_on, PressedCase, release, round_robot
-from studies.comparison.page import FOLDER, page
+from studies.comparison.grips import press_on, release, round_robot
+from studies.comparison.page import FOLDER
 from studies.comparison.random_carries import DISC
-from studies.comparison.section import Check, Section
 from studies.comparison.sections import SECTIONS
-from studies.paper.tables import Table
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
-
-
-@needs_mujoco
-@pytest.mark.parametrize(('above', 'dropped'), some_now([(-0.4, True), (0.1, False)]))
-def test_a_load_below_the_slip_margin_is_held_and_one_above_is_not(above, dropped, monkeypatch):
-    monkeypatch.setattr(drops, 'ABOVE', above)
-    case = drops.Case(PressedCase(40.0, 0.05, 0.2), 0.6, None, np.array([0.01, 0.0, 0.05]))
-    assert drops.attempt(case).dropped == dropped
 
 
 @needs_mujoco
@@ -51,17 +38,6 @@ def test_a_carry_arrives_only_with_its_path_executed(way, arrived):
     end = faulty_carries.Carry('drawn', DISC, 4, draw, way=way, length=0.1).end
     assert ('arrived' in end) == arrived
     assert ('halted' in end) != arrived
-
-
-def test_the_page_marks_values_out_of_bounds():
-    table = Table('things', 'Some', ('a', 'b'), [('1', '2')])
-    checks = (Check('kept', 1.0, 2.0, 'mm', 'steps'), Check('broken', 3.0, 2.0, '%', 'why'))
-    text = page([Section('Things', 'Words.', checks, (table,), Figure(), 'A picture')])
-    assert '| kept | 1 mm | 2 mm | steps |' in text
-    assert '| broken | **3 %** | 2 % | why |' in text
-    assert f'![A picture]({FOLDER}/things.png)' in text
-    assert f'Some ([CSV]({FOLDER}/things.csv)):' in text
-    assert not checks[1].kept
 
 
 def test_all_values_of_the_committed_page_are_within_bounds():

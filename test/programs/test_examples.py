@@ -40,12 +40,20 @@ PRINTED = {
 }
 
 
-#: With processes of its own, as a test of the sweep has them.
-SLOW = 'grasps_in_processes'
+#: Each takes a second or more, or has processes of its own.
+SLOW = {
+    'chance_map',
+    'grasp_map',
+    'grasps_in_processes',
+    'learning_loop',
+    'optimise_grasp',
+    'own_optimiser',
+    'pick_box',
+}
 
 
 @pytest.mark.parametrize(
-    'name', some_now(sorted(CORE_EXAMPLES, key=SLOW.__eq__), len(CORE_EXAMPLES) - 1)
+    'name', some_now(sorted(CORE_EXAMPLES, key=SLOW.__contains__), len(CORE_EXAMPLES) - len(SLOW))
 )
 def test_example_runs(name, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)  # where some write a picture
@@ -68,13 +76,15 @@ def outputs(notebook, kind):
     return [output['data'].get(kind) if 'data' in output else output['text'] for output in found]
 
 
+@pytest.mark.nightly
 def test_notebook_prints_and_returns_its_saved_output(both):
     saved, run = both
     assert outputs(run, 'text/plain') == outputs(saved, 'text/plain')
     assert outputs(run, 'text/html') == outputs(saved, 'text/html')
 
 
-def test_it_draws_the_held_object_and_a_map(both):
+@pytest.mark.nightly
+def test_notebook_draws_the_held_object_and_a_map(both):
     _, run = both
     pictures = [png for png in outputs(run, 'image/png') if isinstance(png, str)]
     assert len(pictures) == 2

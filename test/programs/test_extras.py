@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 from isotruss_ros import executables, extras
+from nightly import some_now
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -54,8 +55,13 @@ def assert_named(done, words):
     assert len(done.stderr.splitlines()) == 1
 
 
-#: One node and one request stand for all, which are run by the same functions.
-@pytest.mark.parametrize('name', [*executables.PROGRAMS, 'move', 'manipulation'])
+#: A node and a request, which stand for all of their kind, a program with help, and one without.
+DAILY = ('manipulation', 'move', 'calibrate_home', 'sweep')
+
+
+@pytest.mark.parametrize(
+    'name', some_now([*DAILY, *(p for p in executables.PROGRAMS if p not in DAILY)], len(DAILY))
+)
 def test_command_names_the_installation_of_a_missing_package(name):
     done = run_core_only(executables.__file__, name, '-h')
     if name in NEEDED:
@@ -65,14 +71,9 @@ def test_command_names_the_installation_of_a_missing_package(name):
         assert 'usage' in done.stdout
 
 
-@pytest.mark.parametrize('name', EXAMPLES)
+@pytest.mark.parametrize('name', some_now(EXAMPLES))
 def test_example_names_the_installation_of_a_missing_package(name):
     assert_named(run_core_only(ROOT / 'examples' / f'{name}.py'), EXAMPLES[name])
-
-
-def test_missing_module_without_an_extra_is_raised_again():
-    with pytest.raises(ModuleNotFoundError, match='nonsense'), extras.explained_imports():
-        raise ModuleNotFoundError("No module named 'nonsense'", name='nonsense')
 
 
 def test_missing_interfaces_beside_ros_are_explained_by_the_workspace():

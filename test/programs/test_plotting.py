@@ -9,7 +9,6 @@ from isotruss_ros.core import ConvexObject, load_robot, settle_grasp, tangent_ce
 from isotruss_ros.plotting import plot_grasp, plot_robot
 from isotruss_ros.plotting.grasp_drawing import describe_contacts
 from matplotlib.figure import Figure
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -30,14 +29,6 @@ def test_a_robot_is_drawn_on_given_axes_whose_limits_stay(axes):
     assert axes.get_xlim() == (-7.0, 7.0)
     # A tube, its corner, the rod and the bar between the pinch points of each module.
     assert len(axes.patches) == 4 * len(ROBOT.module_names)
-
-
-def test_a_robot_without_axes_is_centred_in_a_new_figure():
-    axes = plot_robot(ROBOT.home)
-    low, high = ROBOT.home.nodes.min(axis=0), ROBOT.home.nodes.max(axis=0)
-    margins = np.array([low[0] - axes.get_xlim()[0], axes.get_xlim()[1] - high[0]])
-    assert margins == pytest.approx(2.0 * ROBOT.description.tube_diameter)
-    plt.close(axes.figure)
 
 
 def test_a_grasp_is_drawn_with_its_forces_and_contact_lengths(axes):
