@@ -40,6 +40,8 @@ MAX_FEEDBACK_SHARE = 0.5
 #: Smallest rate of path time while limits slow the robot [-]; at this rate the path goes on to
 #: poses at which no limit binds.
 MIN_LIMITED_RATE = 0.1
+#: Mean rate of path time during the progress timeout below which there is no progress [-].
+MIN_PROGRESS_RATE = 0.01
 
 
 class PathPhase(enum.Enum):
@@ -110,8 +112,7 @@ class PathClock:
     def __init__(self, duration: float, ramp_time: float, timeout: float, period: float) -> None:
         self.time = self.rate = self.waited = 0.0
         self._duration, self.ramp_time, self.period = duration, ramp_time, period
-        # Progress at half of the smallest rate under limits counts as none.
-        self._least_progress = 0.5 * MIN_LIMITED_RATE * timeout
+        self._least_progress = MIN_PROGRESS_RATE * timeout
         self._progress_time = self._now = 0.0  # path time at the last progress; time of the loop
         self._path_times = Timeline()  # path time by time of the loop
         self._path_times.add(0.0, 0.0)

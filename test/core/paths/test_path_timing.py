@@ -72,8 +72,8 @@ def test_limits_of_the_robot_slow_it_at_the_pace_of_the_ramp_to_a_tenth():
     assert moving.rate == 0.0
 
 
-@pytest.mark.parametrize(('room', 'progresses'), [(0.0495, False), (0.0505, True)])
-def test_less_than_a_twentieth_of_the_path_is_no_progress(room, progresses):
+@pytest.mark.parametrize(('room', 'progresses'), [(0.0099, False), (0.0101, True)])
+def test_path_time_at_less_than_a_hundredth_of_full_rate_is_no_progress(room, progresses):
     moving = clock(1000.0, 0.0, room, progress_timeout=20.0)
     waited = []
     for _ in range(round(60.0 / PERIOD)):
