@@ -146,7 +146,7 @@ class PathFollower(ManagedNode):
             self._end(PathOutcome.REACHED, 'the object is already at the only pose of the path')
             return
         foreseen = self._thread.submit(
-            _check_path, self.robot, self.values, self._servo, path, self.now()
+            _check_path, self.robot, self.values, self._servo, path, settings, self.now()
         )
         self._waiting = foreseen, path, settings
 
@@ -229,7 +229,12 @@ def _read_status(message: ManipulationStatus) -> ServoFeedback:
 
 
 def _check_path(
-    robot: Robot, values: Parameters, servo: PathServo, path: ObjectPath, now: float
+    robot: Robot,
+    values: Parameters,
+    servo: PathServo,
+    path: ObjectPath,
+    settings: TrackingSettings,
+    now: float,
 ) -> None:
     """
     Raise PathError if the model predicts that the held object slips along a path.
@@ -247,7 +252,8 @@ def _check_path(
     config = robot.configuration(state.positions)
     try:
         here = body.moved_to(path.poses[0])
-        found = foresee_grip(config, here, body.friction_or(None), path.poses, record)
+        motion = path.poses, record, path.speed, path.turn_rate, settings
+        found = foresee_grip(config, here, body.friction_or(None), *motion)
     except GraspError:
         return
     if found is not None and found.why:

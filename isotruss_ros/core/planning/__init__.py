@@ -5,5 +5,5 @@
 Planning: search for grasps, closing motions, feasibility of paths, and release.
 
 Entry points: `plan_grasps.plan_grasps`, `foresee_path`, `reach_pose`, `release`.
-Imports `core.safety` and the layers below it, not the servo, paths or estimation.
+Imports `core.paths`, `core.safety` and the layers below them, not the servo or estimation.
 """

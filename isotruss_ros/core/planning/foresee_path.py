@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import (
     ConfigurationError,
     distinct_numbers,
     GraspError,
+    NoMotionError,
     SolverError,
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -26,26 +26,40 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling, LOOP_SOFT_RANK
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.planning.reach_pose import MIN_STEP_SCALE
+from isotruss_ros.core.paths.object_path import ObjectPath
+from isotruss_ros.core.paths.path_tracking import (
+    FINISHED,
+    PathPhase,
+    PathTracker,
+    TrackingSettings,
+)
+from isotruss_ros.core.safety.shape_guard import ShapeGuard
 import numpy as np
 
-#: Length of a step, with rotations times the characteristic radius [m], and largest number of
-#: steps [-]; long paths have longer steps.
-STEP, MAX_STEPS = 0.005, 400
+#: Length of a step, with rotations times the characteristic radius [m], and its longest time [s].
+#: The loop has shorter cycles; at 0.2 s, errors of the nine-member robot near a singularity exceed
+#: the tolerances where those of the loop do not.
+STEP, MAX_STEP_TIME = 0.005, 0.1
+#: Largest number of steps of a path at its full speed, and of its prediction [-]; long paths have
+#: longer steps.
+MAX_PATH_STEPS, MAX_STEPS = 1000, 4000
+#: Time in which a deviation of the squeeze decays [s].
+SQUEEZE_TIME = 0.5
+#: Largest turn between two poses of which the direction is plain [rad].
+MAX_TURN = 2.0
+#: Default speed [m/s] and turn rate [rad/s] of a path, those of the action `follow_object_path`.
+SPEED, TURN_RATE = 0.02, 0.2
 #: Begin of the reason of an end at which the robot cannot follow the path any further.
 OUT_OF_REACH = 'out of reach'
-#: Largest error of the pose on the path and at its end [m], and admissible angle per length
-#: [rad/m]. The loop stops at errors of 0.9 of its tolerances, by default 10 mm and 0.2 rad, and
-#: has reached the end within half of them.
-MAX_ERROR, MAX_END_ERROR, ANGLE_WEIGHT = 0.008, 0.005, 20.0
-#: Largest number of steps toward one pose [-]; the loop waits somewhat longer before it gives up.
-MAX_TRIES = 4
 #: Behaviour of the control loop at limits and singular tasks.
 LOOP_HANDLING = LimitHandling(True, True, LOOP_SOFT_RANK)
+#: Tracking of a path by default.
+TRACKING = TrackingSettings()
 
 
 class Foresight(NamedTuple):
@@ -65,6 +79,9 @@ def foresee_grip(
     friction: float,
     poses: Array,
     record: GripRecord | None = None,
+    speed: float = SPEED,
+    turn_rate: float = TURN_RATE,
+    settings: TrackingSettings = TRACKING,
 ) -> Foresight | None:
     """
     Predict the motion of an object in its grip by `foresee_path`; None if no members hold it.
@@ -81,80 +98,109 @@ def foresee_grip(
         except NotHeldError:
             break
         if held.hold(friction) is HoldStatus.HELD:
-            foresight = foresee_path(held, friction, poses)
+            foresight = foresee_path(held, friction, poses, speed, turn_rate, settings)
             if foresight.share == 1.0:
                 break
     return foresight
 
 
 @single_threaded
-def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
+def foresee_path(
+    held: HeldGrip,
+    friction: float,
+    poses: Array,
+    speed: float = SPEED,
+    turn_rate: float = TURN_RATE,
+    settings: TrackingSettings = TRACKING,
+) -> Foresight:
     """
     Predict the motion of a held object along a path from rest to rest, at constant squeeze.
 
-    Contacts roll without slip. External loads and barriers are not considered. The motion ends if
-    the slip margin becomes less than `MIN_RELATIVE_MARGIN` times the squeeze, or if the object
-    does not follow the path, for example where rollers would move much faster than it. Angles
-    of the poses are not wrapped to one turn.
+    The path is tracked by `PathTracker`, and the rollers move by `solve_twist` within the limits
+    of the control loop. Contacts roll without slip. External loads, the utilisation of the tubes
+    and limits on acceleration are not considered. The motion ends if the slip margin becomes less
+    than `MIN_RELATIVE_MARGIN` times the squeeze, or if the object does not follow the path, for
+    example where rollers would move much faster than it. Angles of the poses are not wrapped to
+    one turn.
+
+    :param speed: speed of the path, see `ObjectPath` [m/s].
+    :param turn_rate: largest angular velocity of the path [rad/s].
     """
     friction = check_friction(friction)
     what = 'the poses of the path (x, y, angle) [m, rad]'
     poses = finite_rows(poses, 3, what, GraspError, MAX_MAGNITUDE)
     if not len(poses):
         raise GraspError('the path has no poses: must have one or more')
-    # Goals of the steps at equal path lengths.
-    differences = np.abs(np.diff(poses, axis=0)) * (1.0, 1.0, held.arm)
-    lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(differences, axis=1))])
-    count = min(max(math.ceil(lengths[-1] / STEP), 1), MAX_STEPS)
-    samples = np.linspace(0.0, lengths[-1], count + 1)
-    shifted = poses - poses[0] + np.array(held.pose)  # the equilibrium may differ from the first
-    goals = np.column_stack([np.interp(samples, lengths, values) for values in shifted.T])
-    grips, least_margin = [held], held.slip_margin(friction)
-    for number, goal in enumerate(goals[1:]):
-        largest_error = MAX_ERROR if number + 1 < count else MAX_END_ERROR
+    # The equilibrium may differ from the first pose.
+    shifted = _split_turns(poses - poses[0] + np.array(held.pose))
+    try:
+        path = ObjectPath(shifted, speed, turn_rate)
+    except NoMotionError:
+        return Foresight(held.pose, 1.0, held.slip_margin(friction), '', [held])
+    step_time = min(STEP / max(speed, turn_rate * held.arm), MAX_STEP_TIME)
+    step_time = max(step_time, path.duration / MAX_PATH_STEPS)
+    return _follow(held, friction, PathTracker(path, settings, step_time), step_time)
+
+
+def _split_turns(poses: Array) -> Array:
+    """Return poses (n, 3) with further ones within large turns, which keep their direction."""
+    turns = np.abs(np.diff(poses[:, 2]))
+    ends = np.concatenate([[0], np.cumsum(np.ceil(turns / MAX_TURN).clip(1.0))])
+    places = np.interp(np.arange(ends[-1] + 1), ends, np.arange(len(poses)))
+    return np.column_stack([np.interp(places, np.arange(len(poses)), c) for c in poses.T])
+
+
+def _follow(held: HeldGrip, friction: float, tracker: PathTracker, step_time: float) -> Foresight:
+    """Return the motion of a held object whose path is tracked in steps of a time [s]."""
+    guard, squeeze = ShapeGuard(held.config.robot), held.squeeze
+    grips, least_margin, why = [held], held.slip_margin(friction), ''
+    elapsed, command = 0.0, None
+    for number in range(MAX_STEPS):
+        scale = 1.0 if command is None else command.scale
+        tracking = tracker.update(held.pose, 0.0, elapsed, scale)
+        elapsed = step_time
+        if tracking.phase in FINISHED:
+            break
         try:
-            moved = _approach(grips[-1], friction, held.squeeze, goal, largest_error)
+            command = _find_command(held, friction, squeeze, tracking.twist, guard)
+            moved = _roll(held, friction, squeeze, step_time * command.roller_velocities)
         except ConfigurationError:
-            moved = OUT_OF_REACH
+            why = OUT_OF_REACH
+            break
         except (GraspError, SolverError) as error:
             if number == 0:
                 raise
             moved = str(error)
         if isinstance(moved, str):
-            return Foresight(grips[-1].pose, number / count, least_margin, moved, grips)
-        least_margin = min(least_margin, moved.slip_margin(friction))
-        grips.append(moved)
-    return Foresight(grips[-1].pose, 1.0, least_margin, '', grips)
-
-
-def _approach(
-    held: HeldGrip, friction: float, squeeze: float, goal: Array, largest_error: float
-) -> HeldGrip | str:
-    """Return the grip within an error of a pose (3,), or the reason of a failure."""
-    # Where the task is nearly singular, the path waits for the object.
-    for _ in range(MAX_TRIES):
-        moved = _take_step(held, friction, squeeze, goal)
-        if isinstance(moved, str):
-            return moved
-        x, y, angle = np.abs(pose_difference(goal, moved.pose)).tolist()
-        if math.hypot(x, y) <= largest_error and angle <= ANGLE_WEIGHT * largest_error:
-            return moved
+            why = moved
+            break
         held = moved
-    return OUT_OF_REACH
+        least_margin = min(least_margin, held.slip_margin(friction))
+        shift = np.array((1.0, 1.0, held.arm)) * pose_difference(held.pose, grips[-1].pose)
+        if np.linalg.norm(shift) >= 0.5 * STEP:
+            grips.append(held)
+    if held is not grips[-1]:
+        grips.append(held)
+    if not why and tracking.phase is not PathPhase.REACHED:
+        limiting = command.limiting if command is not None and command.scale < 1.0 else ()
+        why = f'{OUT_OF_REACH}: limits of {", ".join(limiting)}' if limiting else OUT_OF_REACH
+    share = tracking.progress if why else 1.0
+    return Foresight(held.pose, share, least_margin, why, grips)
 
 
-def _take_step(held: HeldGrip, friction: float, squeeze: float, goal: Array) -> HeldGrip | str:
-    """Return the grip at a pose (3,) [m, rad] with a squeeze [N], or the reason of a failure."""
-    # Roller travel for the displacement, as velocities for a unit of time.
-    opening = (squeeze - held.squeeze) / held.squeeze_stiffness()
-    grip, displacement = held.touching(friction), pose_difference(goal, held.pose)
-    command = solve_twist(
-        held.config, grip, displacement, handling=LOOP_HANDLING, opening_rate=opening
-    )
-    if command.scale < MIN_STEP_SCALE:
-        return f'{OUT_OF_REACH}: limits of {", ".join(command.limiting)}'
-    config = held.config.moved_to(held.config.roller_positions + command.roller_velocities)
-    rolled = roll_grip(held, config)
+def _find_command(
+    held: HeldGrip, friction: float, squeeze: float, twist: Array, guard: ShapeGuard
+) -> RollerCommand:
+    """Return the command of the control loop for a twist (3,) at a squeeze [N]."""
+    opening = (squeeze - held.squeeze) / (held.squeeze_stiffness() * SQUEEZE_TIME)
+    grip = held.touching(friction)
+    limits = guard.limits(held.config, grip)
+    return solve_twist(held.config, grip, twist, (), limits, LOOP_HANDLING, opening)
+
+
+def _roll(held: HeldGrip, friction: float, squeeze: float, travel: Array) -> HeldGrip | str:
+    """Return the grip after a roller travel (r,) [m], or the reason of a failure."""
+    rolled = roll_grip(held, held.config.moved_to(held.config.roller_positions + travel))
     hold = HoldStatus.NO_BALANCE if rolled is None else rolled.hold(friction)
     if hold is not HoldStatus.HELD:
         return hold.value

@@ -23,6 +23,7 @@ from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.paths.path_servo import PathServo
+from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.nodes import path_follower
 from isotruss_ros.nodes.conversions.messages import make_header, read_stamp, to_pose_message
@@ -377,7 +378,7 @@ def check(displacement, time=NOW, begin=BODY.pose, record=None, described=VALUES
     servo.inputs.rollers = StampedInput(RollerState(STILL, STILL), time)
     servo.inputs.held_grip = record and StampedInput(record, NOW)
     values = SimpleNamespace(**vars(VALUES) | {'object': described})
-    _check_path(ROBOT, values, servo, path, NOW)
+    _check_path(ROBOT, values, servo, path, TrackingSettings(), NOW)
 
 
 def test_a_path_on_which_the_object_would_slip_is_refused_with_the_pose():
