@@ -17,10 +17,11 @@ import math
 
 from isotruss_ros.core.chance.criteria import find_criteria, find_unknown_rates, scaled
 from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
-from isotruss_ros.core.holding.attach_grip import attach_grip, Start
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
+from isotruss_ros.core.holding.settled_grasp import LostContact
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -40,10 +41,12 @@ class Chance(Record, headline=('probability', 'method', 'limit', 'shares', 'stan
     """Probability that an object is held although parameters are uncertain."""
 
     probability: float  #: probability that the object is held
-    method: str  #: `first order`, `samples`, or `no equilibrium`
-    limit: str  #: most probable violation, for example `slip at south/P-Q`
+    method: str  #: `first order` or `samples`
+    #: most probable violation, for example `slip at south/P-Q`; the nominal hold status in words
+    #: without a nominal equilibrium
+    limit: str
     #: shares of the quantities in the variance of this criterion to first order, largest first;
-    #: zeros without any deviation [-]
+    #: zeros without any deviation, empty without a nominal equilibrium [-]
     shares: dict[str, float]
     #: standard error of a probability from samples, positive also if all agree; 0 to first order
     standard_error: float = 0.0
@@ -88,22 +91,28 @@ def failure_probability(sigmas: Array, correlation: Array) -> float:
     return min(1.0, float(scipy.special.ndtr(-sigmas).sum() - overlap))
 
 
-def changed_grip(grip: HeldGrip, change: Array, starts: Sequence[Start] = ()) -> HeldGrip:
+def changed_inputs(inputs: GraspInputs, change: Array) -> GraspInputs:
+    """Return the inputs of a grasp after changes (p,) of parameters."""
+    columns, config = GraspParameters.of(inputs.config), inputs.config
+    resized = scaled(inputs.body, 1.0 + change[-1])
+    return inputs._replace(
+        config=config.moved_to(config.roller_positions + change[columns.rollers]),
+        body=resized.moved_to(np.array(resized.pose) + change[columns.place]),
+        wrench=inputs.wrench + change[columns.wrench],
+        pressures=tuple(inputs.pressures + change[columns.pressures]),
+        # A normal number may be negative.
+        stiffness=max(inputs.stiffness + change[columns.stiffness], 0.05),
+    )
+
+
+def changed_grip(grip: HeldGrip, change: Array) -> HeldGrip:
     """Return the equilibrium with unknown contact history after changes (p,) of parameters."""
-    columns = GraspParameters.of(grip.config)
-    resized = scaled(grip.statics.body, 1.0 + change[-1])
-    body = resized.moved_to(np.array(resized.pose) + change[columns.place])
-    pressures = grip.pressures + change[columns.pressures]
-    # A normal number may be negative.
-    stiffness = max(grip.statics.bent.structure.stiffness + change[columns.stiffness], 0.05)
-    config = grip.config.moved_to(grip.config.roller_positions + change[columns.rollers])
-    wrench = grip.wrench * (1.0, 1.0, grip.arm) + change[columns.wrench]
-    starts = starts or [(grip, grip.state.unknowns)]
-    return attach_grip(config, body, grip.members, wrench, pressures, stiffness, starts=starts)
+    starts = [(grip, grip.state.unknowns)]
+    return attach_grip(*changed_inputs(grip.inputs, change), starts=starts)
 
 
 def sample_friction(
-    grip: HeldGrip,
+    grip: HeldGrip | LostContact,
     covariance: Array,
     samples: int,
     seed: int,
@@ -115,15 +124,17 @@ def sample_friction(
     required: list[float] = []
     # The first equilibrium with each set of corners in contact, its change, and the derivatives of
     # its unknowns, by which Newton's method starts at linearly extrapolated unknowns.
-    nominal = np.zeros(len(covariance))
-    models = {grip.contacts.corners.tobytes(): (grip, nominal, find_unknown_rates(grip)[0])}
+    models = {}
+    if isinstance(grip, HeldGrip):
+        nominal = np.zeros(len(covariance))
+        models[grip.contacts.corners.tobytes()] = grip, nominal, find_unknown_rates(grip)[0]
     for i, change in enumerate(changes):
         starts = [
             (near, near.state.unknowns + rates @ (change - near_change))
             for near, near_change, rates in models.values()
         ]
         try:
-            drawn = changed_grip(grip, change, starts)
+            drawn = attach_grip(*changed_inputs(grip.inputs, change), starts=starts)
             held = assess_equilibrium(drawn.statics.body.pose, drawn, math.inf).held
             required.append(drawn.required_friction if held else math.inf)
             corners = drawn.contacts.corners.tobytes()

@@ -21,7 +21,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grasp_gradient import GraspGradient
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.robot_schema import find_faults
@@ -115,19 +115,20 @@ class Uncertainty(Record):
             values['offset_covariance'] = np.diag(variances)
         return cls(**values)
 
-    def covariance(self, grip: HeldGrip) -> Array:
+    def covariance(self, grip: HeldGrip | LostContact) -> Array:
         """
         Return the covariance of the p parameters of a grasp, see `core.chance.criteria`.
 
-        :param grip: equilibrium of the grasp.
+        :param grip: equilibrium of the grasp, or lost contact.
         """
-        columns = GraspParameters.of(grip.config)
+        inputs = grip.inputs
+        columns = GraspParameters.of(inputs.config)
         deviations = np.zeros(columns.size + 1)
         deviations[columns.rollers] = self.roller_offset
         deviations[columns.place] = self.position, self.position, self.angle
-        deviations[columns.pressures] = self.pressure * np.array(grip.pressures)
+        deviations[columns.pressures] = self.pressure * np.array(inputs.pressures)
         deviations[columns.friction] = self.friction
-        deviations[columns.stiffness] = self.stiffness * grip.statics.bent.structure.stiffness
+        deviations[columns.stiffness] = self.stiffness * inputs.stiffness
         deviations[columns.wrench] = self.force, self.force, self.moment
         deviations[-1] = self.size
         covariance = np.diag(deviations**2)
@@ -136,7 +137,7 @@ class Uncertainty(Record):
             offsets = covariance_matrix(self.offset_covariance, count, COVARIANCE, GraspError)
             covariance[columns.rollers, columns.rollers] = offsets
         # An error of the mass scales all components of the wrench.
-        by_mass = self.mass * grip.wrench * (1.0, 1.0, grip.arm)
+        by_mass = self.mass * inputs.wrench
         covariance[columns.wrench, columns.wrench] += np.outer(by_mass, by_mass)
         return covariance
 
@@ -153,24 +154,30 @@ class Uncertainty(Record):
 
         :param settled: the grasp.
         :param samples: number of equilibria with random parameters; 0: to first order; None: 200
-            (standard error below 0.036) for objects with corners, otherwise to first order.
+            (standard error below 0.036, some seconds) for objects with corners and without a
+            nominal equilibrium, otherwise to first order.
         :param seed: seed of the random parameters.
         :param on_progress: function that is called with the completed fraction, 0 to 1.
-        :raises GraspError: the equilibrium is neutral.
+        :raises GraspError: the equilibrium is neutral, or there is none to linearise about to
+            first order.
         """
         grip = settled.equilibrium
-        if grip is None:
-            return Chance(0.0, 'no equilibrium', settled.hold.value, {}, reliability=-math.inf)
         if samples is None:
-            samples = 200 if grip.body.shape.faces_at(0) else 0
+            samples = 200 if grip is None or grip.body.shape.faces_at(0) else 0
         if isinstance(samples, bool) or not isinstance(samples, int) or samples < 0:
             raise GraspError(f'samples {samples!r}: must be an integer, not negative')
-        covariance = self.covariance(grip)
-        chance = find_chance([grip], settled.friction, covariance)
+        if grip is None and not samples:
+            raise GraspError('samples 0: must be positive, because there is no equilibrium')
+        nominal = settled.lost if grip is None else grip
+        covariance = self.covariance(nominal)
+        if grip is None:
+            chance = Chance(0.0, 'samples', settled.hold.value, {})
+        else:
+            chance = find_chance([grip], settled.friction, covariance)
         if not samples:
             return chance
         # The equilibrium does not depend on friction, so friction is not drawn.
-        required = sample_friction(grip, covariance, samples, seed, on_progress)
+        required = sample_friction(nominal, covariance, samples, seed, on_progress)
         chances = scipy.special.ndtr((settled.friction - required) / max(self.friction, EPSILON))
         return replace(
             chance,

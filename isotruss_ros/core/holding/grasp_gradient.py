@@ -211,7 +211,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     """
     grip = settled.equilibrium
     if grip is None:  # only pose and slip margin change
-        parameters = GraspParameters.of(settled.lost.config)
+        parameters = GraspParameters.of(settled.lost.inputs.config)
         pose = np.eye(3, parameters.size, parameters.place.start)
         forces, friction = np.zeros((0, parameters.size)), np.zeros(parameters.size)
         usage = np.zeros((len(settled.utilisation), parameters.size))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import enum
 import functools
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
@@ -65,6 +66,17 @@ class NotHeldError(GraspError):
         self.hold = hold
 
 
+class GraspInputs(NamedTuple):
+    """First arguments of `attach_grip`."""
+
+    config: Configuration  #: configuration of the robot
+    body: ConvexObject  #: the object at its measured pose
+    members: Indices | None  #: indices (m,) of the grasping members; None: not given
+    wrench: Array  #: external wrench (fx, fy, m) on the object [N, N m]
+    pressures: tuple[float, ...]  #: gauge pressure of each tube [Pa]
+    stiffness: float = 1.0  #: factor on EA, EI and GA of the tubes [-]
+
+
 @dataclass(frozen=True, eq=False)
 class HeldGrip:
     """
@@ -93,6 +105,19 @@ class HeldGrip:
     def config(self) -> Configuration:
         """Return the configuration of the robot."""
         return self.statics.bent.structure.config
+
+    @property
+    def inputs(self) -> GraspInputs:
+        """Return the inputs of which this is the equilibrium, if the contacts have not rolled."""
+        structure, wrench = self.statics.bent.structure, self.wrench * (1.0, 1.0, self.arm)
+        return GraspInputs(
+            structure.config,
+            self.statics.body,
+            self.members,
+            wrench,
+            structure.pressures,
+            structure.stiffness,
+        )
 
     @property
     def contacts(self) -> PressedContacts:

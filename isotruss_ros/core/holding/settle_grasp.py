@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import depths_in_others, SKIN_TOLERANCE
 from isotruss_ros.core.holding.held_grip import (
+    GraspInputs,
     HeldGrip,
     HoldStatus,
     MAX_DISPLACEMENT,
     NotHeldError,
-    scaled_wrench,
 )
 from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
@@ -23,7 +23,7 @@ from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.statics.section import Pressure
+from isotruss_ros.core.statics.section import Pressure, tube_pressures
 from numpy.typing import ArrayLike
 
 
@@ -66,7 +66,8 @@ def settle_grasp(
     try:
         grip = attach_grip(config, body, indices, wrench, pressure)
     except NotHeldError as error:
-        lost = LostContact.of(config, body, indices, scaled_wrench(wrench, body.arm), pressure)
+        pressures = tube_pressures(config.robot.description, pressure)
+        lost = LostContact.of(GraspInputs(config, body, indices, wrench, pressures))
         reason, depths = str(error), member_depths(config, body)
         deepest = int(depths.argmax())
         if depths[deepest] > 0.0:
@@ -82,8 +83,7 @@ def assess_equilibrium(given: Pose, grip: HeldGrip, friction: float) -> SettledG
     reason = '' if hold is HoldStatus.HELD else ': '.join(filter(None, (hold.value, detail)))
     if hold not in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
         return SettledGrasp(hold, reason, given, friction, grip)
-    body, pressure = grip.body.moved_to(given), grip.pressures
-    lost = LostContact.of(grip.config, body, grip.members, grip.wrench, pressure)
+    lost = LostContact.of(grip.inputs._replace(body=grip.body.moved_to(given)))
     return SettledGrasp(hold, reason, given, friction, lost=lost)
 
 

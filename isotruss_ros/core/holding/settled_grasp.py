@@ -19,15 +19,12 @@ import math
 from typing import Any, TYPE_CHECKING
 
 from isotruss_ros.core.holding.grip_response import slip_planes
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus, scaled_wrench
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.kinematics.distances import collision_model
-from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.statics.section import Pressure, tube_pressures
 import numpy as np
 
 if TYPE_CHECKING:  # this package is below `core.chance`
@@ -39,29 +36,22 @@ if TYPE_CHECKING:  # this package is below `core.chance`
 class LostContact:
     """Grasping members that do not hold an object, with the members' gaps to the object."""
 
-    config: Configuration  #: configuration of the robot
-    wrench: float  #: norm of the external wrench, with moments over the characteristic radius [N]
+    inputs: GraspInputs  #: grasp without an equilibrium, or with members that do not press
     stiffness: float  #: p R, the tubes' mean pressure times their radius [N/m]
     distances: Array  #: (k,) gaps of the members [m]
     by_nodes: Array  #: derivatives of the gaps by the nodes' coordinates
     by_pose: Array  #: (k, 3) derivatives of the gaps by the object's pose
 
     @classmethod
-    def of(
-        cls,
-        config: Configuration,
-        body: ConvexObject,
-        members: Indices | None,
-        wrench: Array,
-        pressure: Pressure | None,
-    ) -> LostContact:
+    def of(cls, inputs: GraspInputs) -> LostContact:
         """Return the gaps of given members, or of the two members nearest to the object."""
+        config, body, members = inputs.config, inputs.body, inputs.members
         if members is None:
             members = np.argsort(member_depths(config, body), kind='stable')[-2:]
-        file = config.robot.description
-        stiffness = 0.5 * file.tube_diameter * np.mean(tube_pressures(file, pressure))
+        diameter = config.robot.description.tube_diameter
+        stiffness = 0.5 * diameter * np.mean(inputs.pressures)
         distances = collision_model(config.robot).body_distances(config, body, members)
-        return cls(config, float(np.linalg.norm(wrench)), float(stiffness), *distances)
+        return cls(inputs, float(stiffness), *distances)
 
     @property
     def gap(self) -> float:
@@ -71,13 +61,15 @@ class LostContact:
     @property
     def slip_margin(self) -> float:
         """Return the negative slip margin of lost contact, see this module [N]."""
-        return -self.wrench - self.stiffness * self.gap
+        wrench = scaled_wrench(self.inputs.wrench, self.inputs.body.arm)
+        return -float(np.linalg.norm(wrench)) - self.stiffness * self.gap
 
     def slip_margin_rates(self) -> tuple[Array, Array]:
         """Return the derivatives of `slip_margin` by roller travel (r,) and object pose (3,)."""
         by_gaps = -self.stiffness * self.distances
         by_gaps /= max(self.gap * len(self.distances), np.finfo(float).tiny)
-        return by_gaps @ self.by_nodes @ self.config.node_jacobian, by_gaps @ self.by_pose
+        by_nodes = by_gaps @ self.by_nodes
+        return by_nodes @ self.inputs.config.node_jacobian, by_gaps @ self.by_pose
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -273,7 +265,7 @@ class SettledGrasp(
     def _named(self, find: Callable[[HeldGrip], Array], every: bool = False) -> dict[str, Any]:
         """Return values by the names of the grasping members, or of all members."""
         if self.lost is not None and every:
-            return dict.fromkeys(self.lost.config.robot.member_names, 0.0)
+            return dict.fromkeys(self.lost.inputs.config.robot.member_names, 0.0)
         grip = self.equilibrium
         if grip is None:
             return {}

@@ -202,7 +202,7 @@ def _find_chance(
         )
     try:
         return float(settled.chance(Uncertainty.of(robot, body), samples=0).probability)
-    except GraspError:  # the equilibrium is neutral
+    except GraspError:  # there is no equilibrium, or a neutral one
         return math.nan
 
 

@@ -4,13 +4,11 @@
 """Probability that an object is held, against exact equilibria and against differences."""
 
 from dataclasses import replace
-import itertools
 from pathlib import Path
 
 from carries import make_robot, place
 from held_grips import APART, BOX
 from isotruss_ros import core
-from isotruss_ros.core.chance import probability
 from isotruss_ros.core.chance.criteria import (
     _bound_displacement,
     find_criteria,
@@ -22,53 +20,57 @@ from isotruss_ros.core.chance.probability import (
     sample_friction,
 )
 from isotruss_ros.core.errors import (
-    ConfigurationError,
     GraspError,
     ObjectFileError,
     RobotFileError,
 )
-from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 from nightly import some_now
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import multivariate_normal
 
 HOME = core.load_robot('nine_member').home
 #: The robot after calibration, with a disc whose size and pose are known well.
 CALIBRATED = core.Uncertainty(stiffness=0.1, roller_offset=0.002, friction=0.08)
 PULL = (0.5, -0.4, 0.01)
+MEMBERS = ('north/P-Z', 'north/Z-R')
+#: Parameters without deviations.
+CERTAIN = core.Uncertainty(
+    **dict.fromkeys(core.Uncertainty.__dataclass_fields__, 0.0) | {'offset_covariance': None}
+)
 
 
 def settle(friction=0.8, wrench=PULL, depth=0.02, diameter=0.3):
     """Return a disc in a corner of the robot at home."""
     x, y = core.tangent_center(HOME, 'north/Z', diameter)
     body = core.ConvexObject.disc((x + 0.002, y + depth), diameter)
-    return core.settle_grasp(HOME, body, friction, wrench)
-
-
-def settle_again(settled, change):
-    """Return a grasp with other parameters."""
-    grip = changed_grip(settled.equilibrium, change)
-    column = core.grasp_gradient(settled).parameters.friction
-    friction = max(settled.friction + change[column], 0.0)
-    return assess_equilibrium(grip.statics.body.pose, grip, friction)
+    return core.settle_grasp(HOME, body, friction, wrench, members=MEMBERS)
 
 
 def settle_afresh(settled, change):
     """Return a disc's grasp with changes of all parameters, by robot file and `settle_grasp`."""
-    parameters, grip = core.grasp_gradient(settled).parameters, settled.equilibrium
-    given, stiffness = grip.statics.body, 1.0 + change[parameters.stiffness]
+    parameters = core.grasp_gradient(settled).parameters
+    inputs = (settled.equilibrium or settled.lost).inputs
+    given, stiffness = inputs.body, 1.0 + change[parameters.stiffness]
     disc = core.Disc(given.shape.diameter * (1.0 + change[-1]))
-    robot = core.Robot(replace(grip.config.robot.description, stiffness_scale=stiffness))
+    robot = core.Robot(replace(HOME.robot.description, stiffness_scale=stiffness))
     return core.settle_grasp(
-        robot.home.moved_to(grip.config.roller_positions + change[parameters.rollers]),
+        robot.home.moved_to(inputs.config.roller_positions + change[parameters.rollers]),
         core.ConvexObject(disc, np.add(given.pose, change[parameters.place])),
         max(settled.friction + change[parameters.friction], 0.0),
-        grip.wrench * (1.0, 1.0, grip.arm) + change[parameters.wrench],
-        pressure=grip.pressures + change[parameters.pressures],
-        members=grip.member_names,
+        inputs.wrench + change[parameters.wrench],
+        pressure=inputs.pressures + change[parameters.pressures],
+        members=MEMBERS,
     )
+
+
+def share_held(settled, uncertainty, count):
+    """Return the share of own draws in which the disc is held, and its standard error."""
+    covariance = uncertainty.covariance(settled.equilibrium or settled.lost)
+    changes = np.random.default_rng(0).multivariate_normal(np.zeros(18), covariance, count)
+    held = [settle_afresh(settled, change).held for change in changes]
+    return np.mean(held), np.std(held) / np.sqrt(count)
 
 
 @pytest.mark.parametrize('name', some_now(['brick', 'box', 'three members', 'disc 0.2 m'], 3))
@@ -136,18 +138,40 @@ def test_probability_is_bounded_for_many_violations(seed):
     ),
 )
 def test_chance_is_the_frequency_of_held_draws(friction, uncertainty):
-    settled, rng = settle(friction), np.random.default_rng(0)
-    root = np.linalg.cholesky(uncertainty.covariance(settled.equilibrium) + 1e-18 * np.eye(18))
-    held = []
-    for _ in range(100):
-        try:
-            held.append(settle_afresh(settled, root @ rng.standard_normal(18)).held)
-        except GraspError:
-            held.append(False)
-    noise = np.std(held) / np.sqrt(len(held))
+    settled = settle(friction)
+    share, error = share_held(settled, uncertainty, 100)
     chance = settled.chance(uncertainty)
     assert 0.1 < chance.probability < 0.99
-    assert chance.probability == pytest.approx(np.mean(held), abs=0.03 + 2.0 * noise)
+    assert chance.probability == pytest.approx(share, abs=0.03 + 2.0 * error)
+
+
+@pytest.mark.parametrize(
+    ('quantity', 'deviation'), some_now([('pressure', 0.05), ('size', 0.03)], 2)
+)
+def test_sampled_chance_near_wrinkling_is_the_frequency_of_held_draws(quantity, deviation):
+    settled = settle(1.2, wrench=(0.0, 0.0, 0.0), depth=0.0454)
+    assert max(settled.utilisation.values()) == pytest.approx(0.985, abs=0.01)
+    uncertainty = replace(CERTAIN, **{quantity: deviation})
+    share, error = share_held(settled, uncertainty, 80)
+    chance = settled.chance(uncertainty, samples=100)
+    bound = 2.0 * np.hypot(error, chance.standard_error)
+    assert chance.probability == pytest.approx(share, abs=bound)
+
+
+def test_samples_about_a_lost_contact_are_grasps_settled_afresh():
+    settled = settle(wrench=(0.0, 0.0, 0.0), depth=-0.001)
+    assert settled.equilibrium is None
+    uncertainty = replace(CERTAIN, position=0.003)
+    share, error = share_held(settled, uncertainty, 80)
+    chance = settled.chance(uncertainty)
+    assert chance.method == 'samples'
+    assert chance.limit == core.HoldStatus.NO_CONTACT.value
+    assert chance.probability > 0.1
+    assert chance.probability == pytest.approx(
+        share, abs=2.0 * np.hypot(error, chance.standard_error)
+    )
+    with pytest.raises(GraspError, match='samples 0: must be positive'):
+        settled.chance(uncertainty, samples=0)
 
 
 def test_samples_agree_with_first_order_and_repeat():
@@ -163,19 +187,15 @@ def test_samples_agree_with_first_order_and_repeat():
     assert settled.chance(CALIBRATED, samples=40, seed=2) != drawn
 
 
-def test_objects_with_corners_are_sampled_200_times(monkeypatch):
-    numbers = []
+def test_objects_with_corners_are_sampled_200_times():
+    def stop(share):
+        raise StopIteration(share)
 
-    def fewer(grip, covariance, samples, *given):
-        numbers.append(samples)
-        return sample_friction(grip, covariance, 20, *given)
-
-    monkeypatch.setattr('isotruss_ros.core.chance.uncertainty.sample_friction', fewer)
     box = core.place_between(HOME, APART, BOX, 0.4, 0.01).body
     box = core.settle_grasp(HOME, box, 0.9, members=APART)
-    chances = box.chance(CALIBRATED), settle().chance(CALIBRATED)
-    assert [chance.method for chance in chances] == ['samples', 'first order']
-    assert numbers == [200]
+    with pytest.raises(StopIteration, match=r'0\.005'):
+        box.chance(CALIBRATED, on_progress=stop)
+    assert settle().chance(CALIBRATED).method == 'first order'
 
 
 def test_shares_name_the_quantity_that_matters_most():
@@ -187,16 +207,12 @@ def test_shares_name_the_quantity_that_matters_most():
 
 
 def test_friction_alone_decides_by_its_normal_distribution():
-    names = 'stiffness', 'pressure', 'position', 'angle', 'size', 'mass'
-    certain = dict.fromkeys(names, 0.0)
-    known = core.Uncertainty(friction=0.1, roller_offset=0.0, **certain)
     settled = settle()
     sigmas = (settled.friction - settled.required_friction) / 0.1
-    assert settled.chance(known).reliability == pytest.approx(sigmas)
+    assert settled.chance(replace(CERTAIN, friction=0.1)).reliability == pytest.approx(sigmas)
 
 
 def test_stiffness_that_wrinkles_a_tube_is_that_of_a_robot_file():
-    names = 'friction', 'pressure', 'roller_offset', 'position', 'angle', 'size', 'mass'
     settled = settle(1.2, wrench=(0.0, 0.0, 0.0), depth=0.05)
 
     def excess(stiffness):
@@ -204,44 +220,33 @@ def test_stiffness_that_wrinkles_a_tube_is_that_of_a_robot_file():
         return max(settle_afresh(settled, change).utilisation.values()) - 1.0
 
     stiffest = brentq(excess, 0.7, 1.0, xtol=1e-4)
-    chance = settled.chance(core.Uncertainty(stiffness=0.1, **dict.fromkeys(names, 0.0)))
+    chance = settled.chance(replace(CERTAIN, stiffness=0.1))
     assert chance.limit.startswith('wrinkling of')
     assert chance.reliability == pytest.approx((stiffest - 1.0) / 0.1, rel=0.08)
 
 
-def test_samples_without_a_configuration_are_left_out(monkeypatch):
-    settled, numbers = settle(), itertools.count()
-
-    def every_second(grip, change, near):
-        if next(numbers) % 2:
-            raise ConfigurationError('too far')
-        return grip
-
-    monkeypatch.setattr(probability, 'changed_grip', every_second)
-    sigmas = (settled.friction - settled.required_friction) / CALIBRATED.friction
-    chance = settled.chance(CALIBRATED, samples=10)
-    assert chance.probability == pytest.approx(norm.cdf(sigmas))
+def test_samples_without_a_configuration_are_left_out():
+    # Beyond 0.3 m to 0.6 m of travel of this roller, either way, there is no configuration.
+    covariance = np.zeros((18, 18))
+    roller = HOME.robot.roller_names.index('east/Q')
+    covariance[roller, roller] = 1.0
+    required = sample_friction(settle().equilibrium, covariance, 40, 0, None)
+    assert 5 < len(required) < 30
 
 
-def test_offsets_without_any_configuration_are_refused(monkeypatch):
-    def fail(grip, change, near):
-        raise ConfigurationError('too far')
-
-    monkeypatch.setattr(probability, 'changed_grip', fail)
+def test_offsets_without_any_configuration_are_refused():
+    uncertainty = replace(CERTAIN, offset_covariance=1e6 * np.eye(6))
     with pytest.raises(GraspError, match='the roller offsets must deviate less'):
-        settle().chance(CALIBRATED, samples=3)
+        settle().chance(uncertainty, samples=3)
 
 
-def test_without_uncertainty_the_chance_is_one_or_zero():
-    names = ('friction', 'stiffness', 'pressure', 'roller_offset', 'position', 'angle', 'size')
-    certain = core.Uncertainty(mass=0.0, **dict.fromkeys(names, 0.0))
-    assert settle(0.8).chance(certain).probability == 1.0
-    assert settle(0.2).chance(certain).probability == 0.0
-
-
-def test_without_equilibrium_the_chance_is_zero():
-    chance = settle(depth=-0.2).chance(core.Uncertainty())
-    assert (chance.probability, chance.method) == (0.0, 'no equilibrium')
+@pytest.mark.parametrize(('friction', 'probability'), [(0.8, 1.0), (0.2, 0.0)])
+def test_without_deviations_the_chance_is_one_or_zero(friction, probability):
+    first, drawn = (settle(friction).chance(CERTAIN, samples=n) for n in (0, 10))
+    assert first.probability == drawn.probability == probability
+    assert set(first.shares.values()) == {0.0}
+    # Samples that agree have an error, too.
+    assert first.standard_error == 0.0 < drawn.standard_error
 
 
 def test_opposite_offsets_of_a_belief_change_the_chance():
