@@ -29,12 +29,12 @@ from isotruss_ros.core import (
     settle_grasp,
     Uncertainty,
 )
-from isotruss_ros.core.chance.probability import changed_grip, find_chance
+from isotruss_ros.core.chance.criteria import scaled
+from isotruss_ros.core.chance.probability import find_chance
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.planning.foresee_path import foresee_path
@@ -50,6 +50,8 @@ from studies.comparison.grips import mesh, round_robot
 #: Grasps in each tenth of the chance, draws for each grasp, and largest number of grasps tried.
 GRASPS, DRAWS, TRIED = part(4), part(500), part(1000)
 ROBOTS, OBJECTS, PLANNED, PLANS = part(4), part(21), part(50), part(30)
+#: Objects of the grasps that are planned for the largest chance, and samples of each.
+BEST, SAMPLES = part(8), 200
 FRICTION, LOST = 0.5, 0.05
 CARRY = ((0.0, 0.0, 0.0), (0.05, 0.03, 0.0), (0.0, 0.05, 0.15))
 #: Uncertainty of the robots in MuJoCo.
@@ -103,21 +105,32 @@ def random_grasps(name: str) -> Iterator[tuple[SettledGrasp, Uncertainty]]:
         )
 
 
+def draw_afresh(settled: SettledGrasp, change: np.ndarray) -> SettledGrasp:
+    """Return a grasp with changes of all parameters, by its robot file and `settle_grasp`."""
+    inputs = (settled.equilibrium or settled.lost).inputs
+    columns, names = GraspParameters.of(inputs.config), inputs.config.robot.member_names
+    stiffness = max(1.0 + change[columns.stiffness], 0.05)
+    robot = Robot(replace(inputs.config.robot.description, stiffness_scale=stiffness))
+    body = scaled(inputs.body, 1.0 + change[-1])
+    return settle_grasp(
+        robot.home.moved_to(inputs.config.roller_positions + change[columns.rollers]),
+        body.moved_to(np.array(body.pose) + change[columns.place]),
+        max(settled.friction + change[columns.friction], 0.0),
+        inputs.wrench + change[columns.wrench],
+        pressure=inputs.pressures + change[columns.pressures],
+        members=None if inputs.members is None else [names[i] for i in inputs.members],
+    )
+
+
 def held_share(settled: SettledGrasp, uncertainty: Uncertainty, seed: int) -> float:
     """Return the share of drawn equilibria in which the object is held."""
-    grip, rng = settled.equilibrium, np.random.default_rng(seed)
-    column = GraspParameters.of(grip.config).friction
-    covariance, held = uncertainty.covariance(grip), []
+    rng, held = np.random.default_rng(seed), []
+    covariance = uncertainty.covariance(settled.equilibrium)
     for change in rng.multivariate_normal(np.zeros(len(covariance)), covariance, DRAWS):
         try:
-            drawn = changed_grip(grip, change)
+            held.append(draw_afresh(settled, change).held)
         except ConfigurationError:  # the robot has a configuration
             continue
-        except IsotrussError:
-            held.append(False)
-            continue
-        friction = max(settled.friction + change[column], 0.0)
-        held.append(assess_equilibrium(drawn.statics.body.pose, drawn, friction).held)
     return float(np.mean(held))
 
 
@@ -142,6 +155,23 @@ def _calibration(name: str) -> Table:
             rows.append((label, str(len(pairs)), *values))
     header = ('chance', 'grasps', 'predicted', 'held', 'difference')
     return Table(f'Predicted chance and {DRAWS} draws of each grasp: {name}', header, rows)
+
+
+def _best() -> Table:
+    rows, robot = [], round_robot()
+    for i, body in enumerate(objects(BEST)):
+        needs = GraspRequirements(friction=FRICTION, count=1)
+        plan = plan_grasps(robot.home, body, needs, thorough=False, uncertainty=Uncertainty())
+        if plan.grasps:
+            grasp = plan[0]
+            placed = grasp.grip.body
+            settled = settle_grasp(grasp.config, placed, FRICTION, members=grasp.members)
+            share = held_share(settled, Uncertainty(), i)
+            first, drawn = (settled.chance(Uncertainty(), samples=n) for n in (0, SAMPLES))
+            values = grasp.chance.probability, first.probability, drawn.probability, share
+            rows.append((str(i + 1), *(f'{value:.3f}' for value in values)))
+    header = ('object', 'plan', 'first order', f'{SAMPLES} samples', 'held')
+    return Table('Grasps that are planned for the largest chance', header, rows)
 
 
 def _times() -> Table:
@@ -284,5 +314,6 @@ def tables() -> Iterator[Table]:
     """Yield the tables."""
     for name in ('disc', 'box', 'hexagon'):
         yield _calibration(name)
+    yield _best()
     yield _times()
     yield _carried()
