@@ -247,6 +247,27 @@ def test_a_verdict_of_an_object_not_held_names_the_rate_of_a_starved_loop(capsys
     ]
 
 
+@pytest.mark.parametrize(
+    ('error', 'shortfall', 'code', 'words'),
+    [
+        (0.9e-3, 0.0, 0, ''),
+        (1.1e-3, 0.0, 1, 'up: the error is larger than 1 mm'),
+        (0.0, 5e-3, 0, 'up: limits shortened the motion by 5.0 mm'),
+    ],
+)
+def test_a_verdict_fails_beyond_the_bound_of_the_error_and_not_for_a_limit(
+    error, shortfall, code, words, capsys
+):
+    grasps = [GraspState(code=GraspState.OK, held=GraspState.HELD_YES)]
+    measured, commanded = ([value, 0.0, 0.0] for value in (error, shortfall))
+    record = PhaseRecord('up', np.array(commanded), grasps=grasps, lowest_rate=100.0)
+    record.measured[:] = measured
+    assert print_verdict([record], False, 100.0, Console(width=200)) == code
+    printed = capsys.readouterr().out
+    assert printed.startswith(words)
+    assert bool(printed) == bool(words)
+
+
 def test_an_object_of_another_shape_is_passed_to_all_nodes_of_a_view(
     started, monkeypatch, tmp_path
 ):

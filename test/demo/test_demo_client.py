@@ -108,11 +108,13 @@ def test_sums_of_commanded_and_executed_twists_have_one_interval_and_lose_no_sta
     client.wait(until(statuses.get_subscription_count), lambda: None, 'discovery')
     times = 0.01 * np.arange(301)
     speeds = 0.02 * np.sin(np.pi * times / 3.0) ** 2
-    for time, speed in zip(times, speeds, strict=True):
-        message = ManipulationStatus(header=make_header(time), scale=0.5)
+    scales = np.where(times < 1.0, 0.5, 1.0)
+    for time, speed, scale in zip(times, speeds, scales, strict=True):
+        message = ManipulationStatus(header=make_header(time), scale=float(scale))
         message.commanded.linear.x = float(speed)
         statuses.publish(message)
     record = client.begin('suspended')
     final = pytest.approx([0.03, 0.0, 0.0], abs=1e-9)
     client.wait(until(lambda: record.commanded == final), lambda: None, 'all statuses', 20.0)
-    assert record.accepted == pytest.approx([0.015, 0.0, 0.0], abs=1e-9)
+    executed = 0.01 * scales[:-1] @ speeds[:-1]
+    assert record.accepted == pytest.approx([executed, 0.0, 0.0], abs=1e-9)
