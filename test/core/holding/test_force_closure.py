@@ -3,13 +3,11 @@
 
 """Force closure of a free object, and `held`, which implies it."""
 
-from held_grips import BOX
 from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros.core import (
     ConvexObject,
     HoldStatus,
-    place_between,
     settle_grasp,
     tangent_center,
 )
@@ -53,9 +51,12 @@ def test_held_implies_force_closure(robot, rng, kind, count, flat):
     if not settled.force_closure:
         return
     contacts = settled.equilibrium.state
-    pressing = settled.equilibrium.state.normal_forces
-    forces = (pressing + 1j * contacts.friction_forces) * contacts.normals
-    size = max(1.0, pressing.sum())
+    forces = (contacts.normal_forces + 1j * contacts.friction_forces) * contacts.normals
+    size = max(1.0, contacts.normal_forces.sum())
+    assert sum(settled.normal_forces.values()) == pytest.approx(contacts.normal_forces.sum())
+    assert sum(settled.friction_forces.values()) == pytest.approx(
+        contacts.friction_forces.sum(), abs=1e-9 * size
+    )
     assert abs(-forces.sum() + complex(*load[:2])) < 1e-7 * size
     for name, normal in settled.normal_forces.items():
         assert normal > 0.0
@@ -77,10 +78,33 @@ def test_a_wrinkling_tube_ends_held_and_leaves_force_closure(shift, friction, cl
     assert (settled.force_closure, settled.hold) == (closure, hold)
 
 
-@pytest.mark.parametrize('angle', [0.0, 0.15, 0.5])
-def test_slip_margin_of_a_held_box_is_positive_up_to_its_squeeze(angle):
-    members = ('south/P-Q', 'north/R-P')
-    body = place_between(HOME, members, BOX, angle=angle, indentation=0.01).body
-    settled = settle_grasp(HOME, body, 1.3, members=members)
-    assert settled.held
-    assert 0.0 < settled.slip_margin < 1.3 * sum(settled.normal_forces.values())
+CENTER = tangent_center(HOME, 'north/Z', 0.3, 0.01)
+
+
+@pytest.mark.parametrize(('away', 'hold'), [(0.0254, HoldStatus.HELD), (0.0256, HoldStatus.FAR)])
+def test_an_equilibrium_is_at_most_a_quarter_of_the_diameter_away(away, hold):
+    """Across the bisector, the equilibrium is in the middle, wherever the disc was given."""
+    body = ConvexObject.disc((CENTER[0] + away, CENTER[1]), 0.3)
+    settled = settle_grasp(HOME, body, 0.9, members=('north/P-Z', 'north/Z-R'))
+    assert settled.hold is hold
+    assert np.hypot(*settled.displacement[:2]) == pytest.approx(away, abs=1e-4)
+    assert ('25.6 mm' in settled.reason) == (hold is HoldStatus.FAR)
+
+
+def test_a_member_slips_below_the_required_friction():
+    body = ConvexObject.disc(CENTER, 0.3)
+    required = settle_grasp(HOME, body, 0.9).required_friction
+    assert settle_grasp(HOME, body, 1.001 * required).held
+    slips = settle_grasp(HOME, body, 0.9 * required)
+    assert slips.hold is HoldStatus.SLIPS
+    assert f'coefficient {required:.3g} against {0.9 * required:.3g}' in slips.reason
+
+
+@pytest.mark.parametrize('shift', [0.03, 0.04, 0.05])
+def test_a_tube_wrinkles_beyond_a_utilisation_of_one(shift):
+    body = ConvexObject.disc(tangent_center(HOME, 'south/P', 0.3, shift), 0.3)
+    settled = settle_grasp(HOME, body, 0.8)
+    name, used = max(settled.utilisation.items(), key=lambda item: item[1])
+    assert settled.hold is (HoldStatus.WRINKLES if used > 1.0 else HoldStatus.HELD)
+    words = f'{name} has {used:.3g} times its wrinkling moment'
+    assert (words in settled.reason) == (used > 1.0)

@@ -3,13 +3,11 @@
 
 """Convex objects at two members or three: equilibrium, slip margin, and how they roll."""
 
-from dataclasses import replace
 import math
 
 from grips import gripped
 from held_grips import APART, BOX, held, HOME, LOOP, NINE, numbers
 from isotruss_ros.core import (
-    analyze_grasp,
     ConvexObject,
     Disc,
     Ellipse,
@@ -19,23 +17,17 @@ from isotruss_ros.core import (
     Polygon,
     settle_grasp,
     solve_twist,
-    tangent_center,
 )
-from isotruss_ros.core.contact.dents import dent_table
-from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.holding.attach_grip import attach_grip, least_friction_conditions
-from isotruss_ros.core.holding.contact_search import depths_in_others
-from isotruss_ros.core.holding.contact_statics import build_statics
-from isotruss_ros.core.holding.held_grip import NotHeldError
-from isotruss_ros.core.holding.roll_grip import roll_grip, rolling_conditions, with_pressures
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from nightly import some_now
 import numpy as np
 import pytest
-from robots import with_round_tubes
 from scipy.optimize import brentq
 from shapes import regular_polygon
+from skin_depths import bent_line
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
 SHARP = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
@@ -58,42 +50,14 @@ def turned_disc(angle):
     return CYLINDER.moved_to((*CYLINDER.pose[:2], angle))
 
 
-@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
-def test_jacobian_agrees_with_finite_differences(shape, angle, members, count):
-    grip = held(shape, angle, members, external_wrench=np.array([0.3, -0.2, 0.1]))
-    assert len(grip.anchors) == count
-    statics, rng = grip.statics, np.random.default_rng(0)
-    state = grip.state.unknowns + 1e-3 * rng.normal(size=len(grip.state.unknowns))
-    x, y, turn = grip.pose
-    for closure in (
-        least_friction_conditions(
-            replace(statics, body=grip.body.moved_to((x + 0.001, y, turn + 0.01)))
-        ),
-        rolling_conditions(statics, grip.anchors, grip.angles, NOTHING),
-        rolling_conditions(statics, grip.anchors, grip.angles, np.array([1])),
-    ):
-        jacobian = statics.equations(state, grip.wrench, closure)[1].jacobian
-        for i, step in enumerate(1e-6 * np.eye(len(state))):
-            ahead, behind = (
-                statics.equations(state + sign * step, grip.wrench, closure)[0] for sign in (1, -1)
-            )
-            assert jacobian[:, i] == pytest.approx((ahead - behind) / 2e-6, rel=1e-6, abs=1e-7)
-
-
 def touched_points(grip):
-    """Return where the forces act: the tubes' skins, dented, off the bent centre lines."""
-    state, statics = grip.state, grip.statics
-    push = (state.normal_forces + 1j * state.friction_forces) * state.normals
-    bent = statics.bent
-    local = push * bent.lines.axis.conj()
+    """Return where the forces act: the dented skins of the tubes, bent as by `deform`."""
+    state, statics, points = grip.state, grip.statics, []
+    for number, foot in zip(grip.contacts.members.tolist(), state.feet.tolist(), strict=True):
+        name = grip.config.robot.member_names[number]
+        points.append(bent_line(grip, name, [foot])[0])
     skin = statics.tube_radius - statics.dents(state.normal_forces, grip.angles)[0]
-    loads = np.column_stack([local.real, local.imag, -skin * state.friction_forces])
-    assert state.loads == pytest.approx(loads, abs=1e-9)
-    give = bent.respond(loads, state.feet)
-    line = bent.lines.start + bent.lines.axis * (state.feet + give[:, 0] + 1j * give[:, 1])
-    inclined = bent.lines.axis * np.exp(1j * give[:, 2])
-    assert (inclined.conj() * state.normals).real == pytest.approx(0.0, abs=1e-9)
-    return line - skin * state.normals
+    return np.array(points) - skin * state.normals
 
 
 def assert_balanced(grip, wrench):
@@ -105,7 +69,7 @@ def assert_balanced(grip, wrench):
     arms = points - grip.body.center
     total = push.sum()
     assert (total.real, total.imag) == pytest.approx(wrench[:2], abs=1e-8)
-    assert (arms.conj() * push).imag.sum() == pytest.approx(wrench[2], abs=1e-7)
+    assert (arms.conj() * push).imag.sum() == pytest.approx(wrench[2], abs=1e-5)
 
 
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
@@ -156,19 +120,6 @@ def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
     assert_balanced(grip, np.zeros(3))
 
 
-def test_both_ends_of_a_face_use_equal_shares_of_friction():
-    grip = held(BOX, 0.0)
-    owners, state = grip.contacts.owners, grip.state
-    assert np.bincount(owners).tolist() == [1, 2]
-    face = owners == 1
-    ratios = state.friction_forces[face] / state.normal_forces[face]
-    assert ratios[0] == pytest.approx(ratios[1], rel=1e-6)
-    # As little friction as the balance needs: both members rub alike.
-    assert np.abs(grip.friction_forces / grip.normal_forces) == pytest.approx(
-        [grip.required_friction] * 2, rel=1e-6
-    )
-
-
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
 def test_rolling_is_reversible(shape, angle, members, count):
     begun = held(shape, angle, members)
@@ -204,37 +155,23 @@ def test_response_agrees_with_small_wrenches(shape, angle, members, count):
         )
 
 
-def changed_forces(grip, moving):
-    """Return how normal forces change as members move along directions (k,), contacts sticking."""
-    found = []
-    for step in (1e-6, -1e-6):
-        bent = grip.statics.bent.update(grip.state.loads, grip.state.feet)
-        # The tubes give as before, from where they start now.
-        lines = bent.lines._replace(start=bent.lines.start + step * moving)
-        bent = replace(bent, lines=lines)
-        statics = replace(grip.statics, bent=bent)
-        closure = rolling_conditions(statics, grip.anchors, grip.angles, NOTHING)
-        _, state = statics.settle(grip.state.unknowns, grip.wrench, closure)
-        found.append(state.normal_forces)
-    return (found[0] - found[1]) / 2e-6
-
-
-@pytest.mark.parametrize(
-    ('shape', 'angle', 'members'), [*(case[:3] for case in CASES), (Disc(0.5), 0.0, LOOP)]
-)
-def test_squeeze_stiffness_agrees_with_opening_members(shape, angle, members):
+@pytest.mark.parametrize(('shape', 'angle', 'members', '_'), CASES)
+def test_squeeze_stiffness_is_the_change_of_the_squeeze_by_opening_the_members(
+    shape, angle, members, _
+):
     grip = held(shape, angle, members)
-    owners, normals = grip.contacts.owners, grip.state.normals
-    if len(members) > 2:
-        moving = 0.5 * normals
-    else:
-        points = touched_points(grip)
-        apart = points[owners == 1].mean() - points[owners == 0].mean()
-        apart /= abs(apart)
-        moving = np.where(owners == 1, 0.5, -0.5) * apart
-    gained = changed_forces(grip, moving).sum() / len(members)
-    assert grip.squeeze_stiffness() == pytest.approx(gained, rel=0.01)
-    assert gained < 0.0
+    opening = 1e-5 * np.linalg.pinv(grip_jacobian(HOME, grip.touching(1.0)))[:, 3]
+    ahead, behind = (roll_grip(grip, HOME.moved_to(sign * opening)).squeeze for sign in (1, -1))
+    assert (ahead - behind) / 2e-5 == pytest.approx(grip.squeeze_stiffness(), rel=0.05)
+
+
+def test_squeeze_stiffness_of_three_members_is_the_change_by_the_diameter_of_a_disc():
+    grip = held(Disc(0.65), 0.0, LOOP)
+    larger, smaller = (
+        attach_grip(HOME, ConvexObject(Disc(size), grip.pose), numbers(LOOP)).squeeze
+        for size in (0.65 + 1e-5, 0.65 - 1e-5)
+    )
+    assert (smaller - larger) / 2e-5 == pytest.approx(grip.squeeze_stiffness(), rel=0.05)
 
 
 @pytest.mark.parametrize(
@@ -250,14 +187,6 @@ def test_squeeze_stiffness_agrees_with_opening_members(shape, angle, members):
         ],
         2,
     ),
-    ids=[
-        'slips',
-        'an end of a face opens first',
-        'slips, 24 directions',
-        'an end of a face opens first, 24 directions',
-        'on a face',
-        'lets go',
-    ],
 )
 def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction, directions):
     grip = held(shape, angle)
@@ -279,11 +208,9 @@ def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction, direct
     assert any(sticking)
 
 
-@pytest.mark.parametrize('shape', [Disc(0.4), Ellipse((0.25, 0.2))])
 @pytest.mark.parametrize('share', [0.7, 1.3])
-def test_with_pressures_agrees_with_attaching_at_these_pressures(shape, share):
-    filed = held(shape, 0.0)
-    assert with_pressures(filed, None) is filed
+def test_with_pressures_agrees_with_attaching_at_these_pressures(share):
+    filed = held(Ellipse((0.25, 0.2)), 0.0)
     pressures = tuple(share * each for each in NINE.description.pressures.values())
     changed = roll_grip(with_pressures(filed, pressures), HOME)
     anew = attach_grip(HOME, changed.body, filed.members, pressure=pressures)
@@ -313,6 +240,20 @@ def gap_of_third(diameter):
     return body, -float(member_depths(HOME, body)[numbers(LOOP[2:])[0]])
 
 
+@pytest.mark.parametrize(
+    ('diameter', 'hold'), [(0.638, HoldStatus.HELD), (0.639, HoldStatus.OTHER_CONTACT)]
+)
+def test_a_third_member_touches_where_its_bent_line_does(diameter, hold):
+    body, gap = gap_of_third(diameter)
+    assert gap > 0.003  # of the straight member
+    settled = settle_grasp(HOME, body, 0.9, members=LOOP[:2])
+    assert settled.hold is hold
+    assert (LOOP[2] in settled.reason) == (hold is HoldStatus.OTHER_CONTACT)
+    grip, places = settled.equilibrium, np.linspace(0.3, 0.9, 61)
+    gaps = grip.body.nearest(bent_line(grip, LOOP[2], places.tolist())).gaps
+    assert (gaps.min() < grip.statics.tube_radius) == (hold is HoldStatus.OTHER_CONTACT)
+
+
 def test_third_member_comes_into_contact_by_bending():
     near, far = (
         gap_of_third(brentq(lambda size, gap=gap: gap_of_third(size)[1] - gap, 0.4, 0.8))[0]
@@ -336,55 +277,6 @@ def test_third_member_comes_into_contact_by_bending():
         assert back == pytest.approx(there, rel=1e-6, abs=1e-7)
 
 
-def test_depth_in_another_member_is_the_depth_in_its_bent_line():
-    body = gap_of_third(brentq(lambda size: gap_of_third(size)[1] - 2e-3, 0.4, 0.8))[0]
-    grip = attach_grip(HOME, body, numbers(LOOP[:2]), np.array([3.0, 2.0, 0.0]))
-    (member,), (depth,) = depths_in_others(grip)
-    assert member == numbers(LOOP)[2]
-    positions = np.linspace(0.0, HOME.member_lengths[member], 4001)
-    lines, _ = grip.bent_lines(np.full(4001, member), positions)
-    gaps = grip.body.moved_to(grip.pose).nearest(lines).gaps
-    assert depth == pytest.approx(grip.statics.tube_radius - gaps.min(), abs=1e-5)
-
-
-@pytest.mark.parametrize('beyond', [2e-4, -2e-4])
-def test_contact_beside_a_guide_ring_rolls_in_one_step_as_in_many(beyond):
-    ring = HOME.robot.description.module.guide_ring_distance
-
-    def placed(diameter):
-        center = tangent_center(HOME, 'north/Z', diameter, 0.01)
-        return attach_grip(HOME, ConvexObject.disc(center, diameter))
-
-    def beyond_ring(diameter):
-        grip = placed(diameter)
-        return min(*grip.state.feet, *(grip.statics.bent.lines.length - grip.state.feet)) - ring
-
-    one = many = placed(brentq(lambda size: beyond_ring(size) - beyond, 0.1, 0.2, xtol=1e-6))
-    travel = 3e-4 * np.array([0.3, -0.5, -0.9, -1.0, 0.6, 0.8])
-    for share in np.linspace(0.1, 1.0, 10):
-        many = roll_grip(many, HOME.moved_to(HOME.roller_positions + share * travel))
-    one = roll_grip(one, HOME.moved_to(HOME.roller_positions + travel))
-    assert one.friction_forces == pytest.approx(many.friction_forces, rel=2e-5)
-
-
-@pytest.mark.parametrize('shape', [Disc(0.65), Ellipse((0.33, 0.32)), TRIANGLE])
-def test_frictionless_forces_agree_with_analyze_grasp(shape):
-    home, body = with_round_tubes(HOME), place_between(HOME, LOOP, shape, indentation=0.014).body
-    statics = build_statics(home, body, attach_grip(home, body, numbers(LOOP)).contacts)
-    unknowns = statics.start()
-    for _ in range(3):  # tubes that are not linearised again are linear
-        _, state = statics.settle(
-            unknowns, np.zeros(3), least_friction_conditions(statics), reach=np.inf
-        )
-        unknowns, bent = state.unknowns, statics.bent
-        straight = BentTubes.of(bent.structure, bent.members, state.feet)
-        statics = replace(statics, bent=straight)
-    assert np.abs(state.friction_forces).max() < 1e-6
-    analysis = analyze_grasp(HOME, body.moved_to(state.unknowns[:3]), 0.5)
-    forces = statics.contacts.sum_by_member(state.normal_forces)
-    assert forces == pytest.approx([analysis.contact_forces[name] for name in LOOP], rel=0.004)
-
-
 def test_face_between_three_members_determines_the_angle_without_friction():
     grip = place_between(HOME, LOOP, TRIANGLE, indentation=0.012)
     settled = settle_grasp(HOME, grip.body, 0.5)
@@ -396,25 +288,9 @@ def test_face_between_three_members_determines_the_angle_without_friction():
     assert np.array(again) == pytest.approx(np.array(settled.pose), abs=0.2 * 0.005)
 
 
-def test_a_face_dents_less_than_a_corner_and_a_disc_like_a_circular_ellipse():
-    right = 2
-    pressure = next(iter(NINE.description.pressures.values()))
-    kernel = flattening_of(NINE, pressure)
-    table = dent_table(kernel, SHARP, right)
-    assert table(15.0, 0.5 * np.pi)[0] < 0.2 * table(15.0, 0.25 * np.pi)[0]
-    # Pressure times area: half of a face of 0.3 m on a foundation of 4 pi p / 3.
-    foundation = 0.15 * 4.0 * np.pi * pressure / 3.0
-    assert table(5.0, 0.5 * np.pi)[0] == pytest.approx(5.0 / foundation, rel=0.25)
-    grip = attach_grip(CONFIG, CYLINDER)
-    table = dent_table(kernel, Ellipse((0.15, 0.15)))
-    depths, *_ = grip.statics.dents(np.array([10.0, 30.0]), grip.angles)
-    assert [table(10.0, 0.0)[0], table(30.0, 0.0)[0]] == pytest.approx(depths, rel=0.02)
-
-
-@pytest.mark.parametrize('grip', [attach_grip(CONFIG, CYLINDER), held(BOX, 0.2)])
-def test_under_a_huge_load_there_is_no_equilibrium(grip):
-    load = 1e6 * np.array([0.3, -0.8, 0.0])
-    assert roll_grip(grip, grip.config, load) is None
-    with pytest.raises(NotHeldError, match='balances the forces') as refused:
-        attach_grip(grip.config, grip.body, grip.members, load)
-    assert refused.value.hold is HoldStatus.NO_BALANCE
+@pytest.mark.parametrize(('shape', 'angle'), [(Disc(0.4), 0.4), (BOX, 0.2)])
+def test_under_a_huge_load_there_is_no_equilibrium(shape, angle):
+    body = place_between(HOME, APART, shape, angle=angle, indentation=0.01).body
+    settled = settle_grasp(HOME, body, 0.8, 1e5 * np.array([0.3, -0.8, 0.0]), members=APART)
+    assert settled.hold is HoldStatus.NO_BALANCE
+    assert 'balances the forces' in settled.reason

@@ -5,11 +5,9 @@
 
 from hypothesis import given, strategies
 from isotruss_ros import core
-from nightly import some_now
 import numpy as np
 import pytest
 import robots
-from scipy.optimize import minimize
 
 HOME = robots.preset('nine_member').home
 MEMBERS = ('north/P-Z', 'north/Z-R')
@@ -65,25 +63,3 @@ def test_gradient_agrees_with_finite_differences(seed):
         ends = [settle(travel, 0.06, pose + sign * step).slip_margin for sign in (1.0, -1.0)]
         slope = gradient.slip_margin[gradient.parameters.place] @ step
         assert ends[0] - ends[1] == pytest.approx(2.0 * slope, rel=1e-4, abs=1e-7)
-
-
-def test_unloaded_members_have_no_utilisation():
-    grasp = settle(np.zeros(6), 0.02)
-    gradient = core.grasp_gradient(grasp)
-    assert set(grasp.utilisation) == set(HOME.robot.member_names)
-    assert not any(grasp.utilisation.values())
-    assert gradient.utilisation.shape == (9, gradient.parameters.size)
-    assert not gradient.stiffness.any()
-
-
-@pytest.mark.parametrize('away', some_now([0.03, 0.005], 0))
-def test_an_optimiser_in_metres_finds_the_contact(away):
-    def cost(travel):
-        grasp = settle(travel, away)
-        gradient = core.grasp_gradient(grasp)
-        return -grasp.slip_margin, -gradient.slip_margin[gradient.parameters.rollers]
-
-    assert settle(np.zeros(6), away).hold is core.HoldStatus.NO_CONTACT
-    found = minimize(cost, np.zeros(6), jac=True, bounds=[(-0.1, 0.1)] * 6, method='SLSQP')
-    assert settle(found.x, away).force_closure
-    assert -found.fun > 1.0

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lowest natural frequency of a held object, by stiffness and masses that are found otherwise."""
+"""Lowest natural frequency of a held object against differences of equilibria."""
 
 from dataclasses import replace
 
@@ -9,7 +9,6 @@ from isotruss_ros.core import ConvexObject, deform, place_between, Polygon, Robo
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from nightly import some_now
 import numpy as np
 import pytest
 from robots import preset
@@ -74,29 +73,12 @@ def frequency(grip):
 
 @pytest.mark.parametrize(
     ('masses', 'options'),
-    some_now(
-        [
-            ((1.5, 0.6), {'center_of_mass': (0.05, -0.04)}),
-            ((1e-9, 1e-9), {'center_of_mass': (0.05, -0.04)}),
-            ((1.5, 0.6), {}),
-            ((1e-9, 1e-9), {}),
-        ],
-        2,
-    ),
-    ids=['robot-off', 'object alone-off', 'robot-even', 'object alone-even'],
+    [((1.5, 0.6), {'center_of_mass': (0.05, -0.04)}), ((1e-9, 1e-9), {})],
+    ids=['robot-off', 'object alone-even'],
 )
 def test_lowest_frequency_agrees_with_differences_of_equilibria(masses, options):
     grip = grip_of(*masses, **options)
     assert lowest_frequency(grip) == pytest.approx(frequency(grip), rel=1e-3)
-
-
-def test_lowest_frequency_of_an_object_alone_is_that_of_its_mass_on_the_stiffness():
-    grip = grip_of(1e-9, 1e-9)
-    stiffness, away = grip.response.stiffness, grip.body.middle - grip.body.center
-    move = np.array([[1.0, 0.0, -away.imag], [0.0, 1.0, away.real], [0.0, 0.0, BOX.gyration]])
-    mass = 2.0 * move.T @ move
-    square = scipy.linalg.eigvalsh(0.5 * (stiffness + stiffness.T), mass)[0]
-    assert lowest_frequency(grip) == pytest.approx(np.sqrt(square), rel=0.02)
 
 
 def test_without_masses_there_is_no_lowest_frequency():
