@@ -29,8 +29,8 @@ def test_reads_a_box_from_a_file(tmp_path):
 
 def test_reads_objects_from_text():
     assert read_object('{shape: disc, diameter: 0.2}') == ConvexObject(Disc(0.2))
-    found = read_object('{shape: ellipse, semi_axes: [0.2, 0.1], friction: 0}')
-    assert found == ConvexObject(Ellipse((0.2, 0.1)), friction=0.0)
+    ellipse = read_object('{shape: ellipse, semi_axes: [0.2, 0.1], friction: 0}')
+    assert ellipse == ConvexObject(Ellipse((0.2, 0.1)), friction=0.0)
     triangle = read_object('{shape: polygon, vertices: [[0, 0], [1, 0], [0, 1]]}')
     assert triangle.shape == Polygon([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 
@@ -41,12 +41,10 @@ def test_reads_objects_from_text():
         ('{}', "key 'shape' is missing; it is one of disc, polygon, ellipse"),
         ('{shape: box}', "shape: 'box': must be one of"),
         ('{shape: disc}', "'diameter' is missing; a disc needs it"),
-        ('{shape: disc, diameter: wide}', "'wide': must be a finite number"),
         ('{shape: disc, diametre: 0.1}', 'did you mean diameter'),
         ('{shape: disc, diameter: 0.1, vertices: []}', "unknown key 'vertices'"),
         ('{shape: polygon, vertices: [[0, 0], [1, 0]]}', 'at least 3'),
         ('{shape: polygon, vertices: [[0, 0], [1, 0], [1, [0]]]}', 'vertex 3'),
-        ('{shape: disc, diameter: 0.1, mass: heavy}', 'mass'),
         (
             '{shape: disc, diameter: 30}',
             'diameter 30 m: must be from .* if it is in cm, it is 0.3 m',
@@ -56,7 +54,6 @@ def test_reads_objects_from_text():
             '{shape: ellipse, semi_axes: [200, 90]}',
             'semi_axes 200.0 m: must be from .* if it is in mm, it is 0.2 m',
         ),
-        ('{shape: polygon, vertices: [[0, 0], [300, 0], [0, 20]]}', 'if it is in mm, it is 0.3 m'),
         ('{shape: disc', 'not YAML'),
         ('{shape: &a disc}', 'anchors and aliases are not used in object files'),
     ],
@@ -76,19 +73,9 @@ def test_refuses_files_with_their_name(tmp_path):
     path.write_bytes(b'\xff')
     with pytest.raises(ObjectFileError, match='not UTF-8'):
         read_object(path)
-    path.write_text('#' * 300_000, encoding='utf-8')
-    with pytest.raises(ObjectFileError, match='too long; an object file has at most'):
-        read_object(path)
-    with pytest.raises(ObjectFileError, match='cannot be read'):
-        read_object('a\0b')
 
 
 @pytest.mark.parametrize('given', [None, 5, ['a'], '', ' \n'], ids=repr)
 def test_refuses_neither_a_path_nor_a_text(given):
     with pytest.raises(ObjectFileError, match='must be the path of a file, or a text'):
         read_object(given)
-
-
-def test_outline_may_end_with_its_first_vertex():
-    closed = Polygon((*VERTICES, VERTICES[0]), 0.01)
-    assert closed == Polygon(VERTICES, 0.01)

@@ -13,7 +13,6 @@ from isotruss_ros.core import (
     load_robot,
     place_between,
     read_object,
-    RollingGrip,
     solve_twist,
 )
 from isotruss_ros.core.manipulation.grip import members_at
@@ -27,50 +26,37 @@ ROBOT = load_robot('nine_member')
 
 @dataclass(frozen=True)
 class Cam(Shape):
-    """
-    A circle beside the origin of the object's frame.
-
-    :ivar radius: of the circle [m].
-    :ivar offset: from the origin to its centre along x [m].
-    """
+    """A circle with a radius [m] and an offset of its centre along x [m]."""
 
     radius: float
     offset: float = 0.0
 
     @property
     def perimeter(self):
-        """Return the length of the outline [m]."""
         return 2.0 * np.pi * self.radius
 
     @property
     def centroid(self):
-        """Return the centroid [m]."""
         return complex(self.offset)
 
     @property
     def gyration(self):
-        """Return the radius of gyration about the centroid [m]."""
         return self.radius / np.sqrt(2.0)
 
     @property
     def reach(self):
-        """Return the largest distance of the surface from the origin [m]."""
         return self.radius + abs(self.offset)
 
     def support(self, normals):
-        """Return the distance of tangents from the origin [m]."""
         return self.radius + self.offset * normals.real
 
     def surface_at(self, corners, normals):
-        """Return points of the surface with given normals, and radii of curvature [m]."""
         return self.offset + self.radius * normals, np.full(len(normals), self.radius)
 
     def unroll(self, angles, corners):
-        """Return the arcs to points with given normals [m]."""
         return self.radius * angles
 
     def outline(self, spacing):
-        """Return points along the surface [m]."""
         count = max(8, int(np.ceil(self.perimeter / spacing)))
         return self.offset + self.radius * np.exp(2j * np.pi * np.arange(count) / count)
 
@@ -92,44 +78,14 @@ def test_rollers_move_a_circular_cam_like_a_disc(angle):
     arm = cam.center - disc.center
     twist = np.array([0.01, -0.02, 0.1])
     moved = twist + 0.1 * np.array([-arm.imag, arm.real, 0.0])
-    found, wanted = solve_twist(ROBOT.home, cam, moved), solve_twist(ROBOT.home, disc, twist)
-    assert found.status is wanted.status
-    assert found.roller_velocities == pytest.approx(wanted.roller_velocities, abs=1e-12)
+    command, wanted = solve_twist(ROBOT.home, cam, moved), solve_twist(ROBOT.home, disc, twist)
+    assert command.status is wanted.status
+    assert command.roller_velocities == pytest.approx(wanted.roller_velocities, abs=1e-12)
 
 
-def test_a_circular_cam_rolls_like_a_disc():
-    cam, disc = grips(0.4)
-    rollers = solve_twist(ROBOT.home, disc, (0.01, 0.01, 0.5)).roller_velocities
-    there = ROBOT.configuration(rollers)
-    rolled, wanted = (RollingGrip.attach(ROBOT.home, grip).moved_to(there) for grip in (cam, disc))
-    assert rolled.pose.angle == pytest.approx(wanted.pose.angle, abs=1e-9)
-    assert rolled.grip.body.middle == pytest.approx(wanted.grip.center, abs=1e-9)
-
-
-@pytest.mark.parametrize('shape', [CAM, Cam(0.2), Cam(0.1, -0.3)])
+@pytest.mark.parametrize('shape', [CAM, Cam(0.1, -0.3)])
 def test_the_cam_keeps_the_contract_of_shapes(shape):
     check_shape(shape, np.random.default_rng(1))
-
-
-#: Faults of a cam, as methods in place of its own.
-FAULTS = {
-    'unroll': lambda self, angles, corners: 1.01 * self.radius * angles,
-    'surface_at': lambda self, corners, normals: (
-        self.offset + self.radius * normals,
-        np.full(len(normals), 1.01 * self.radius),
-    ),
-    'support_points': lambda self, normals: self.offset + 1.01 * self.radius * normals,
-    'centroid': property(lambda self: 0j),
-    'gyration': property(lambda self: self.radius),
-    'reach': property(lambda self: self.radius),
-}
-
-
-@pytest.mark.parametrize('name', FAULTS)
-def test_a_faulty_cam_fails_the_contract(name):
-    faulty = type('FaultyCam', (Cam,), {name: FAULTS[name]})
-    with pytest.raises(AssertionError):
-        check_shape(faulty(0.15, 0.05), np.random.default_rng(1))
 
 
 def test_one_line_lets_object_files_have_the_shape(monkeypatch):

@@ -46,6 +46,6 @@ def test_a_preset_moves_an_object(name):
     _, module, directions = PRESETS[name]
     body = ConvexObject.disc(tangent_center(robot.home, module, 0.3), 0.3)
     grip = Grip.at_module(robot, module, body)
-    found = reachable_twists(robot.home, grip)
-    assert len(found) == directions
-    assert solve_twist(robot.home, grip, 0.01 * found[0]).status is Status.OK
+    twists = reachable_twists(robot.home, grip)
+    assert len(twists) == directions
+    assert solve_twist(robot.home, grip, 0.01 * twists[0]).status is Status.OK

@@ -4,14 +4,16 @@
 """Robot files: what loads, and that every refusal names the file, the key and what is right."""
 
 import copy
-from dataclasses import replace
+from datetime import date, datetime
 import io
+from pathlib import Path
 import re
 
-from hypothesis import given, strategies
+from hypothesis import given
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError, StructureError
 from isotruss_ros.core.model.inflated_section import find_stiffness_faults
+from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.model.safe_yaml import MAX_FILE_SIZE
 from isotruss_ros.core.model.stiffness_law import read_laws
 from isotruss_ros.core.statics.section import InflatableBeam
@@ -61,13 +63,6 @@ def test_numbers_may_be_whole_and_frame_and_stiffness_left_out():
     assert all(isinstance(value, float) for value in robot.description.pressures.values())
 
 
-def test_name_may_be_in_any_script():
-    document = robots.example()
-    document['joints']['Spitze_ä1'] = document['joints'].pop('X')
-    document['tubes']['south'] = {'joints': ['P', 'Q', 'Spitze_ä1'], 'passive': 'P'}
-    assert robots.load(document).module_names[2] == 'south/Spitze_ä1'
-
-
 # Each numeric key must be positive and finite.
 NUMBERS = """
 module.pinch_separation module.rod_length module.guide_ring_distance module.axial_rigidity
@@ -89,15 +84,6 @@ def test_number_that_is_not_positive_is_refused(key, tmp_path):
         assert f'{key}: ' in message
         assert 'must be' in message
         assert 'a positive number' in message
-
-
-@pytest.mark.parametrize('value', ['.nan', '.inf', '-.inf', '1e400', 'true', 'far', '[1]', '~'])
-def test_coordinate_that_is_not_finite_is_refused(value, tmp_path):
-    document = robots.example()
-    document['joints']['Q'] = [1.0, 'VALUE']
-    message = refusal(as_yaml(document).replace('VALUE', value), tmp_path)
-    assert 'joints.Q.1: ' in message
-    assert 'must be a finite coordinate [m]' in message
 
 
 #: Changes to a file, and what is said then; without a value a key is taken out.
@@ -130,6 +116,8 @@ module.guide_ring_distance: 0.6 -> guide_ring_distance: 0.6 | south/P-Q | must b
 module.rod_length: 1.5 -> does not fit its corner | rod_length 1.5 | smaller module
 tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.005 to 0.5; if it is in cm, it is 0.102 m
 tube.pressure: 34.5 -> tube.pressure: 34.5: | if it is in kPa, it is 34500 Pa
+joints.Q: [1.0, .nan] -> joints.Q.1: nan: must be a finite coordinate [m]
+joints.Q: [1.0, far] -> joints.Q.1: 'far': must be a finite coordinate [m]
 joints.Q: [1000.0, 0.0] -> joints.Q.0: 1000.0: | if it is in mm, it is 1 m
 joints.X: [2.0, 0.0] -> module south/P does not fit its corner | between 1 and 179 degrees
 tube.pressure: 135825 -> tube.pressure: 135825: | if it is absolute, it is 34500 Pa
@@ -137,6 +125,11 @@ tube.stiffness_scale: 95 -> tube.stiffness_scale: 95: | if it is in percent, it 
 tube.local_stiffness: 120 -> tube.local_stiffness: 120: | if it is in percent, it is 1.2
 calibration: {zero_deviations: {south/W: 0.1}} -> zero_deviations: unknown roller 'south/W'
 calibration: {checked_rollers: [P]} -> checked_rollers: unknown roller 'P' | known are south/
+tube.pressure: 0.0 -> tube.pressure: 0.0: must be gauge pressure, a positive number [Pa]
+tube.pressure: high -> tube.pressure: 'high': must be gauge pressure
+tube.pressure: {} -> tube.pressure: tube south is missing; give one number, or one per tube
+tube.pressure: {south: 0} -> tube.pressure.south: 0: must be gauge pressure of this tube
+tube.pressure: {south: 2e+4, west: 2e+4} -> tube.pressure: unknown tube 'west'; known are south
 """
 
 
@@ -167,24 +160,13 @@ def test_overlapping_parts_at_home_are_refused(tmp_path):
     assert 'their clearance is -0.040 m' in message
 
 
-@pytest.mark.parametrize(('mistakes', 'lines'), [(49, 49), (50, 50), (51, 51), (2_000, 51)])
+@pytest.mark.parametrize(('mistakes', 'lines'), [(50, 50), (51, 51), (2_000, 51)])
 def test_complaints_are_truncated_after_fifty(mistakes, lines, tmp_path):
     document = robots.example()
     document['joints'] |= {f'J{i}': 'here' for i in range(mistakes)}
     told = refusal(as_yaml(document), tmp_path).splitlines()
     assert len(told) == lines
     assert told[-1].endswith('and more like these') == (mistakes > 50)
-
-
-@pytest.mark.parametrize('key', ['tubes', 'supports'])
-def test_list_of_mistakes_is_refused_in_time(key, tmp_path):
-    # Compared in pairs, as JSON Schema would have it, these take hours; the runner gives minutes.
-    wrong = [{'a': i} for i in range(1_500)]
-    document = robots.example()
-    document[key] = {'P': wrong} if key == 'supports' else {'t': {'joints': wrong, 'passive': 'P'}}
-    content = as_yaml(document)
-    assert 12_000 < len(content) < MAX_FILE_SIZE
-    assert "{'a': 0}: must be" in refusal(content, tmp_path)
 
 
 EXAMPLE = as_yaml(robots.example())
@@ -199,13 +181,8 @@ NO_ROBOTS = {
         "joints: 1 is not text; put quotes around it: '1'",
     ),
     'alias': ('name: x\nframe: *a\n', 'line 2: *a: anchors and aliases are not used'),
-    # A warning of the YAML reader, once.
-    'anchor twice': ('a: 1\nb: &a\nc: &a\n', 'line 2: &a: anchors and aliases are not used'),
     'bracket that does not close': ('{name: [}', 'line 1, column 9: not YAML 1.2'),
-    'no day of any month': ('when: 2001-99-99\n', 'not YAML 1.2'),
     'object of Python': ('name: !!python/object:os.system x\n', 'not YAML 1.2'),
-    'mapping as a key': ('? {a: 1}\n: 1\n', 'not YAML 1.2'),
-    'very long integer': ('9' * 5000, "line 1: '99999999999999999999'... has 5000 characters"),
     # Python reads it, and then cannot print it.
     'very long number in base 16': ('name: 0x' + 'f' * 5000, 'must be at most 1000'),
     # The reader takes time in the square of the depth: hours for a file of brackets.
@@ -224,44 +201,12 @@ def test_invalid_robot_files_are_refused(case, tmp_path):
 
 @pytest.mark.parametrize(
     'name',
-    ['nine', 'nine_member.yaml', '~nobody_of_this_name/x.yaml', 'x\0y', 'x' * 300, '/', '', None],
+    ['nine', '~nobody_of_this_name/x.yaml', 'x\0y', 'x' * 300, '/', '', None],
     ids=repr,
 )
 def test_missing_file_is_refused_with_the_presets(name):
     with pytest.raises(RobotFileError, match=r'give one of bow_tie, .*, triangle, or the path'):
         load_robot(name)
-
-
-# Values of every type that YAML knows, the extremes of each among them.
-scalars = (
-    strategies.none()
-    | strategies.booleans()
-    | strategies.integers(-(10**30), 10**30)
-    | strategies.floats()
-    | strategies.sampled_from([0.0, -0.0, 1e-300, 5e-324, 1e300, 1e12, -1e12, 1e-9])
-    | strategies.text(max_size=5)
-    | strategies.sampled_from(['x', 'y', 'P', 'Q', 'X', 'south', 'section', 'power_law'])
-    | strategies.dates()
-    | strategies.datetimes()
-    | strategies.binary(max_size=4)
-)
-keys = strategies.text(max_size=4) | strategies.integers(0, 9) | strategies.booleans()
-values = strategies.recursive(
-    scalars,
-    lambda inner: (
-        strategies.lists(inner, max_size=3) | strategies.dictionaries(keys, inner, max_size=3)
-    ),
-    max_leaves=5,
-)
-
-
-def places(value, path=()):
-    """Return the path of every value inside a document."""
-    found = []
-    if isinstance(value, (dict, list)):
-        for key in value if isinstance(value, dict) else range(len(value)):
-            found += [(*path, key), *places(value[key], (*path, key))]
-    return found
 
 
 def at(document, path):
@@ -270,83 +215,85 @@ def at(document, path):
     return document
 
 
-@strategies.composite
-def mutated(draw):
-    document = robots.example()
-    for _ in range(draw(strategies.integers(1, 3))):
-        everywhere = places(document)
-        if not everywhere:
+#: Keys and values of every type that YAML knows, extremes among them.
+ODD = [None, True, 0, -(10**30), 5e-324, -1e12, float('nan'), '', 'x', 'P', 'section', 'power_law']
+ODD += [date(2001, 2, 3), datetime(2001, 2, 3), b'xyz', [], {}, [[0.0]], {0: None}, {'C': [1]}]
+
+
+def mutate(rng, document):
+    """Replace, remove or insert a random value somewhere in a document."""
+    block = document
+    while True:
+        places = list(block) if isinstance(block, dict) else list(range(len(block)))
+        if not places:
+            return
+        key = places[rng.integers(len(places))]
+        if rng.random() < 0.4 or not isinstance(block[key], (dict, list)):
             break
-        *path, last = draw(strategies.sampled_from(everywhere))
-        block = at(document, path)
-        change = draw(strategies.sampled_from(['replace', 'remove', 'insert', 'copy']))
-        if change == 'replace':
-            block[last] = draw(values)
-        elif change == 'remove':
-            del block[last]
-        elif change == 'copy':
-            block[last] = copy.deepcopy(at(document, draw(strategies.sampled_from(everywhere))))
-        elif isinstance(block, list):
-            block.insert(last, draw(values))
-        else:
-            block[draw(keys)] = draw(values)
-    return document
-
-
-def complaint(content):
-    """Return what is said about a robot file, nothing if it loads; any other error escapes."""
-    path = robots.write({})
-    try:
-        path.write_bytes(content)
-        load_robot(path)
-    except RobotFileError as error:
-        return str(error).replace(str(path), 'FILE')
-    finally:
-        path.unlink()
-    return ''
+        block = block[key]
+    odd, change = copy.deepcopy(ODD[rng.integers(len(ODD))]), rng.integers(3)
+    if change == 0:
+        block[key] = odd
+    elif change == 1:
+        del block[key]
+    elif isinstance(block, list):
+        block.insert(key, odd)
+    else:
+        block[str(odd)[:4]] = odd
 
 
 @robots.examples(150)
-@given(mutated())
-def test_mutated_file_loads_or_is_refused(document):
-    message = complaint(as_yaml(document).encode())
-    assert not message or message.startswith('FILE: ')
+@given(robots.generators())
+def test_mutated_file_loads_or_is_refused(rng):
+    document = robots.example()
+    for _ in range(rng.integers(1, 4)):
+        mutate(rng, document)
+    path = robots.write({})
+    path.write_text(as_yaml(document), encoding='utf-8')
+    prefix = message = f'{path}: '
+    try:
+        load_robot(path)
+    except RobotFileError as error:
+        message = str(error)
+    finally:
+        path.unlink()
+    assert message.startswith(prefix)
 
 
-# -- Stiffness and pressures --
+def laws(b_rotary=0.5, c_rotary=0.3, a_rotary=0.6):
+    """Return power laws whose transverse one goes with p^0.6 / L."""
+    return {
+        'model': 'power_law',
+        'axial': {'C': 8.0, 'a': 0.6, 'b': 0.0},
+        'transverse': {'C': 0.5, 'a': 0.6, 'b': -1.0},
+        'rotary': {'C': c_rotary, 'a': a_rotary, 'b': b_rotary},
+    }
+
 
 #: Changes of a valid stiffness block, and the words of the refusal.
 UNIT_MISTAKES = {
     'inflatable_beam': [
         ('membrane_modulus', 60, 'if it is in kN/m or N/mm, it is 60000 N/m'),
         ('membrane_modulus', 5e8, 'if it is in Pa, of a wall of 0.1 mm, it is 50000 N/m'),
-        ('membrane_shear_modulus', 10, 'if it is in kN/m or N/mm, it is 10000 N/m'),
         ('end_softening', 732, 'from 0.2 to 200; if it is in percent, it is 7.32'),
-        ('end_softening', 5477, 'if it is in percent, it is 54.77'),
     ],
     'section': [
         ('axial_rigidity', 19.0, 'if it is in kN, it is 19000 N'),
         ('flexural_rigidity', 0.025, 'if it is in kN m^2, it is 25 N m^2'),
         ('flexural_rigidity', 2.5e5, 'if it is in N cm^2, it is 25 N m^2'),
-        ('shear_rigidity', 1.9, 'if it is in kN, it is 1900 N'),
         ('pressure', 34.5, 'if it is in kPa, it is 34500 Pa'),
         ('pressure', 135825, 'if it is absolute, it is 34500 Pa'),
     ],
     'power_law': [
         ('axial', {'C': 8e-3, 'a': 0.6, 'b': 0.0}, 'if it is in kN/m or N/mm, it is'),
         ('axial', {'C': 8.0 * 1e3**0.6, 'a': 0.6, 'b': 0.0}, 'if it is with p in kPa, it is'),
-        ('transverse', {'C': 5e-4, 'a': 0.6, 'b': -1.0}, 'if it is in kN/m or N/mm, it is'),
         ('rotary', {'C': 3e-3, 'a': 0.6, 'b': 0.5}, 'if it is in N m/degree, it is'),
     ],
 }
 VALID_BLOCKS = {
     'inflatable_beam': {},
     'section': robots.example()['tube']['stiffness'],
-    'power_law': {
-        'axial': {'C': 8.0, 'a': 0.6, 'b': 0.0},
-        'transverse': {'C': 0.5, 'a': 0.6, 'b': -1.0},
-        'rotary': {'C': 0.3, 'a': 0.6, 'b': 0.5},
-    },
+    'power_law': laws(),
 }
 
 
@@ -364,64 +311,20 @@ def test_stiffness_in_another_unit_is_refused_with_the_unit(model, key, value, w
     assert words in message
 
 
-@pytest.mark.parametrize('pressure', [17.2e3, 34.5e3, 51.7e3])
-@pytest.mark.parametrize('model', ['inflatable_beam', 'section'])
-def test_absolute_pressure_is_refused_with_the_gauge_pressure(model, pressure):
-    document = robots.example()
-    document['tube']['stiffness'] = {'model': model, **VALID_BLOCKS[model]}
-    document['tube']['pressure'] = pressure
-    robots.load(document)
-    document['tube']['pressure'] = pressure + 101325.0
-    assert f'if it is absolute, it is {pressure:g} Pa' in robots.refusal(document)
-
-
-def law_through(lengths, stiffnesses):
-    """Return the power law, without pressure, that has two stiffnesses at two lengths."""
-    slope = np.log(stiffnesses[1] / stiffnesses[0]) / np.log(lengths[1] / lengths[0])
-    return {'C': float(stiffnesses[0] / lengths[0] ** slope), 'a': 0.0, 'b': float(slope)}
-
-
-@pytest.mark.parametrize('diameter', [0.005, 0.02, 0.102, 0.5])
-@pytest.mark.parametrize('strain', [1e-3, 0.03, 0.1])
-@pytest.mark.parametrize('limits', [(0.1, 20.0), (0.5, 1.0)])
-def test_section_and_laws_of_every_inflatable_beam_are_accepted(diameter, strain, limits):
-    radius, pressure, limits = 0.5 * diameter, 3e4, np.array(limits)
-    description = load_robot('triangle').description
-    module = replace(description.module, guide_ring_distance=0.0)
-    description = replace(description, module=module)
-    beam = InflatableBeam(radius, pressure * radius / strain)
-    rigid = beam.section_stiffness(limits, pressure)
-    values = {
-        'axial_rigidity': rigid.axial[0],
-        'flexural_rigidity': rigid.flexural[0],
-        'shear_rigidity': rigid.shear[0],
+@pytest.mark.parametrize('diameter', [0.005, 0.5])
+@pytest.mark.parametrize('strain', [1e-3, 0.1])
+def test_section_of_every_inflatable_beam_is_accepted(diameter, strain):
+    document, pressure = robots.example(), 3e4
+    beam = InflatableBeam(0.5 * diameter, 0.5 * diameter * pressure / strain)
+    axial, flexural, shear = np.ravel(beam.section_stiffness([0.8], pressure)).tolist()
+    document['tube'] = {'diameter': diameter, 'pressure': pressure}
+    document['tube']['stiffness'] = VALID_BLOCKS['section'] | {
+        'axial_rigidity': axial,
+        'flexural_rigidity': flexural,
+        'shear_rigidity': shear,
     }
-    transverse = 1.0 / (limits**3 / (12.0 * rigid.flexural) + limits / rigid.shear)
-    laws = {
-        'axial': law_through(limits, rigid.axial / limits),
-        'transverse': law_through(limits, transverse),
-        'rotary': law_through(limits, rigid.flexural / limits + 0.25 * limits**2 * transverse),
-    }
-    for block in ({'model': 'section', **values}, {'model': 'power_law', **laws}):
-        file = replace(
-            description,
-            stiffness=block,
-            tube_diameter=diameter,
-            pressures={'t': pressure},
-            min_length=limits[0],
-            max_length=limits[1],
-        )
-        assert [*find_stiffness_faults(file)] == []
-
-
-def laws(b_rotary=0.5, c_rotary=0.3, a_rotary=0.6):
-    """Return power laws whose transverse one goes with p^0.6 / L."""
-    return {
-        'model': 'power_law',
-        'axial': {'C': 8.0, 'a': 0.6, 'b': 0.0},
-        'transverse': {'C': 0.5, 'a': 0.6, 'b': -1.0},
-        'rotary': {'C': c_rotary, 'a': a_rotary, 'b': b_rotary},
-    }
+    description = describe_robot(Path('example.yaml'), document)
+    assert [*find_stiffness_faults(description)] == []
 
 
 def with_laws(block, **members):
@@ -443,45 +346,21 @@ def test_length_of_a_contradiction_is_the_limit_of_beams():
             model.section_stiffness([length - inside], 34.5e3)
 
 
+@pytest.mark.parametrize(('less', 'is_valid'), [(0.95e-9, True), (1.05e-9, False)])
+def test_laws_of_a_beam_without_shear_are_accepted_up_to_rounding(less, is_valid):
+    block = laws(b_rotary=-1.0, c_rotary=100.0 * (1.0 - less), a_rotary=0.0)
+    document = with_laws(block | {'transverse': {'C': 300.0, 'a': 0.0, 'b': -3.0}})
+    if is_valid:
+        robots.load(document)
+    else:
+        assert 'contradict each other at every length' in robots.refusal(document)
+
+
 def test_laws_are_checked_at_the_pressure_of_each_tube():
     document = with_laws(laws(a_rotary=0.8, c_rotary=0.3 * 34.5e3**-0.2))
     robots.load(document)
     document['tube']['pressure'] = {'south': 1e4}
     assert 'at 10000 Pa in tube south' in robots.refusal(document)
-
-
-@pytest.mark.parametrize(
-    ('mode', 'length'), [('axial', 0.25), ('transverse', 0.09), ('rotary', 0.09)]
-)
-def test_bending_laws_use_the_length_between_guide_rings(mode, length):
-    block = laws()
-    block[mode]['a'] = 40.0
-    message = robots.refusal(with_laws(block, min_length=0.25))
-    assert f'tube.stiffness.{mode}: C = ' in message
-    assert f'for a length of {length} m' in message
-
-
-def test_laws_require_members_longer_than_their_guide_rings():
-    message = robots.refusal(with_laws(laws(), min_length=0.16))
-    assert (
-        'members.min_length: 0.16: must be more than twice module.guide_ring_distance' in message
-    )
-
-
-@pytest.mark.parametrize(
-    ('pressure', 'complaint'),
-    [
-        (0.0, 'tube.pressure: 0.0: must be gauge pressure, a positive number [Pa], or one for'),
-        ('high', "tube.pressure: 'high': must be gauge pressure"),
-        ({}, 'tube.pressure: tube south is missing; give one number, or one per tube'),
-        ({'south': 0}, 'tube.pressure.south: 0: must be gauge pressure of this tube'),
-        ({'south': 2e4, 'west': 2e4}, "tube.pressure: unknown tube 'west'; known are south"),
-    ],
-)
-def test_invalid_pressures_are_refused(pressure, complaint):
-    document = robots.example()
-    document['tube']['pressure'] = pressure
-    assert complaint in robots.refusal(document)
 
 
 def test_section_of_tubes_with_different_pressures_needs_its_own():

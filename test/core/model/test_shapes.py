@@ -11,10 +11,13 @@ from isotruss_ros.core.model.convex_object import segment_gaps
 import numpy as np
 import pytest
 import robots
-from shapes import dense_outline, random_polygon, random_shape
+from shapes import random_polygon, random_shape
 
 SEEDS = strategies.integers(0, 10**6)
 SQUARE = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))
+PENTAGRAM = [(np.cos(4 * np.pi * i / 5), np.sin(4 * np.pi * i / 5)) for i in range(5)]
+BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
+SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
 
 
 @robots.examples(100)
@@ -40,32 +43,15 @@ def test_corners_touch_where_the_tangents_do_and_faces_join_them(seed):
         assert face.faces_at(k)[1].corner == after
 
 
-@robots.examples(20)
-@given(SEEDS)
-def test_round_shapes_are_invariant_under_rotation(seed):
-    generator = np.random.default_rng(seed)
-    shape = random_shape(generator)
-    assert shape.is_round == (np.ptp(shape.support(directions(generator))) < 1e-12)
-
-
 def test_feet_of_points_on_the_axes_of_an_ellipse():
     ellipse = Ellipse((0.3, 0.1))
     # Inside of the evolute, up to 0.27 m, the foot is off the axis; beyond, at the vertex.
-    found = ellipse.nearest(np.array([0.0, 0.2, 0.26, 0.29, 0.4, 0.05j, -0.2j]))
-    assert found.gaps[[0, 3, 4, 5, 6]] == pytest.approx([-0.1, -0.01, 0.1, -0.05, 0.1])
+    actual = ellipse.nearest(np.array([0.0, 0.2, 0.26, 0.29, 0.4, 0.05j, -0.2j]))
+    assert actual.gaps[[0, 3, 4, 5, 6]] == pytest.approx([-0.1, -0.01, 0.1, -0.05, 0.1])
     for i, place in ((1, 0.2), (2, 0.26)):
-        foot = place - found.gaps[i] * found.normals[i]
+        foot = place - actual.gaps[i] * actual.normals[i]
         assert foot.real == pytest.approx(0.3**2 * place / (0.3**2 - 0.1**2))
         assert abs(foot.imag) == pytest.approx(0.1 * np.sqrt(1.0 - (foot.real / 0.3) ** 2))
-
-
-def test_feet_on_a_flat_ellipse_are_exact():
-    ellipse = Ellipse((0.3, 0.001))
-    normals = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 37))
-    for away in (-1e-7, 1e-6, 1e-3):
-        found = ellipse.nearest(ellipse.support_points(normals) + away * normals)
-        assert found.gaps == pytest.approx(away, abs=1e-15)
-        assert found.normals == pytest.approx(normals, abs=1e-9)
 
 
 @robots.examples(100)
@@ -81,32 +67,23 @@ def test_vertices_may_have_either_orientation(seed):
     assert hash(again) == hash(Polygon(again.vertices, again.corner_radius))
 
 
-WRONG = {
-    'no list': (3, 'must be a list'),
-    'two': (((0, 0), (1, 0)), 'of 2 vertices: must have at least 3'),
-    'uneven': (((0, 0), (1, [0]), (0, 1)), 'vertex 2'),
-    'not finite': (((0, 0), (1, float('nan')), (0, 1)), 'vertex 2'),
-    'far': (((0, 0), (1e10, 0), (0, 1)), 'vertex 2 .* within'),
-    'twice': (((0, 0), (1, 0), (1, 0), (0, 1)), r'vertex 2 \(1, 0\) m: .* same position'),
-    'a line': (((0, 0), (1, 0), (2, 0)), 'on one line'),
-    'straight': (((0, 0), (1, 0), (2, 0), (0, 1)), r'vertex 2 \(1, 0\) m: on one line'),
-    'concave': (((0, 0), (2, 0), (1, 0.2), (1, 2)), r'vertex 3 \(1, 0.2\) m: .* concave'),
-    'a bow tie': (((0, 0), (1, 1), (1, 0), (0, 1)), 'vertex 1 .* cross each other'),
-    'a pentagram': (
-        [(np.cos(4 * np.pi * i / 5), np.sin(4 * np.pi * i / 5)) for i in range(5)],
-        'cross each other',
-    ),
-    'a grain': (((0, 0), (1.2e-9, 0), (0, 1.2e-9)), 'must be 1e-18 m\\^2 or more'),
-    'around twice': (
-        [(np.cos(a), np.sin(a)) for a in 2 * np.pi * np.arange(7) * 2 / 7],
-        'cross each other',
-    ),
-}
-
-
-@pytest.mark.parametrize('case', WRONG)
-def test_non_convex_polygons_are_refused_with_the_vertex(case):
-    vertices, words = WRONG[case]
+@pytest.mark.parametrize(
+    ('vertices', 'words'),
+    [
+        (3, 'must be a list'),
+        (((0, 0), (1, 0)), 'of 2 vertices: must have at least 3'),
+        (((0, 0), (1, [0]), (0, 1)), 'vertex 2'),
+        (((0, 0), (1, float('nan')), (0, 1)), 'vertex 2'),
+        (((0, 0), (1e10, 0), (0, 1)), 'vertex 2 .* within'),
+        (((0, 0), (1, 0), (1, 0), (0, 1)), r'vertex 2 \(1, 0\) m: .* same position'),
+        (((0, 0), (1, 0), (2, 0), (0, 1)), r'vertex 2 \(1, 0\) m: on one line'),
+        (((0, 0), (2, 0), (1, 0.2), (1, 2)), r'vertex 3 \(1, 0.2\) m: .* concave'),
+        (((0, 0), (1, 1), (1, 0), (0, 1)), 'vertex 1 .* cross each other'),
+        (PENTAGRAM, 'cross each other'),
+        (((0, 0), (1.2e-9, 0), (0, 1.2e-9)), 'must be 1e-18 m\\^2 or more'),
+    ],
+)
+def test_non_convex_polygons_are_refused_with_the_vertex(vertices, words):
     with pytest.raises(GraspError, match=words):
         Polygon(vertices)
 
@@ -118,8 +95,6 @@ def test_non_convex_polygons_are_refused_with_the_vertex(case):
         (0.11, 'does not fit: the side of 0.2 m that begins at vertex 1'),
         ((0.0, 0.15, 0.06, 0.0), r'that begins at vertex 2 \(0.1, -0.1\) m'),
         ((0.01, 0.01), 'must be 4 finite numbers'),
-        ('thick', 'corner_radius'),
-        ((0.01, -0.01, 0.01, 0.01), 'corner_radius -0.01 m: must be from 0 to 10 m'),
     ],
 )
 def test_arcs_longer_than_their_sides_are_refused(radius, words):
@@ -138,6 +113,7 @@ def test_arcs_may_take_whole_sides(half, angle):
     ('make', 'words'),
     [
         (lambda: Disc(-1.0), 'must be from'),
+        (lambda: Disc(0.99e-9), 'must be from'),
         (lambda: Ellipse((0.1, 0.0)), 'semi_axes'),
         (lambda: Ellipse((0.1, 1e-5)), 'factor'),
         (lambda: ConvexObject('box'), 'must be a Disc'),
@@ -145,7 +121,9 @@ def test_arcs_may_take_whole_sides(half, angle):
         (lambda: ConvexObject(Disc(0.1), (1e13, 0.0, 0.0)), 'within'),
         (lambda: ConvexObject(Disc(0.1), mass=0.0), 'mass'),
         (lambda: ConvexObject(Disc(0.1), center_of_mass=(0.06, 0.0)), 'within the object'),
-        (lambda: ConvexObject(Ellipse((0.2, 0.1)), center_of_mass=(1e308, 0.0)), 'within the'),
+        (lambda: ConvexObject.disc((1.01e12, 0.0), 0.1), 'must be within'),
+        (lambda: ConvexObject.disc((0.0, 0.0), 10.1), 'must be from'),
+        (lambda: ConvexObject.disc((0.0, 0.0), np.inf), "the object's diameter .* finite number"),
     ],
 )
 def test_invalid_numbers_are_refused(make, words):
@@ -177,41 +155,13 @@ def arc(shape, angles):
     return shape.unroll(angles, np.array(corners))
 
 
-@robots.examples(40)
-@given(robots.generators())
-def test_unrolled_arcs_agree_with_outline_lengths(rng):
-    shape = random_shape(rng)
-    angles = np.sort(rng.uniform(-3.0, 3.0, 2))
-    first, last = shape.support_points(np.exp(1j * angles))
-    outline = dense_outline(shape, 40_000)
-    begin, end = (np.abs(outline - point).argmin() for point in (first, last))
-    steps = np.abs(np.roll(outline, -1) - outline)
-    along = np.roll(steps, -begin)[: (end - begin) % len(outline)].sum()
-    found = np.diff(arc(shape, angles))[0]
-    slack = 3e-4 * shape.perimeter
-    assert min(abs(found - along), abs(found - along + shape.perimeter)) < slack
-
-
-@pytest.mark.parametrize(
-    'shape',
-    [
-        Disc(0.3),
-        Ellipse((0.3, 0.1)),
-        Ellipse((0.1, 0.3)),
-        Polygon([(0.0, 0.0), (0.4, 0.0), (0.1, 0.3)]),
-        Polygon([(0.0, 0.0), (0.4, 0.0), (0.4, 0.3), (0.0, 0.3)], 0.05),
-    ],
-)
-@pytest.mark.parametrize('turns', [-7, -1, 1, 3])
+@pytest.mark.parametrize('shape', SHAPES)
+@pytest.mark.parametrize('turns', [-7, 1])
 def test_a_whole_turn_unrolls_the_perimeter(shape, turns):
     angles = np.linspace(-3.1, 3.0, 41)
     after = arc(shape, angles + 2.0 * np.pi * turns)
     assert after - arc(shape, angles) == pytest.approx(turns * shape.perimeter, abs=1e-12)
     assert (np.diff(arc(shape, np.linspace(-20.0, 20.0, 1001))) >= -1e-12).all()
-
-
-BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
-SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
 
 
 @pytest.mark.parametrize('shape', SHAPES)
@@ -221,34 +171,20 @@ def test_gaps_of_segments_are_those_of_their_points(shape):
     for _ in range(40):
         body = ConvexObject(shape, (*rng.normal(size=2), rng.uniform(0.0, 6.0)))
         start, end = body.middle + 0.4 * (rng.normal(size=2) + 1j * rng.normal(size=2))
-        found = segment_gaps(body, np.array([start]), np.array([end]))
+        actual = segment_gaps(body, np.array([start]), np.array([end]))
         points = body.nearest(start + share * (end - start)).gaps
         if points.min() > 1e-3:
-            assert found.gaps[0] == pytest.approx(points.min(), abs=1e-4)
-            place = start + found.shares[0] * (end - start)
+            assert actual.gaps[0] == pytest.approx(points.min(), abs=1e-4)
+            place = start + actual.shares[0] * (end - start)
             nearest = body.nearest(np.array([place]))
-            assert nearest.gaps[0] == pytest.approx(found.gaps[0], abs=1e-9)
-            assert found.normals[0] == pytest.approx(nearest.normals[0], abs=1e-6)
+            assert nearest.gaps[0] == pytest.approx(actual.gaps[0], abs=1e-9)
+            assert actual.normals[0] == pytest.approx(nearest.normals[0], abs=1e-6)
         else:
-            assert found.gaps[0] < 2e-3
-        point = segment_gaps(body, np.array([start]), np.array([start]))
-        assert point.gaps == pytest.approx(body.nearest(np.array([start])).gaps, abs=1e-12)
+            assert actual.gaps[0] < 2e-3
 
 
-@pytest.mark.parametrize('shape', SHAPES)
-def test_gap_directions_are_independent_of_the_direction_of_lines(shape):
-    rng = np.random.default_rng(2)
-    body = ConvexObject(shape, (1.0, -0.5, 2.0))
-    starts, turned = body.middle + 0.4 * np.exp(1j * rng.uniform(0.0, 6.0, (2, 200)))
-    found, back = segment_gaps(body, starts, turned), segment_gaps(body, turned, starts)
-    inside = (found.shares > 0.0) & (found.shares < 1.0)
-    assert inside.sum() > 100
-    away = ((starts - body.middle) * found.normals.conj()).real[inside]
-    assert away.min() >= 0.0
-    reach = (
-        shape.support(found.normals / body.turn)
-        + ((body.center - body.middle) * found.normals.conj()).real
-    )
-    assert found.gaps[inside] == pytest.approx(away - reach[inside], abs=1e-12)
-    assert back.gaps == pytest.approx(found.gaps, abs=1e-12)
-    assert back.normals == pytest.approx(found.normals, abs=1e-12)
+def test_the_ends_of_an_arc_whose_center_is_outside_are_within_reach():
+    """Nearly all of two sides of a triangle is an arc around a point below the third one."""
+    height, radius = 0.5 * np.sqrt(3.0), 0.99 * np.tan(np.pi / 6.0)
+    triangle = Polygon([(-0.5, 0.0), (0.5, 0.0), (0.0, height)], (0.0, 0.0, radius))
+    assert triangle.reach == pytest.approx(0.5)

@@ -3,8 +3,6 @@
 
 """Smooth curves through the corners of polygons, against the ellipses on which these are."""
 
-import math
-
 from isotruss_ros.core import Disc, Ellipse, Polygon
 from isotruss_ros.core.model.smooth_outline import SmoothOutline
 import numpy as np
@@ -14,7 +12,7 @@ from shapes import regular_polygon, sampled
 ANGLES = np.linspace(-7.0, 7.0, 1001)
 NORMALS = np.exp(1j * ANGLES)
 NONE = np.zeros(len(ANGLES), dtype=np.intp)
-ELLIPSES = [Ellipse((0.15, 0.15)), Ellipse((0.15, 0.1)), Ellipse((0.09, 0.12))]
+ELLIPSES = [Ellipse((0.15, 0.1)), Ellipse((0.09, 0.12))]
 #: Shift of the frame [m].
 AWAY = 0.2 - 0.1j
 
@@ -37,59 +35,32 @@ def test_points_and_radii_are_those_of_the_ellipse(ellipse, count, place, radius
 
 
 @pytest.mark.parametrize('ellipse', ELLIPSES)
-def test_arcs_unroll_over_full_turns(ellipse):
-    curve = curve_of(ellipse, 24)
-    off = curve.unroll(ANGLES, NONE) - ellipse.unroll(ANGLES, NONE)
-    assert np.ptp(off) < 1e-5
-
-
-@pytest.mark.parametrize('ellipse', ELLIPSES)
 def test_nearest_point_is_at_the_largest_distance_from_a_tangent(ellipse):
     random = np.random.default_rng(1)
     points = random.uniform(-0.3, 0.3, (300, 2)) @ [1.0, 1.0j]
-    found, wanted = curve_of(ellipse, 96).nearest(points), ellipse.nearest(points)
-    assert found.gaps == pytest.approx(wanted.gaps, abs=1e-8)
+    actual, wanted = curve_of(ellipse, 96).nearest(points), ellipse.nearest(points)
+    assert actual.gaps == pytest.approx(wanted.gaps, abs=1e-8)
     outside = wanted.gaps > 0.0
-    assert found.normals[outside] == pytest.approx(wanted.normals[outside], abs=1e-6)
-
-
-def test_derivatives_agree_with_finite_differences():
-    curve, step = curve_of(ELLIPSES[1], 24, AWAY), 1e-5
-    radii = curve.surface_at(NONE, NORMALS)[1]
-    ahead, behind = (curve.surface_at(NONE, NORMALS * np.exp(1j * s)) for s in (step, -step))
-    moved = (ahead[0] - behind[0]) / (2.0 * step)
-    assert moved == pytest.approx(1j * radii * NORMALS, abs=1e-9)
+    assert actual.normals[outside] == pytest.approx(wanted.normals[outside], abs=1e-6)
 
 
 def test_curve_depends_on_no_first_corner_or_frame():
-    polygon, turn = sampled(ELLIPSES[1], 24, 0.3), np.exp(1j)
+    polygon, turn = sampled(ELLIPSES[0], 24, 0.3), np.exp(1j)
     points = polygon.smoothed(1.0).support_points(NORMALS)
     begun = Polygon(polygon.vertices[5:] + polygon.vertices[:5]).smoothed(1.0)
     assert begun.support_points(NORMALS) == pytest.approx(points, abs=1e-12)
     moved = polygon.corners * turn + AWAY
     other = Polygon(tuple(zip(moved.real, moved.imag, strict=True))).smoothed(1.0)
-    found = (other.support_points(NORMALS * turn) - AWAY) / turn
-    assert found == pytest.approx(points, abs=1e-12)
+    actual = (other.support_points(NORMALS * turn) - AWAY) / turn
+    assert actual == pytest.approx(points, abs=1e-12)
 
 
-def test_smoothed_rounded_polygons_touch_their_arcs():
-    radius = 0.15
-    rounded = Polygon(regular_polygon(48, radius).vertices, corner_radius=0.01).smoothed(1.0)
-    inset = 0.01 * (1.0 / math.cos(math.pi / 48) - 1.0)
-    assert np.abs(rounded.support_points(NORMALS)) == pytest.approx(radius - inset, rel=1e-9)
-
-
-@pytest.mark.parametrize('count', [3, 4, 6, 8, 12])
-def test_polygons_of_few_corners_stay_polygons(count):
-    polygon = regular_polygon(count, 0.02)
-    assert polygon.smoothed(1.0) is polygon
-
-
-def test_polygons_with_long_faces_stay_polygons():
-    polygon = regular_polygon(24, 0.15)
-    face = polygon.faces_at(0)[0].length
-    assert polygon.smoothed(0.999 * face) is polygon
-    assert isinstance(polygon.smoothed(1.001 * face), SmoothOutline)
+def test_polygons_with_few_corners_or_long_faces_stay_polygons():
+    few, many = regular_polygon(12, 0.02), regular_polygon(24, 0.15)
+    face = many.faces_at(0)[0].length
+    assert few.smoothed(1.0) is few
+    assert many.smoothed(0.999 * face) is many
+    assert isinstance(many.smoothed(1.001 * face), SmoothOutline)
 
 
 def test_polygons_with_one_sharp_corner_stay_polygons():
