@@ -6,7 +6,6 @@
 from hypothesis import given, strategies
 from isotruss_ros.core.numerics.factorization import (
     count_negative_pivots,
-    DenseFactor,
     estimate_condition,
     factorize,
 )
@@ -43,20 +42,10 @@ def test_nearly_singular_matrix_has_a_factor(kind):
 
 
 @KINDS
-def test_overflowing_inverse_gives_an_infinite_condition_number(kind):
-    assert estimate_condition(kind([[1.0, 0.0], [0.0, 1e-320]])) == np.inf
-
-
-@pytest.mark.parametrize('kind', [np.array, csc_matrix])
 def test_number_of_negative_pivots_is_that_of_negative_eigenvalues(kind):
     # A constraint beside a stiffness: one eigenvalue is negative, whose diagonal entry is zero.
     assert count_negative_pivots(kind([[0.0, 1.0], [1.0, 0.0]])) == 1
     assert count_negative_pivots(kind(np.diag([1.0, -2.0, 3.0, -4.0]))) == 2
-
-
-def test_dense_factor_names_the_zero_pivot():
-    with pytest.raises(np.linalg.LinAlgError, match='pivot 2 is zero'):
-        DenseFactor(np.array([[1.0, 0.0], [0.0, 0.0]]))
 
 
 @KINDS
