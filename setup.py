@@ -65,7 +65,6 @@ setup(
             'pytest-timeout',
             'hypothesis',
             'psutil',
-            'PyNiteFEA',
             'openseespylinux',
         ],
     },

@@ -28,7 +28,7 @@ command=$("$(dirname "$0")/find_python.sh" "$python" python3)
 touch "$venv/COLCON_IGNORE" "$venv/AMENT_IGNORE"
 # Not the package itself: the tests of its sources run beside their helpers.
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --upgrade --upgrade-strategy eager \
-    $versions pytest pytest-timeout pytest-xdist hypothesis psutil pillow PyNiteFEA
+    $versions pytest pytest-timeout pytest-xdist hypothesis psutil pillow
 echo "== $name: Python $python"
 "$venv/bin/python" -m pip freeze | grep -i -E '^(numpy|scipy|ruamel.yaml|jsonschema|matplotlib|mujoco)=='
 PYTHONPATH=. "$venv/bin/python" -m pytest -q -n auto -m 'not nightly and not system' "$@"

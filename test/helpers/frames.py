@@ -65,21 +65,19 @@ def supports(n, held):
     return flags
 
 
-def frame(points, members_, held, rows=None, names=None):
+def frame(points, members_, held, rows=None):
     """Return the package's frame; nodes are called n0, n1, ... ."""
-    names = [f'n{i}' for i in range(len(points))] if names is None else names
+    names = [f'n{i}' for i in range(len(points))]
     points = np.asarray(points, dtype=complex)
     constraints = LinearRows(np.zeros((0, held.size)) if rows is None else rows)
     start, end, section, pinned = members_
     return Frame.of(points, section, Numbering(names, start, end, pinned, held, constraints))
 
 
-def random_frame(rng, shear=True, pins=0.3, spread=1.5):
+def random_frame(rng, spread=1.5):
     """
     Return points, members and supports of a frame that stands.
 
-    :param shear: whether members give in shear.
-    :param pins: the share of the members that are pinned.
     :param spread: decades over which rigidities are spread.
     """
     while True:
@@ -93,34 +91,34 @@ def random_frame(rng, shear=True, pins=0.3, spread=1.5):
             pairs.add(tuple(sorted(map(int, rng.choice(n, 2, replace=False)))))
         ends = [pair[:: rng.choice([-1, 1])] for pair in sorted(pairs)]
         k = len(ends)
-        found = members(
+        bars = members(
             ends,
             10.0 ** (4.0 + rng.uniform(-spread, spread, k)),
             10.0 ** (1.5 + rng.uniform(-spread, spread, k)),
-            10.0 ** (3.0 + rng.uniform(-spread, spread, k)) if shear else np.inf,
-            np.flatnonzero(rng.random(k) < pins),
+            10.0 ** (3.0 + rng.uniform(-spread, spread, k)),
+            np.flatnonzero(rng.random(k) < 0.3),
         )
         held = np.zeros((n, 3), dtype=bool)
         for node in rng.choice(n, int(rng.integers(1, 4)), replace=False):
             held[node] = rng.random(3) < 0.6
         moving = ~held
-        moving[:, 2] &= turning(found, n)
-        if moving.sum() > 2 and stands(points, found, held):
-            return points, found, held
+        moving[:, 2] &= turning(bars, n)
+        if moving.sum() > 2 and stands(points, bars, held):
+            return points, bars, held
 
 
-def random_loads(rng, found, n):
+def random_loads(rng, bars, n):
     """Return loads (n, 3) on all nodes, without moments where nothing turns."""
     loads = rng.uniform(-10.0, 10.0, (n, 3))
-    loads[~turning(found, n), 2] = 0.0
+    loads[~turning(bars, n), 2] = 0.0
     return loads
 
 
-def turning(found, n):
+def turning(bars, n):
     """Return which of the nodes have a rotation: those where a member is not pinned."""
     turns = np.zeros(n, dtype=bool)
-    turns[found.start[~found.pinned]] = True
-    turns[found.end] = True
+    turns[bars.start[~bars.pinned]] = True
+    turns[bars.end] = True
     return turns
 
 
@@ -139,38 +137,38 @@ def member_stiffness(span, axial, flexural, shear):
     return turn.T @ local @ turn, turn
 
 
-def _assembled(points, found):
+def _assembled(points, bars):
     """Return the stiffness with rotations of their own for pinned ends, and who uses which."""
-    n, k = len(points), len(found.start)
+    n, k = len(points), len(bars.start)
     places, free_rotation = [], 3 * n
     for i in range(k):
-        start, end = int(found.start[i]), int(found.end[i])
+        start, end = int(bars.start[i]), int(bars.end[i])
         place = [3 * start, 3 * start + 1, 3 * start + 2, 3 * end, 3 * end + 1, 3 * end + 2]
-        if found.pinned[i]:
+        if bars.pinned[i]:
             place[2] = free_rotation
             free_rotation += 1
         places.append(place)
     matrix = np.zeros((free_rotation, free_rotation))
     parts = []
     for i, place in enumerate(places):
-        span = points[found.end[i]] - points[found.start[i]]
-        part, turn = member_stiffness(span, *found.section[:, i])
+        span = points[bars.end[i]] - points[bars.start[i]]
+        part, turn = member_stiffness(span, *bars.section[:, i])
         matrix[np.ix_(place, place)] += part
         parts.append((place, part, turn))
     return matrix, parts
 
 
-def _free(matrix, found, held):
+def _free(matrix, bars, held):
     free = np.ones(len(matrix), dtype=bool)
     free[np.arange(held.size)] = ~held.ravel()
-    free[np.arange(2, held.size, 3)] &= turning(found, len(held))
+    free[np.arange(2, held.size, 3)] &= turning(bars, len(held))
     return np.flatnonzero(free)
 
 
-def stands(points, found, held):
+def stands(points, bars, held):
     """Tell whether a frame is no mechanism, and far from being one."""
-    matrix, _ = _assembled(points, found)
-    free = _free(matrix, found, held)
+    matrix, _ = _assembled(points, bars)
+    free = _free(matrix, bars, held)
     part = matrix[np.ix_(free, free)]
     diagonal = np.diagonal(part)
     if not len(free) or diagonal.min() <= 0.0:
@@ -179,10 +177,10 @@ def stands(points, found, held):
     return np.linalg.eigvalsh(scale[:, None] * part * scale)[0] > 1e-5
 
 
-def reference(points, found, held, loads, rows=None):
+def reference(points, bars, held, loads, rows=None):
     """Return displacements (n, 3), reactions (n, 3) and end forces (k, 6)."""
-    matrix, parts = _assembled(points, found)
-    free, size = _free(matrix, found, held), held.size
+    matrix, parts = _assembled(points, bars)
+    free, size = _free(matrix, bars, held), held.size
     pushed = np.zeros(len(matrix))
     pushed[:size] = loads.ravel()
     bound = np.zeros((0 if rows is None else len(rows), len(matrix)))

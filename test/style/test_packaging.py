@@ -37,7 +37,6 @@ ROSDEP_KEYS = {
 }
 # No rosdep keys: what needs them is taken, and tested, where they are installed.
 ONLY_FROM_PYPI = {
-    'PyNiteFEA',
     'daqp',
     'distributed',
     'mcap',

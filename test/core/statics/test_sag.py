@@ -23,26 +23,22 @@ def hanging(weight, config=ROBOT.home, noise=1e-3, seed=0):
     }
 
 
-@pytest.mark.parametrize('direction', [(0.0, -1.0), (0.6, -0.8), (1.0, 0.0)])
+@pytest.mark.parametrize('direction', [(0.0, -1.0), (1.0, 0.0)])
 @pytest.mark.parametrize('mass', [0.5, 1.5])
-def test_weight_and_direction_of_an_upright_robot_are_found(direction, mass):
+def test_weight_and_direction_of_an_upright_robot_are_estimated(direction, mass):
     weight = 9.81 * mass * np.array(direction)
-    found = find_sag(ROBOT.home, hanging(weight))
-    assert found.is_upright
-    assert np.hypot(*(found.weight - weight)) < 0.25 * np.hypot(*weight)
-
-
-def test_an_upright_robot_is_found_in_other_postures():
     config = ROBOT.home.moved_to(0.1 * np.array([1.0, -0.5, 0.3, 0.8, -1.0, 0.2]))
-    assert find_sag(config, hanging((0.0, -9.81), config)).is_upright
+    sag = find_sag(config, hanging(weight, config))
+    assert sag.is_upright
+    assert np.hypot(*(sag.weight - weight)) < 0.25 * np.hypot(*weight)
 
 
 def test_roller_offsets_and_noise_are_rarely_fitted_as_weight():
-    found, rng = [], np.random.default_rng(0)
+    sag, rng = [], np.random.default_rng(0)
     for seed in range(50):
         config = ROBOT.home.moved_to(0.01 * rng.normal(size=6))
-        found.append(find_sag(ROBOT.home, hanging((0.0, 0.0), config, seed=seed)).is_upright)
-    assert sum(found) <= 3
+        sag.append(find_sag(ROBOT.home, hanging((0.0, 0.0), config, seed=seed)).is_upright)
+    assert sum(sag) <= 3
 
 
 def test_few_joints_have_no_fit():
