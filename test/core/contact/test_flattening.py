@@ -3,13 +3,13 @@
 
 """Flattening: the closed forms of the kernel, its symmetry, and that of a robot file."""
 
-from hypothesis import given, strategies
-from isotruss_ros.core import load_robot
+from dataclasses import replace
+
+from isotruss_ros.core import load_robot, Robot
 from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.statics.section import Fabric
 import numpy as np
 import pytest
-import robots
 
 RADIUS, PRESSURE = 0.051, 34.5e3
 FABRIC = Fabric(6e4, 1e4)
@@ -32,8 +32,8 @@ def test_uniform_one_sided_load_has_the_stiffness_of_four_thirds_pi_p(fabric, mo
     assert 1.0 / dent == pytest.approx(4.0 / 3.0 * np.pi * PRESSURE, rel=1e-6)
 
 
-@pytest.mark.parametrize('fabric', [FABRIC, Fabric(1e5, 5e4), Fabric(3e4, 1e6), Fabric(5e6, 1e3)])
-@pytest.mark.parametrize('pressure', [5e3, PRESSURE, 1e5])
+@pytest.mark.parametrize('fabric', [FABRIC, Fabric(3e4, 1e6)])
+@pytest.mark.parametrize('pressure', [5e3, 1e5])
 def test_tension_and_decay_length_of_each_mode_agree(fabric, pressure):
     kernel, n = Flattening(RADIUS, pressure, fabric), np.arange(2, 9)
     assert kernel.stiffness == pytest.approx(np.pi * pressure * (n**2 - 1.0))
@@ -45,26 +45,15 @@ def test_tension_and_decay_length_of_each_mode_agree(fabric, pressure):
 
 
 def test_modes_are_strings_on_a_foundation():
-    found = Flattening(RADIUS, PRESSURE, FABRIC)
-    reach = found.decay_length
+    alone = Flattening(RADIUS, PRESSURE, FABRIC)
+    reach = alone.decay_length
     # Without averaging over the spacing it is exp(-s / lambda) / (2 sqrt(k G)).
     matrix, spacing = kernel(400, 2e-4), 2e-4
     far = np.array([50, 100, 300])
     plain = np.exp(-far[:, None] * spacing / reach) @ (
-        0.5 / np.sqrt(found.stiffness * found.tension)
+        0.5 / np.sqrt(alone.stiffness * alone.tension)
     )
     assert matrix[0, far] == pytest.approx(plain, rel=1e-3)
-
-
-@robots.examples(50)
-@given(robots.generators(), strategies.floats(1e-4, 0.1))
-def test_compliance_is_symmetric_positive_definite(rng, spacing):
-    fabric = FABRIC if rng.random() < 0.5 else None
-    found = Flattening(rng.uniform(0.02, 0.2), rng.uniform(5e3, 1e5), fabric)
-    matrix = found.compliance(rng.permutation(200)[:40], spacing)
-    assert matrix == pytest.approx(matrix.T, rel=1e-12)
-    assert np.linalg.eigvalsh(matrix).min() > 0.0
-    assert found.compliance(np.zeros(0, dtype=int), spacing).shape == (0, 0)
 
 
 @pytest.mark.parametrize('fabric', [FABRIC, None])
@@ -80,13 +69,9 @@ def test_pressure_rates_of_the_compliance_agree_with_finite_differences(fabric):
 
 
 def test_flattening_kernel_agrees_with_the_robot_file():
-    found = flattening_of(load_robot('nine_member'), PRESSURE)
-    alone = Flattening(RADIUS, PRESSURE, FABRIC)
-    assert found.radius == RADIUS
-    assert found.tension == pytest.approx(alone.tension)
-    assert found.local_compliance == pytest.approx(alone.local_compliance)
-
-
-def test_local_stiffness_scales_the_flattening_compliance():
-    stiffer = kernel(40, 0.005, local_stiffness=1.7)
-    assert stiffer == pytest.approx(kernel(40, 0.005) / 1.7, rel=1e-9)
+    robot = load_robot('nine_member')
+    stiffer = Robot(replace(robot.description, local_stiffness=1.7))
+    matrix = kernel(40, 0.005)
+    for each, scale in ((robot, 1.0), (stiffer, 1.7)):
+        compliance = flattening_of(each, PRESSURE).compliance(np.arange(40), 0.005)
+        assert compliance == pytest.approx(matrix / scale)
