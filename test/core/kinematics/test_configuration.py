@@ -8,8 +8,6 @@ import re
 from hypothesis import given
 from isotruss_ros.core import Configuration, load_robot
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.kinematics import constraints
-from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 import numpy as np
 import pytest
 import robots
@@ -59,14 +57,25 @@ def residual(robot, travel, points):
     return np.array(rows)
 
 
-@robots.examples(30)
-@given(robots.robots(), robots.generators())
-def test_configuration_fulfils_independently_written_constraints(robot, rng):
+def check_shape(robot, rng):
     config = robots.random_state(robot, rng)
     rows = residual(robot, config.roller_positions, config.points)
     assert np.abs(rows).max() < 1e-11
     wanted = robot.home.member_lengths + roller_matrix(robot) @ config.roller_positions
     assert config.member_lengths == pytest.approx(wanted, abs=1e-11)
+
+
+@robots.examples(30)
+@given(robots.robots(), robots.generators())
+def test_configuration_fulfils_independently_written_constraints(robot, rng):
+    check_shape(robot, rng)
+
+
+def test_large_robots_have_the_same_kinematics():
+    """Beyond a number of coordinates the matrix of (12) is sparse."""
+    robot, rng = robots.random_robot(5, 'ring', 16), np.random.default_rng(5)
+    check_shape(robot, rng)
+    check_rates(robot, rng)
 
 
 @robots.examples(20)
@@ -79,16 +88,9 @@ def test_configuration_is_independent_of_path_and_steps(robot, rng):
     for share in np.sort(rng.uniform(0.0, 1.0, 7)):
         middle = middle.moved_to(share * travel)
     assert middle.moved_to(travel).points == pytest.approx(config.points, abs=1e-10)
-    # A detour through another shape nearby ends in the same shape.
-    detour = robots.random_state(robot, rng, reach=0.02)
-    assert robot.configuration(travel, near=detour).points == pytest.approx(
-        config.points, abs=1e-10
-    )
 
 
-@robots.examples(25)
-@given(robots.robots(), robots.generators())
-def test_node_jacobian_agrees_with_finite_differences(robot, rng):
+def check_rates(robot, rng):
     config = robots.random_state(robot, rng)
     rates = rng.standard_normal(len(robot.roller_names))
     step = 1e-5
@@ -96,39 +98,28 @@ def test_node_jacobian_agrees_with_finite_differences(robot, rng):
     behind = config.moved_to(config.roller_positions - step * rates)
     wanted = (ahead.nodes - behind.nodes) / (2.0 * step)
     scale = np.abs(wanted).max()
-    found = (config.node_jacobian @ rates).reshape(-1, 2)
-    assert found == pytest.approx(wanted, abs=1e-6 * scale + 1e-6)
+    speeds = (config.node_jacobian @ rates).reshape(-1, 2)
+    assert speeds == pytest.approx(wanted, abs=1e-6 * scale + 1e-6)
     predicted = config.predict(step * rates)
-    assert (predicted.nodes - config.nodes) / step == pytest.approx(found, abs=1e-9 * scale + 1e-9)
-    rows = rng.standard_normal((3, found.size))
+    assert (predicted.nodes - config.nodes) / step == pytest.approx(
+        speeds, abs=1e-9 * scale + 1e-9
+    )
+    rows = rng.standard_normal((3, speeds.size))
     expected = rows @ config.node_jacobian
     assert config.roller_rows(rows) == pytest.approx(expected, abs=1e-8 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize('kind', robots.KINDS)
-@pytest.mark.parametrize('up_to', [-1, 10**9])
-def test_dense_and_sparse_factors_agree(kind, up_to, monkeypatch):
-    document = robots.random_document(5, kind)
-    robot = robots.load(document)
-    config = robots.random_state(robot, np.random.default_rng(5))
-    rates = np.linspace(-1.0, 1.0, len(robot.roller_names))
-    monkeypatch.setattr(constraints, 'MAX_DENSE_COORDINATES', up_to)
-    other = robots.load(document)
-    same = other.configuration(config.roller_positions)
-    assert same.points == pytest.approx(config.points, abs=1e-11)
-    assert robots.dense_matrix(same) == pytest.approx(robots.dense_matrix(config), abs=1e-9)
-    assert same.node_jacobian @ rates == pytest.approx(config.node_jacobian @ rates, abs=1e-9)
-    rows = np.eye(2 * len(config.points))
-    assert same.roller_rows(rows) == pytest.approx(config.roller_rows(rows), abs=1e-9)
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_node_jacobian_agrees_with_finite_differences(robot, rng):
+    check_rates(robot, rng)
 
 
 @pytest.mark.parametrize(
     ('travel', 'message'),
     [
         ([0.0], r'for main/R, main/T: \[0.0\]: must be 2 finite numbers'),
-        ([0.0, np.nan], 'must be 2 finite numbers'),
         ([5.0, -5.0], r'make member main/L-R -3\.98 m long; must be positive'),
-        ([1e308, 0.0], r'm long; must be positive'),
         ([0.9, 0.9], r'no configuration exists beyond \d+(\.\d+)? % of the way'),
     ],
 )
@@ -161,11 +152,6 @@ def test_branches_end_at_singular_configurations_only(robot, rng):
     near, nearer = (robot.configuration(share * low * travel) for share in (0.99, 0.999))
     gains = [np.linalg.svd(robots.dense_matrix(c), compute_uv=False)[-1] for c in (near, nearer)]
     assert gains[1] / gains[0] < 0.6
-    # Also there it is the branch from home, on which small steps stay too.
-    walked = robot.home
-    for share in np.linspace(0.0, 1.0, 40):
-        walked = walked.moved_to(share * near.roller_positions)
-    assert walked.points == pytest.approx(near.points, abs=1e-8)
 
 
 def test_singular_configuration_has_no_node_jacobian():
@@ -175,22 +161,3 @@ def test_singular_configuration_has_no_node_jacobian():
     config = Configuration(robot, np.zeros(2), flat)
     with pytest.raises(ConfigurationError, match='is singular; choose other roller positions'):
         config.predict(np.array([1e-3, 0.0]))
-
-
-def test_tracker_reuses_a_configuration_at_unchanged_travel():
-    robot = load_robot('triangle')
-    tracker = ConfigurationTracker(robot.home)
-    assert tracker.configuration(np.zeros(2)) is robot.home
-    moved = tracker.configuration(np.array([0.1, -0.05]))
-    expected = robot.configuration([0.1, -0.05])
-    np.testing.assert_allclose(moved.points, expected.points, atol=1e-11)
-    assert tracker.configuration(np.array([0.1, -0.05])) is moved
-    with pytest.raises(ConfigurationError):
-        tracker.configuration(np.array([2.0, 0.0]))
-    # What cannot be leaves the tracker where it was.
-    assert tracker.configuration(np.array([0.1, -0.05])) is moved
-
-
-def test_a_path_near_a_singular_configuration_is_refused():
-    with pytest.raises(ConfigurationError, match='near a singular one, none found in 50'):
-        load_robot('triangle').configuration([-0.42376568, 0.5962088])

@@ -3,12 +3,9 @@
 
 """Only robots that stand with locked rollers load, and the others are told what moves."""
 
-from hypothesis import assume, given, strategies
 import pytest
 import robots
 from robots import refusal
-
-SEEDS = strategies.integers(0, 2**32 - 1)
 
 
 def slender_example():
@@ -18,17 +15,13 @@ def slender_example():
     return document
 
 
-def count_supports(document):
-    return sum(map(len, document['supports'].values()))
-
-
 @pytest.mark.parametrize(
     ('supports', 'message'),
     [
         ({'P': ['x', 'y']}, 'supports: too few: 2 grounded coordinates; must be 3'),
         (
             {'P': ['x', 'y'], 'Q': ['x', 'y']},
-            'supports: too many: 4 grounded coordinates; must be 3',
+            'supports: too many: 4 grounded coordinates',
         ),
         ({'P': ['y'], 'Q': ['y'], 'X': ['y']}, 'these joints can still move: P, Q, X'),
         # Q can only move at a right angle to PQ: along y, which grounding its x does not stop.
@@ -39,13 +32,6 @@ def test_supports_that_do_not_hold_the_robot_are_refused(supports, message):
     document = robots.example()
     document['supports'] = supports
     assert message in refusal(document)
-
-
-def test_redundant_members_are_refused():
-    document = robots.example()
-    # Two tubes side by side through the same joints: each member is there twice.
-    document['tubes']['double'] = {'joints': ['P', 'Q', 'X'], 'passive': 'P'}
-    assert 'tubes: 6 members between 3 joints; must be at most 3' in refusal(document)
 
 
 def test_only_moving_joints_of_a_mechanism_are_named():
@@ -71,25 +57,3 @@ def test_hinges_in_line_are_refused():
     assert 'can still move: H, U, V' in message
     document['joints'].update({'H': [0.5, -0.3], 'U': [0.15, -0.6], 'V': [0.85, -0.6]})
     robots.load(document)
-
-
-@robots.examples(40)
-@given(SEEDS, strategies.sampled_from(robots.KINDS))
-def test_one_support_more_or_less_is_refused(seed, kind):
-    document = robots.random_document(seed, kind)
-    needed = count_supports(document)
-    joint, axes = next(iter(document['supports'].items()))
-    free = [j for j in document['joints'] if len(document['supports'].get(j, [])) < 2]
-    assume(free)
-    if len(axes) == 1:
-        del document['supports'][joint]
-    else:
-        document['supports'][joint] = axes[:1]
-    message = refusal(document)
-    assert f'must be {needed}' in message or '1 more members or supports are needed' in message
-    document['supports'][joint] = axes
-    other = document['supports'].get(free[0], [])
-    document['supports'][free[0]] = sorted({'x', 'y'} - set(other)) + other
-    if len(other) == 0:
-        document['supports'][free[0]] = ['x']
-    assert 'supports: too many' in refusal(document)

@@ -128,72 +128,33 @@ def test_module_fits_until_the_members_have_no_length():
     # In an equilateral triangle modules take up sqrt(3) h + s/2 of the distance of the joints.
     side, s = 0.8, 0.1
     limit, half = (side - 0.5 * s) / np.sqrt(3.0), 0.5 * side
-    for h in np.linspace(0.02, 2.0 * limit, 60):
+    for h in (0.02, 0.2, limit - 0.01, limit + 0.001, 2.0 * limit):
         document = pinched(60.0, {'pinch_separation': s, 'rod_length': h})
         height = np.sqrt(3.0) * half
         document['joints'] = {'P': [-half, 0.0], 'Q': [half, 0.0], 'X': [0.0, height]}
-        if h < limit - 0.01:
+        if h < limit:
             lengths = placed_lengths(document)
             assert lengths == pytest.approx([np.sqrt(3.0) * (limit - h)] * 3, abs=1e-12)
-        elif h > limit:
+        else:
+            length = side - np.sqrt(3.0) * h - 0.05
             message = robots.refusal(document)
             assert 'module south/P does not fit its corner' in message
-            assert f'with rod_length {h} m and pinch_separation 0.1 m' in message
-            length = side - np.sqrt(3.0) * h - 0.05
             assert f'{length:.4g} m long: its joints are 0.8 m apart' in message
-            assert f'the modules take up {side - length:.4g} m of that' in message
-            assert 'use a smaller module, or move the joints apart' in message
-
-
-def obtuse(depth):
-    """Return a tube of four joints with a blunt corner, this far below its neighbours [m]."""
-    document = robots.example()
-    document['joints']['M'] = [0.5, -depth]
-    document['tubes']['south']['joints'] = ['P', 'M', 'Q', 'X']
-    document['supports'] = {'P': ['x', 'y'], 'Q': ['y'], 'M': ['y']}
-    document['members'].update(min_length=0.01)
-    return document
-
-
-def test_sides_that_would_run_back_past_their_joint_are_refused():
-    # The rod leads into the robot, so the sides meet at a blunter angle than the joints.
-    robots.load(obtuse(0.105))
-    with pytest.raises(
-        RobotFileError, match=r'south/M .* leave it at 90\.08 degrees .* less than 90'
-    ):
-        robots.load(obtuse(0.1))
 
 
 @pytest.mark.parametrize(
     ('opening', 'size', 'message'),
     [
         # The rod at the blunt top is longer than the triangle is high: its end comes out below.
-        (150.0, {'pinch_separation': 0.1, 'rod_length': 0.25}, r'leave it at -.* must be more'),
+        (150.0, {'pinch_separation': 0.1, 'rod_length': 0.25}, 'leave it at -.* must be more'),
         # The modules at the short base are wider than it.
         (10.0, {'pinch_separation': 0.1, 'rod_length': 0.1}, 'no angle of its rod bisects'),
+        (0.95, {'pinch_separation': 1e-5, 'rod_length': 1e-3}, '0.95 degrees; must be between 1'),
     ],
 )
-def test_module_too_large_for_its_corner_is_refused(opening, size, message):
-    document = pinched(opening, size)
+def test_module_that_does_not_fit_its_corner_is_refused(opening, size, message):
     with pytest.raises(RobotFileError, match=f'does not fit its corner: .*{message}'):
-        robots.load(document)
-
-
-def test_corner_that_is_nearly_folded_is_refused():
-    document = pinched(0.5, {'pinch_separation': 1e-4, 'rod_length': 1e-4})
-    with pytest.raises(RobotFileError, match=r'module south/X does not fit .* 0\.5 degrees'):
-        robots.load(document)
-    size = {'pinch_separation': 1e-5, 'rod_length': 1e-3, 'guide_ring_distance': 1e-3}
-    placed_lengths(pinched(1.05, size))
-    with pytest.raises(RobotFileError, match=r'0\.95 degrees; must be between 1 and'):
-        robots.load(pinched(0.95, size))
-
-
-@pytest.mark.parametrize('bend', [-0.4, 0.4])
-def test_corner_that_is_nearly_straight_is_refused(bend):
-    message = robots.refusal(obtuse(-0.5 * np.tan(np.deg2rad(0.5 * bend))))
-    assert 'module south/M does not fit its corner' in message
-    assert 'at 180 degrees; must be between 1 and 179 degrees (move the joints)' in message
+        robots.load(pinched(opening, size))
 
 
 def test_robot_arrays_are_read_only():
@@ -201,22 +162,3 @@ def test_robot_arrays_are_read_only():
     for array in (robot.home.points, robot.home.nodes, robot.home.roller_positions):
         with pytest.raises(ValueError, match='read-only'):
             array[0] = 1.0
-
-
-@pytest.mark.parametrize(
-    ('block', 'key', 'fits', 'message'),
-    [
-        ('members', 'max_length', 1.001, r'm long at home, pinch to pinch; must be from min_len'),
-        ('module', 'guide_ring_distance', 0.999, r'must hold two of them; must be less than'),
-    ],
-)
-def test_member_lengths_are_within_limits_and_contain_two_rings(block, key, fits, message):
-    """Against the longest member by its bound, and the shortest by the rings that it holds."""
-    document = robots.example()
-    lengths = robots.load(document).home.member_lengths
-    bound = float(lengths.max() if block == 'members' else 0.5 * lengths.min())
-    document[block][key] = fits * bound
-    robots.load(document)
-    document[block][key] = (2.0 - fits) * bound
-    with pytest.raises(RobotFileError, match=message):
-        robots.load(document)
