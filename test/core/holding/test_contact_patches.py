@@ -6,7 +6,6 @@
 from held_grips import APART, BOX, HOME, NINE
 from isotruss_ros.core import deform, Disc, Ellipse, place_between, Polygon, settle_grasp
 from isotruss_ros.core.holding.contact_patches import find_patches
-from isotruss_ros.core.model.convex_object import ConvexObject
 import numpy as np
 import pytest
 from skin_depths import contact_loads
@@ -85,9 +84,3 @@ def test_a_section_is_flat_where_the_contact_is_as_wide_as_half_of_the_circumfer
     assert deep.flattened.all()
     assert deep.widths == pytest.approx(np.pi * RADIUS)
     assert deep.pressures.min() > GAUGE
-
-
-def test_patches_are_empty_without_equilibrium():
-    apart = settle_grasp(HOME, ConvexObject.disc((9.0, 9.0), 0.1), 0.5)
-    assert not apart.contact_areas
-    assert apart.flattened == ()

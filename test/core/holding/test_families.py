@@ -7,6 +7,8 @@ from dataclasses import replace
 
 from isotruss_ros.core import (
     ConvexObject,
+    Disc,
+    Ellipse,
     HoldStatus,
     place_between,
     Polygon,
@@ -18,7 +20,7 @@ from nightly import some_now
 import numpy as np
 import pytest
 from robots import preset
-from shapes import random_shape
+from shapes import random_polygon
 
 ROBOTS = [
     preset(name) for name in ('nine_member', 'triangle', 'open_chain', 'bow_tie', 'ring_of_four')
@@ -30,6 +32,20 @@ def box(width, height):
     """Return a rectangle about its origin."""
     x, y = 0.5 * width, 0.5 * height
     return Polygon([(-x, -y), (x, -y), (x, y), (-x, y)])
+
+
+def random_shape(rng):
+    """Return a disc, a box, a hexagon, an ellipse, or another polygon."""
+    size = rng.uniform(0.1, 0.35)
+    sixths = 0.5 * size * np.exp(1j * np.pi / 3.0 * np.arange(6))
+    shapes = (
+        Disc(size),
+        box(size, size * rng.uniform(0.5, 1.0)),
+        Polygon([(z.real, z.imag) for z in sixths]),
+        Ellipse((size, size * rng.uniform(0.6, 1.0))),
+        random_polygon(rng, 0.5 * size),
+    )
+    return shapes[rng.integers(len(shapes))]
 
 
 def holds(robot, travel, members, shape, place, parameter, shares, friction=1.3):

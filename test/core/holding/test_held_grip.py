@@ -45,11 +45,6 @@ CASES = [
 ]
 
 
-def turned_disc(angle):
-    """Return the disc, turned."""
-    return CYLINDER.moved_to((*CYLINDER.pose[:2], angle))
-
-
 def touched_points(grip):
     """Return where the forces act: the dented skins of the tubes, bent as by `deform`."""
     state, statics, points = grip.state, grip.statics, []
@@ -107,7 +102,7 @@ def test_face_ends_close_and_open_as_the_object_rolls():
 @pytest.mark.parametrize(('farthest', 'steps', 'turned'), [(0.4, 10, 0.35), (0.16, 1, 0.15)])
 def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
     polygon = ConvexObject(regular_polygon(24, 0.15), (*CYLINDER.pose[:2], 0.1))
-    disc, grip = attach_grip(CONFIG, turned_disc(0.1)), attach_grip(CONFIG, polygon)
+    disc, grip = attach_grip(CONFIG, CYLINDER.moved_to(polygon.pose)), attach_grip(CONFIG, polygon)
     assert grip.squeeze == pytest.approx(disc.squeeze, rel=2e-3)
     held_there = Grip(CORNER, CYLINDER)
     turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities

@@ -39,18 +39,12 @@ def test_slip_direction_minimises_the_margin(settled):
         assert left_after(settled, other) > least
 
 
-def test_without_an_equilibrium_there_is_no_slip_direction():
-    away = ConvexObject.disc((0.7, 0.3), 0.1, friction=0.8)
-    assert not settle_grasp(HOME, away).slip_direction.any()
-
-
 @pytest.mark.parametrize(
     ('wrench', 'arrow'),
     [
         ((1.0, 0.0, 0.0), '→'),
         ((0.1, -5.0, 1.0), '↓'),
         ((0.1, 0.0, 0.5), '↺'),
-        ((0.1, 0.0, -0.5), '↻'),
         ((0.0, 0.0, 0.0), ''),
         ((np.nan, 0.0, 0.0), ''),
     ],
