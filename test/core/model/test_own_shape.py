@@ -91,4 +91,3 @@ def test_the_cam_keeps_the_contract_of_shapes(shape):
 def test_one_line_lets_object_files_have_the_shape(monkeypatch):
     monkeypatch.setitem(object_file.SHAPES, 'cam', Cam)
     assert read_object('{shape: cam, radius: 0.15, offset: 0.05}').shape == CAM
-    assert read_object('{shape: cam, radius: 0.15, mass: 2.0}').mass == 2.0

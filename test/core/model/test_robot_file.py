@@ -169,6 +169,17 @@ def test_complaints_are_truncated_after_fifty(mistakes, lines, tmp_path):
     assert told[-1].endswith('and more like these') == (mistakes > 50)
 
 
+@pytest.mark.parametrize('key', ['tubes', 'supports'])
+def test_list_of_mistakes_is_refused_in_time(key, tmp_path):
+    # Compared in pairs, as JSON Schema would have it, these take hours; the runner gives minutes.
+    wrong = [{'a': i} for i in range(1_500)]
+    document = robots.example()
+    document[key] = {'P': wrong} if key == 'supports' else {'t': {'joints': wrong, 'passive': 'P'}}
+    content = as_yaml(document)
+    assert 12_000 < len(content) < MAX_FILE_SIZE
+    assert "{'a': 0}: must be" in refusal(content, tmp_path)
+
+
 EXAMPLE = as_yaml(robots.example())
 LAST_LINE = EXAMPLE.count('\n') + 1
 NO_ROBOTS = {

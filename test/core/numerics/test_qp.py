@@ -144,14 +144,6 @@ def test_corner_of_two_planes_and_the_numbers_of_both(perturbation):
     assert nearest.active.tolist() == [0, 1]
 
 
-@pytest.mark.parametrize('length', [1e-14, 1e6])
-def test_negligible_columns_do_not_constrain_but_keep_their_index(length):
-    columns = length * np.array([[1e-13, 1.0], [1e-13, 0.0]])
-    nearest = find_nearest(columns, length * np.array([-1.0, -2.0]), 1.0, 0.0)
-    assert nearest.point == pytest.approx([-2.0, 0.0])
-    assert nearest.active.tolist() == [1]
-
-
 @robots.examples(100)
 @given(robots.generators(), strategies.integers(1, 12), strategies.integers(1, 12))
 def test_least_squares_have_minimum_norm_at_any_rank(rng, m, n):
