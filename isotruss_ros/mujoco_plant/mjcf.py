@@ -19,6 +19,7 @@ import xml.etree.ElementTree as ET
 
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.description import DEFAULT_MODULE_MASS
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.mujoco_plant.actuation import add_actuation
 from isotruss_ros.mujoco_plant.object_geoms import object_geoms
@@ -37,8 +38,6 @@ import numpy as np
 
 #: Assumed masses of a joint, and of a tube segment or guide arm [kg].
 JOINT_MASS, PIECE_MASS = 0.1, 0.05
-#: Mass of a module if the robot file has none [kg].
-MODULE_MASS = 1.0
 #: Moment of inertia of light bodies [kg m^2], and viscous drag of hinges without a spring [N m s].
 INERTIA, HINGE_DRAG = 1e-3, 0.05
 #: Ratio of the armature of an elastic joint to its stiffness times the squared time step [-]. The
@@ -141,7 +140,7 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
                 _slide(body, f'{name}:{letter}', axis, **rubs)
         bodies.append(body)
     modules = []
-    mass = robot.description.module.mass or MODULE_MASS
+    mass = robot.description.module.mass or DEFAULT_MODULE_MASS
     for i, name in enumerate(topology.module_names):
         a, b, c = points[topology.joint[i]], points[topology.b[i]], points[topology.c[i]]
         body = ET.SubElement(bodies[topology.joint[i]], 'body', name=name)

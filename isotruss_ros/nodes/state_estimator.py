@@ -65,6 +65,13 @@ SPECS = (
         (0.0, 1.0),
     ),
     FixedSpec(
+        'inclination',
+        PRIOR.inclination,
+        "Largest possible inclination of the robot's plane [rad]; the default is that of an "
+        'upright robot',
+        (0.0, PRIOR.inclination),
+    ),
+    FixedSpec(
         'slip', PRIOR.slip, 'Expected slip of a roller relative to its travel [-]', (0.0, 1.0)
     ),
 )
@@ -121,6 +128,11 @@ class StateEstimatorNode(ManagedNode):
                 'unknown: they exceed their prior deviations; check home, the frame of the '
                 'markers, and whether the robot is upright'
             )
+        elif estimate.may_be_upright:
+            details['roller offsets'] = (
+                'uncertain: the markers do not exclude that weight moves the joints; mark more '
+                'joints, calibrate home, or set inclination to that of the robot'
+            )
         if estimate.pose is not None:
             words = describe_squeeze(estimate.squeeze, estimate.squeeze_deviation)
             details |= {'grip': words, 'age of poses beyond their stamps [s]': estimate.delay}
@@ -130,7 +142,7 @@ class StateEstimatorNode(ManagedNode):
         """Reset the estimate to the prior, at the start and after a jump of the clock."""
         values = self.values
         self.inputs.clear()
-        settings = replace(PRIOR, slip=values.slip)
+        settings = replace(PRIOR, slip=values.slip, inclination=values.inclination)
         settings = settings.calibrated(self.robot.description, values.zero_deviation or None)
         self._estimator, self._last = StateEstimator(self.robot, settings), None
         #: Times of poses and markers that are later than the joint states of the last cycle [s],

@@ -39,6 +39,8 @@ MARKER, PERIOD, LOST = 1e-3, 0.05, 0.3
 #: Slip of the rollers [-], standard deviations of their offsets [m] and of the measured stiffness
 #: [-].
 SLIP, ZEROS, MEASURED = 0.02, 0.01, 0.03
+#: Largest possible inclination of the robot, which lies flat [rad].
+INCLINATION = 0.02
 #: Rest before and after the path [s], number of legs [-], time of a leg [s], and largest step of a
 #: leg [m, rad].
 REST, LEGS, LEG_TIME, REACH = 3.0, 2, 4.0, np.array([0.03, 0.03, 0.1])
@@ -129,7 +131,8 @@ class _Loop(Regulated):
         super().__init__(*arguments)
         robot = self.servo.robot
         self.estimator = StateEstimator(
-            robot, EstimatorSettings(zero_deviation=ZEROS, stiffness=MEASURED)
+            robot,
+            EstimatorSettings(zero_deviation=ZEROS, stiffness=MEASURED, inclination=INCLINATION),
         )
         self.estimator.set_grip(self.servo.settings.grip.moved_to(self.plant.object_pose()))
         self.joints = robot.topology.joint_names

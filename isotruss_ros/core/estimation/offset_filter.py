@@ -9,12 +9,16 @@ from collections.abc import Callable, Mapping
 import math
 from typing import Any
 
+from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers, SlipWatch
 from isotruss_ros.core.estimation.schmidt_filter import condition
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, SLIP_LENGTH
+from isotruss_ros.core.estimation.upright_test import UprightTest
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.description import DEFAULT_MODULE_MASS
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
+from isotruss_ros.core.statics.deform import sag_rates
 import numpy as np
 import scipy
 
@@ -27,6 +31,8 @@ MAX_OFFSET_DEVIATION = 0.05
 #: Number of successive messages without a consistent marker after which the roller offsets are
 #: regarded as unknown [-].
 MAX_INCONSISTENT_MESSAGES = 5
+#: Acceleration of gravity [m/s^2].
+GRAVITY = 9.81
 #: Measured positions (x, y) of joints by name [m].
 Markers = Mapping[str, tuple[float, float]]
 #: Function that returns the joint positions (2j,) [m] and their Jacobian for roller offsets (r,).
@@ -56,6 +62,8 @@ class OffsetFilter:
         self._prior = deviations**2
         self._is_measured = np.zeros(2 * joints, dtype=bool)
         self._slips, self._inconsistent = SlipWatch(self._count), 0
+        #: test of the weight of an inclined robot, which the state does not contain
+        self._upright = UprightTest(_find_sag(robot, settings.inclination), len(deviations))
         self.findings: dict[str, Any] = {}
 
     @property
@@ -66,9 +74,20 @@ class OffsetFilter:
     @property
     def offset_covariance(self) -> Array:
         """Return the covariance matrix of the roller offsets, (r, r) [m^2]."""
-        covariance = self.covariance[: self._count, : self._count]
+        return self._flat_covariance + self._upright.covariance[: self._count, : self._count]
+
+    @property
+    def may_be_upright(self) -> bool:
+        """Return whether an admitted weight changes an offset by more than its deviation."""
+        changes = np.hypot(*self._upright.by_weight[: self._count].T)
+        deviations = np.sqrt(np.diag(self.covariance)[: self._count])
+        return bool(self._upright.is_admitted and (changes > deviations).any())
+
+    @property
+    def _flat_covariance(self) -> Array:
+        """Return the covariance (r, r) of the offsets of a robot that lies flat [m^2]."""
         unknown = MAX_OFFSET_DEVIATION if self.is_improbable else 0.0
-        return covariance + unknown**2 * np.eye(self._count)
+        return self.covariance[: self._count, : self._count] + unknown**2 * np.eye(self._count)
 
     @property
     def is_improbable(self) -> bool:
@@ -119,6 +138,8 @@ class OffsetFilter:
             previous, iterate = iterate, self.mean + gain @ innovation
             if (np.abs(iterate - previous) <= np.sqrt(np.diag(covariance))).all():
                 break
+        innovation_covariance = rates @ self.covariance @ rates.T + noise
+        self._upright.add(rows, rates, gain, innovation, innovation_covariance)
         self.mean, self.covariance = iterate, covariance
         self._is_measured[rows] = True
 
@@ -170,7 +191,22 @@ class OffsetFilter:
         # Update by the consistent markers, and detection of slipping rollers.
         used = np.flatnonzero(np.repeat(is_used, 2))  # indices of coordinates
         self.update(measured.ravel()[used], noise[np.ix_(used, used)], rows[used], joints)
-        variances = np.diag(self.offset_covariance) + self._settings.joint_error**2
+        variances = np.diag(self._flat_covariance) + self._settings.joint_error**2
         self._slips.add(time, readings, self.offsets, variances)
         self.findings['slipping'] = tuple(self._roller_names[self._slips.slipping].tolist())
         return True
+
+
+def _find_sag(robot: Robot, inclination: float) -> Array:
+    """Return the displacements (2j, 2) of the joints by weight in x and y at an inclination."""
+    description, joints = robot.description, robot.topology.joint_names
+    tube_mass = description.mass_per_length * robot.home.member_lengths.sum()
+    module_mass = description.module.mass or DEFAULT_MODULE_MASS
+    mass = module_mass + tube_mass / len(robot.module_names)
+    weight = GRAVITY * mass * math.sin(inclination)
+    if weight == 0.0:
+        return np.zeros((2 * len(joints), 2))
+    try:
+        return weight * sag_rates(robot.home, joints)
+    except StructureError:  # a mechanism would collapse under its weight
+        return np.zeros((2 * len(joints), 2))

@@ -42,6 +42,8 @@ class EstimatorSettings:
     :ivar joint_error: model error of the joint positions, and mounting offset of each marker [m].
     :ivar marker_shift: common shift of all markers [m].
     :ivar marker_turn: common rotation of all markers about the origin of the robot frame [rad].
+    :ivar inclination: largest possible inclination of the robot's plane [rad]. The default is that
+        of an upright robot.
     :ivar pose_error: model error of the object's pose, rotations times the characteristic
         radius, positive [m].
     :ivar squeeze_error: relative model error of the squeeze [-].
@@ -57,6 +59,7 @@ class EstimatorSettings:
     joint_error: float = 5e-4
     marker_shift: float = 5e-3
     marker_turn: float = 0.035
+    inclination: float = 0.5 * math.pi
     pose_error: float = 5e-4
     squeeze_error: float = 0.04
 
@@ -100,6 +103,8 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
     :ivar left_out: sorted names of the joints whose last marker was rejected.
     :ivar is_improbable: whether offsets and marker errors exceed their prior deviations, see
         `OffsetFilter`; then the offsets are unknown.
+    :ivar may_be_upright: whether the markers admit the largest `inclination`, at which the weight
+        changes an offset by more than its deviation. The squeeze is then unknown.
     :ivar swapped: names of two joints whose markers are apparently swapped; empty otherwise.
     :ivar slipping: names of slipping rollers, in `Robot.roller_names` order.
     :ivar delay: time by which the measured poses are older than their stamps say [s].
@@ -118,6 +123,7 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
     used: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     is_improbable: bool = False
+    may_be_upright: bool = False
     swapped: tuple[str, ...] = ()
     slipping: tuple[str, ...] = ()
     delay: float = 0.0

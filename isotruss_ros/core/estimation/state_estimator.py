@@ -185,7 +185,11 @@ class StateEstimator:
         by_offsets = rates @ covariance @ rates.T
         joint_covariance = by_offsets + self.settings.joint_error**2 * np.eye(len(positions))
         travel, joints = readings + offsets, positions.reshape(-1, 2)
-        findings = {'is_improbable': offset_filter.is_improbable, **offset_filter.findings}
+        findings = {
+            'is_improbable': offset_filter.is_improbable,
+            'may_be_upright': offset_filter.may_be_upright,
+            **offset_filter.findings,
+        }
         estimate = StateEstimate(
             time, offsets, covariance, travel, joints, joint_covariance, **findings
         )
@@ -195,8 +199,10 @@ class StateEstimator:
         grip = belief.estimate if self._record is None else self._record.estimate
         model_errors = self.settings.pose_error / belief.scale
         pose_covariance = grip.pose_covariance + np.diag(model_errors**2)
-        # If errors that are not in the model move the joints, the squeeze is unknown.
-        deviation = math.hypot(grip.squeeze_deviation, offset_filter.is_improbable * grip.squeeze)
+        # If errors that are not in the model move the joints, the squeeze is unknown. The weight
+        # of an upright robot bends the tubes around the object as well.
+        is_unknown = offset_filter.is_improbable or offset_filter.may_be_upright
+        deviation = math.hypot(grip.squeeze_deviation, is_unknown * grip.squeeze)
         widened = grip._replace(pose_covariance=pose_covariance, squeeze_deviation=deviation)
         return replace(estimate, **widened._asdict())
 

@@ -9,6 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+#: Mass of a module with its joint if the robot file has none [kg].
+DEFAULT_MODULE_MASS = 1.0
+
 
 @dataclass(frozen=True)
 class Module:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -237,13 +237,19 @@ def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -
     names = config.robot.topology.joint_names
     home = config.nodes[[names.index(name) for name in joints]]
     displacements = (np.array(list(joints.values())) - home).ravel()
-    by_weight = np.empty((len(displacements), 2))
-    for column, unit_weight in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))):
-        loads = dict.fromkeys(config.robot.module_names, unit_weight)
-        sagged = deform(config, {}, module_loads=loads, paper_model=True)
-        by_weight[:, column] = np.concatenate([sagged.displacement(j)[:2] for j in joints])
+    by_weight = sag_rates(config, tuple(joints))
     weight, *_ = np.linalg.lstsq(by_weight, displacements, rcond=None)
     error = displacements - by_weight @ weight
     largest = float(np.hypot(*displacements.reshape(-1, 2).T).max())
     unexplained = float(error @ error) / max(float(displacements @ displacements), 1e-18)
     return Sag(weight, 1.0 - unexplained, largest)
+
+
+def sag_rates(config: Configuration, joints: Sequence[str]) -> Array:
+    """Return derivatives (2k, 2) of joint positions by an equal weight (x, y) of all modules."""
+    rates = np.empty((2 * len(joints), 2))
+    for column, unit_weight in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))):
+        loads = dict.fromkeys(config.robot.module_names, unit_weight)
+        sagged = deform(config, {}, module_loads=loads, paper_model=True)
+        rates[:, column] = np.concatenate([sagged.displacement(joint)[:2] for joint in joints])
+    return rates

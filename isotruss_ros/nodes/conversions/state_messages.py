@@ -39,6 +39,7 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
         offsets=estimate.offsets.tolist(),
         offset_covariance=estimate.offset_covariance.ravel().tolist(),
         improbable=estimate.is_improbable,
+        may_be_upright=estimate.may_be_upright,
         joint_names=list(robot.topology.joint_names),
         joints=[Point(x=x, y=y) for x, y in estimate.joints.tolist()],
         joint_deviations=np.sqrt(np.diag(estimate.joint_covariance)).tolist(),

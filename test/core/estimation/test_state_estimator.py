@@ -9,11 +9,11 @@ from dataclasses import replace
 from functools import cache
 
 from carries import FRICTION, make_robot, place
-from isotruss_ros.core import place_between, Pose
+from isotruss_ros.core import deform, place_between, Pose, Robot
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
 from isotruss_ros.core.estimation.marker_gate import FALSE_ALARM_PROBABILITY, SlipWatch
 from isotruss_ros.core.estimation.offset_filter import IMPROBABLE, MAX_OFFSET_DEVIATION
-from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, is_squeeze_known
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import ContactSet
@@ -39,6 +39,7 @@ EXACT = EstimatorSettings(
     joint_error=0.0,
     marker_shift=0.0,
     marker_turn=0.0,
+    inclination=0.0,
     pose_error=1e-6,
     squeeze_error=0.0,
 )
@@ -238,6 +239,69 @@ def test_offsets_that_are_improbable_for_their_prior_are_unknown():
     assert found.is_improbable
     assert found.left_out == ()
     assert np.diag(found.offset_covariance).min() > MAX_OFFSET_DEVIATION**2
+
+
+def weighted(seed, names, weight, **settings):
+    """Return robot and estimate after 0.5 s with a weight (x, y) of each module of 1 kg [N]."""
+    drawn = DrawnRobot(seed, settings=replace(EstimatorSettings(), **settings), random_slip=False)
+    loads = dict.fromkeys(ROBOT.module_names, (*weight, 0.0))
+    sag = deform(ROBOT.home, {}, module_loads=loads)
+    flat = drawn.markers
+    drawn.markers = lambda names: {
+        name: tuple(xy + sag.displacement(name)[:2]) for name, xy in flat(names).items()
+    }
+    return drawn, drawn.run(0.5, names)
+
+
+@pytest.mark.parametrize('names', [THREE, ('P', 'Q', 'R', 'X', 'Z'), ALL])
+def test_errors_of_the_offsets_of_an_upright_robot_are_within_stated_deviations(names):
+    within = []
+    for seed in range(8):
+        drawn, found = weighted(seed, names, (0.0, -9.81))
+        assert found.may_be_upright
+        error, covariance = found.offsets - drawn.offsets, found.offset_covariance
+        within.append(error @ np.linalg.solve(covariance, error) < scipy.stats.chi2.ppf(0.95, 6))
+    assert sum(within) >= 6
+
+
+@pytest.mark.parametrize(
+    ('names', 'settings', 'admitted'),
+    [
+        (ALL, {}, False),
+        (('P', 'Q', 'R', 'X', 'Z'), {}, False),
+        (('P', 'Q', 'X'), {'zero_deviation': 1e-3}, False),
+        (THREE, {}, True),
+        (THREE, {'inclination': 0.0}, False),
+    ],
+)
+def test_markers_of_a_flat_robot_exclude_an_upright_one_if_offsets_cannot_imitate_it(
+    names, settings, admitted
+):
+    found = [weighted(seed, names, (0.0, 0.0), **settings)[1] for seed in range(4)]
+    assert [one.may_be_upright for one in found] == [admitted] * 4
+
+
+@pytest.mark.parametrize(('inclination', 'known'), [(np.pi / 2, False), (0.02, True)])
+def test_squeeze_is_unknown_while_three_markers_admit_an_upright_robot(inclination, known):
+    settings = EstimatorSettings(stiffness=0.03, inclination=inclination)
+    drawn = DrawnRobot(0, held=True, settings=settings, speed=0.0, random_slip=False)
+    found = drawn.run(0.5)
+    assert found.may_be_upright is not known
+    assert is_squeeze_known(found.squeeze, found.squeeze_deviation) is known
+
+
+def test_modules_of_unknown_mass_sag_like_those_of_a_kilogram():
+    found = []
+    for mass in (None, 1.0):
+        description = ROBOT.description
+        robot = Robot(replace(description, module=replace(description.module, mass=mass)))
+        estimator = StateEstimator(robot)
+        estimator.take_encoders(0.0, np.zeros(6))
+        home = dict(zip(NAMES, robot.home.nodes[: len(NAMES)], strict=True))
+        estimator.take_markers(0.0, {name: home[name] for name in THREE}, MARKER)
+        found.append(estimator.estimate())
+    assert all(one.may_be_upright for one in found)
+    assert found[0].offset_covariance == pytest.approx(found[1].offset_covariance)
 
 
 def test_few_offsets_as_drawn_from_their_prior_are_improbable(runs_without_object):

@@ -115,6 +115,21 @@ def test_estimate_is_robust_to_late_swapped_and_missing_markers():
     assert found.used_joints == sorted(NAMES)
 
 
+@pytest.mark.parametrize(('inclination', 'is_admitted'), [(1.57, True), (0.02, False)])
+def test_an_upright_robot_that_three_markers_admit_is_reported(inclination, is_admitted):
+    places = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
+    three = {name: places[name] for name in ('Q', 'R', 'Z')}
+    with world(estimator(inclination=inclination)) as w:
+        markers = listen(w)
+        w.spin(0.1, w.probe.send_joints)
+        w.spin(1.5, lambda: (w.probe.send_joints(), send_markers(w, markers, three)))
+        details = {value.key: value.value for value in w.report('state_estimator').values}
+        found = last_estimate(w)
+    assert found.used_joints == sorted(three)
+    assert found.may_be_upright is is_admitted
+    assert ('set inclination' in details.get('roller offsets', '')) is is_admitted
+
+
 @pytest.mark.parametrize('ahead', [0.0, 0.9 * CLOCK_SKEW])
 def test_a_repeated_marker_message_is_used_once(ahead):
     """Also if its stamp is in the future, and its age counts from its reception."""
@@ -214,6 +229,7 @@ def test_an_estimate_survives_a_round_trip():
         used=('P',),
         left_out=('Q', 'R'),
         is_improbable=True,
+        may_be_upright=True,
         swapped=('Q', 'R'),
         delay=0.02,
         slipping=('north/Z',),
@@ -232,6 +248,7 @@ def test_an_estimate_survives_a_round_trip():
     assert (sent.used_joints, sent.left_out_joints) == (['P'], ['Q', 'R'])
     assert sent.slipping_rollers == ['north/Z']
     assert sent.improbable
+    assert sent.may_be_upright
     assert (sent.swapped_joints, sent.pose_delay) == (['Q', 'R'], 0.02)
     found = read_estimate(sent, ROBOT)
     assert found.offsets == pytest.approx(estimate.offsets)
