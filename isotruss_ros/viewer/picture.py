@@ -215,7 +215,8 @@ class Picture:
         """Return a text with the estimated squeeze; empty without squeeze control."""
         if not self.is_fresh('status', now) or math.isnan(self.status.squeeze):
             return ''
-        return describe_squeeze(self.status.squeeze, self.status.squeeze_deviation)
+        status = self.status
+        return describe_squeeze(status.squeeze, status.squeeze_deviation, status.squeeze_assumed)
 
     def describe_hindrance(self, now: float, span: float) -> str:
         """

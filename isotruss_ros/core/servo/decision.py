@@ -47,9 +47,16 @@ class Decision:
     desired_pose: Pose | None = None
 
 
-def describe_squeeze(squeeze: float, deviation: float) -> str:
-    """Return a text with the squeeze and its deviation [N], and a remedy if it is unknown."""
+def describe_squeeze(squeeze: float, deviation: float, is_assumed: bool = False) -> str:
+    """
+    Return a text with the squeeze and its deviation [N], and a remedy if it is unknown.
+
+    :param is_assumed: whether the equilibrium is assumed, see `BeliefStart`.
+    """
     words = f'{squeeze:.1f} N, deviation {deviation:.1f} N'
+    if is_assumed:
+        remedy = 'close the grip further before carrying, calibrate home, or use markers on joints'
+        return f'squeeze unknown: {words}, assumed without an equilibrium; {remedy}'
     if is_squeeze_known(squeeze, deviation):
         return f'squeeze {words}'
     remedy = 'calibrate home, use markers on joints, or calibrate the stiffness of the tubes'

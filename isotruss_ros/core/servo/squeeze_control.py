@@ -272,7 +272,8 @@ class SqueezeControl:
             return f'{self._why}; next step: {NEXT_STEPS[self.fault]}'
         notes = [f'slipped by {1e3 * self.slipped:.0f} mm, held'] if self.slipped else []
         if squeeze is not None and not is_squeeze_known(*squeeze):
-            notes.append(f'held, {describe_squeeze(*squeeze)}')
+            is_assumed = self.belief is not None and self.belief.is_assumed
+            notes.append(f'held, {describe_squeeze(*squeeze, is_assumed)}')
         return '; '.join(notes)
 
     def _pause(self, elapsed: float) -> None:

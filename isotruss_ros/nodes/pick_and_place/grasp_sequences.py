@@ -19,6 +19,7 @@ from isotruss_msgs.action import (
     PlaceObject,
     PlanGrasp,
 )
+from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError, Pose, Robot
 from isotruss_ros.core.estimation.grip_state import MAX_DEVIATIONS
 from isotruss_ros.core.inputs import find_fresh, require_fresh, StampedInput
@@ -168,14 +169,13 @@ class GraspSequences:
         note = yield from self._bring_back(first)
         if note:
             state = yield from self._watch.confirm(True)
-        squeeze, deviation = float(np.mean(state.squeeze)), state.squeeze_deviation
         where = grasp.module or ', '.join(grasp.members)
         return PickObject.Result(
-            message=f'held at {where}, {_squeeze_in_words(squeeze, deviation)}{note}',
+            message=f'held at {where}, {_squeeze_in_words(state)}{note}',
             module=grasp.module,
             members=state.grasping_members,
-            squeeze=squeeze,
-            squeeze_deviation=deviation,
+            squeeze=float(np.mean(state.squeeze)),
+            squeeze_deviation=state.squeeze_deviation,
             squeeze_assumed=state.squeeze_assumed,
             slip_margin=state.slip_margin,
         )
@@ -284,11 +284,12 @@ class GraspSequences:
             raise StepError(StepOutcome.STOPPED, result.error_string)
 
 
-def _squeeze_in_words(squeeze: float, deviation: float) -> str:
-    """Return a text with the squeeze and its deviation [N], which is NaN if unknown."""
+def _squeeze_in_words(state: GraspState) -> str:
+    """Return a text with the squeeze and its deviation, which is NaN if unknown."""
+    squeeze, deviation = float(np.mean(state.squeeze)), state.squeeze_deviation
     if math.isnan(deviation):
         return f'squeeze {squeeze:.1f} N, deviation unknown: manipulation has published no grip'
-    return describe_squeeze(squeeze, deviation)
+    return describe_squeeze(squeeze, deviation, state.squeeze_assumed)
 
 
 def _plan_error(plan: PlanGrasp.Result) -> StepError:

@@ -182,10 +182,12 @@ def started(x, y):
 
 @pytest.mark.parametrize('away', some_now(OUTSIDE[::-1]))
 def test_an_assumed_squeeze_is_unknown_and_stays_as_assumed(away):
-    belief = started(*away).belief
-    assert belief.is_assumed
-    assert belief.squeeze == pytest.approx(SETTINGS.force, rel=0.1)
-    assert belief.squeeze_deviation >= belief.squeeze
+    control = started(*away)
+    squeeze, deviation = control.belief.squeeze, control.belief.squeeze_deviation
+    assert control.belief.is_assumed
+    assert squeeze == pytest.approx(SETTINGS.force, rel=0.1)
+    assert deviation >= squeeze
+    assert 'close the grip further before carrying' in control.note((squeeze, deviation))
 
 
 @pytest.mark.parametrize('away', some_now(OUTSIDE[::-1]))
