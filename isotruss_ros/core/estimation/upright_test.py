@@ -67,8 +67,11 @@ class UprightTest:
         log_ratio = (self._score @ DIRECTIONS - 0.5 * squares).max()
         is_possible = log_ratio > math.log(MIN_LIKELIHOOD_RATIO)
         self.is_admitted = bool(is_possible and self.by_weight.any())
+        if not self.is_admitted:
+            self.covariance = np.zeros_like(self.covariance)
+            return
         # Second moment of the weight, with its largest value as prior deviation.
         spread = np.linalg.inv(self._information + np.eye(2))
         mean = spread @ self._score
-        moment = self.is_admitted * (spread + np.outer(mean, mean))
+        moment = spread + np.outer(mean, mean)
         self.covariance = self.by_weight @ moment @ self.by_weight.T
