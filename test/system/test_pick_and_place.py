@@ -74,11 +74,15 @@ def test_a_cancel_of_a_pick_leaves_the_robot_at_rest(client, stage, progress):
 
 @pytest.mark.nightly
 def test_a_pick_ends_with_a_pick_and_place_that_is_killed(client):
-    client.let_go()
     r = client.r
-    client.until_approaching()
-    client.restart('pick_and_place')
-    r.w.until(lambda: r.w.code() == Status.HALT_TRAJECTORY)
+    for _ in range(3):
+        client.let_go()
+        client.until_approaching()
+        client.restart('pick_and_place')
+        r.w.until(lambda: r.w.code() in (Status.HALT_TRAJECTORY, Status.ARRIVED))
+        # From nearby, the rollers arrive before the timeout; from where they let go, they do not.
+        if r.w.code() == Status.HALT_TRAJECTORY:
+            break
     assert 'the client that supervises the goal' in r.w.probe.last('status').message
     r.check_rests()
     assert client.execute(READY)[1].code in ANSWERS
