@@ -28,6 +28,7 @@ import pytest
 from visualization_msgs.msg import Marker, MarkerArray
 
 ROBOT = load_robot('nine_member')
+DURATION = 10.0
 
 
 @pytest.fixture
@@ -60,7 +61,7 @@ def test_a_drag_is_straight_and_within_the_speed_limit():
     assert (vx, vy) == (0.0, 0.0)
 
 
-def drag_along(drag, share, speed=0.05, duration=10.0, step=0.05):
+def drag_along(drag, share, speed=0.05, duration=DURATION, step=0.05):
     """Return the time at which a drag is stuck, where that share of each twist is carried out."""
     x, y, now = 0.0, 0.0, 0.0
     while now < duration and not drag.is_stuck(now):
@@ -69,10 +70,10 @@ def drag_along(drag, share, speed=0.05, duration=10.0, step=0.05):
     return now
 
 
-def test_a_drag_with_little_progress_is_stuck_after_the_timeout():
-    assert drag_along(Drag((3.0, 4.0), 0.0), 0.5 * MIN_PROGRESS_RATIO) == pytest.approx(
-        PROGRESS_TIME, abs=0.06
-    )
+@pytest.mark.parametrize(('ratio', 'end'), [(0.5, PROGRESS_TIME), (2.0, DURATION)])
+def test_a_drag_is_stuck_after_the_timeout_only_with_little_progress(ratio, end):
+    drag = Drag((3.0, 4.0), 0.0)
+    assert drag_along(drag, ratio * MIN_PROGRESS_RATIO) == pytest.approx(end, abs=0.06)
 
 
 @pytest.mark.parametrize(
