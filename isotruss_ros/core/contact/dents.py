@@ -34,6 +34,7 @@ from isotruss_ros.core.contact.pressed_skin import (
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
+from isotruss_ros.core.numerics.work_limit import count_work
 import numpy as np
 import scipy
 
@@ -173,6 +174,7 @@ class DentTable:
             numbers, weights = self._weigh(angle, polynomial_angle)
         for number in numbers:
             if number not in self._samples:
+                count_work(is_stored=True)
                 skin_at = self._skin_by_depth(self._sampled_angle(number))
                 self._samples[number] = DentSample(self._depths, skin_at, self._kernel)
         return [self._samples[number] for number in numbers], piece_abscissa, weights

@@ -19,6 +19,7 @@ stiffer, so the relative error of the squeeze is at most that of the stiffness, 
 
 from __future__ import annotations
 
+import copy
 import math
 
 from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
@@ -41,6 +42,7 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import ROUNDING, SMALLEST_NORMAL
+from isotruss_ros.core.numerics.work_limit import WorkLimitError
 import numpy as np
 
 #: Smallest time between two equilibria [s]. In cycles between them, (19) predicts pose and
@@ -89,6 +91,8 @@ class GripBelief:
         self.cache = EquilibriumCache(grasp, grip.friction)
         self.lag = InputLag(np.array(grasp.pose))
         self._search_time = self._equilibrium_time = 0.0  # last search, last equilibrium [s]
+        # Hold status if the search that is due in the next cycle fails; None: no search is due.
+        self._search_due: HoldStatus | None = None
         self._start_at(np.array(grip.body.pose))
 
     @property
@@ -194,7 +198,8 @@ class GripBelief:
 
         Within `EQUILIBRIUM_PERIOD` of the last equilibrium, pose and squeeze are predicted
         instead. If a contact slips or opens in the model, the equilibrium near the estimated pose
-        is searched once.
+        is searched once, in the next call. With `limited_work` it is predicted until the work is
+        done.
 
         :param elapsed: time since the last call [s].
         :param rollers: readings from which the configuration was predicted; None: the
@@ -211,15 +216,18 @@ class GripBelief:
         measured, age = rollers or (config.roller_positions, 0.0)
         motion_since_reading = cache.travel_rates[:3] @ (config.roller_positions - measured)
         is_early = interval < EQUILIBRIUM_PERIOD - ROUNDING
-        if is_early and is_predictable and not has_corrections:
-            lag.record(lag.pose_at_equilibrium + predicted_motion, motion_since_reading, age)
-            return HoldStatus.HELD
-
-        rolled = cache.roll(config, pressures)
-        hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
-        if rolled is None or hold not in (HoldStatus.HELD, HoldStatus.SLIPS):
-            lag.rolled_poses.add(lag.time, lag.pose_at_equilibrium)  # the object has not moved
-            return HoldStatus.HELD if self.attach(config, pressures) else hold
+        rolled: HeldGrip | None = None
+        hold = HoldStatus.HELD
+        if self._search_due is not None:
+            hold = self._search(config, pressures)
+        elif not (is_early and is_predictable and not has_corrections):
+            rolled, self._search_due = self._roll(config, pressures)
+        if rolled is None:
+            predicted_pose = lag.pose_at_equilibrium + predicted_motion
+            if self.cache is not cache:  # the new equilibrium is that in this configuration
+                lag.pose_at_equilibrium = predicted_pose
+            lag.record(predicted_pose, motion_since_reading, age)
+            return hold
 
         # Motion of the object since the last equilibrium.
         change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)
@@ -237,11 +245,32 @@ class GripBelief:
         load_change = state.propagate(interval, self.scale * motion, np.abs(travel), cache)
         lag.hold_back(cache.rates[:, LOAD] @ load_change / cache.scale)
 
-        if self._is_search_due():
-            self.attach(config, pressures)
+        if self._needs_search():
+            self._search_due = HoldStatus.HELD
         return HoldStatus.HELD  # slip is detected from the poses
 
-    def _is_search_due(self) -> bool:
+    def _roll(
+        self, config: Configuration, pressures: Pressures
+    ) -> tuple[HeldGrip | None, HoldStatus | None]:
+        """Return the rolled equilibrium; if it is not held, None and its hold status instead."""
+        try:
+            rolled = self.cache.roll(config, pressures)
+        except WorkLimitError as error:
+            return None, None if error.advances else HoldStatus.NO_BALANCE
+        hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
+        return (rolled, None) if hold in (HoldStatus.HELD, HoldStatus.SLIPS) else (None, hold)
+
+    def _search(self, config: Configuration, pressures: Pressures) -> HoldStatus:
+        """Search the equilibrium; return the hold status. The next cycle continues the work."""
+        failure, self._search_due = self._search_due, None
+        try:
+            is_found = self.attach(config, pressures)
+        except WorkLimitError as error:
+            is_found = error.advances
+            self._search_due = failure if error.advances else None
+        return HoldStatus.HELD if is_found or failure is None else failure
+
+    def _needs_search(self) -> bool:
         """Return whether derivatives are no longer valid, or contacts slip in the model."""
         corrections = np.abs(self.cache.corrections_since_search)
         are_rates_invalid = bool(corrections.max() > MAX_FIRST_ORDER_TRAVEL)
@@ -294,10 +323,14 @@ class GripBelief:
         if not self.state.explains(pose_without_load, cache):
             return False
         squeeze_before, rates_before = self.squeeze, self.cache.by_offsets.outputs
-        self.is_assumed, self.cache = False, cache
-        self._fit_state()
-        self.state.walk.exclude_jump((cache.by_offsets.outputs - rates_before)[:3])
-        self._start_at(pose_without_load)
+        jump = (cache.by_offsets.outputs - rates_before)[:3]
+        # A bound on work may stop the start, which then leaves this belief as it is.
+        started = copy.copy(self)
+        started.is_assumed, started.cache, started.state = False, cache, copy.copy(self.state)
+        started._fit_state()
+        started._start_at(pose_without_load)
+        self.__dict__.update(started.__dict__)
+        self.state.walk.exclude_jump(jump)
         self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze_before))
         return True
 

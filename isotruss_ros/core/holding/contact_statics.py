@@ -43,6 +43,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
 from isotruss_ros.core.model.shapes import PLANNED_DEPTH, Shape
 from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD, Points
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDING
+from isotruss_ros.core.numerics.work_limit import count_work
 from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, Lines, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import Structure, structure_of
@@ -298,6 +299,7 @@ class ContactStatics:
         pushes = self.pushes(start)
         tolerance = np.full(indices.size, LENGTH_TOLERANCE)
         for _ in range(steps):
+            count_work()
             residual, state = statics.equations(unknowns, wrench, conditions, pushes)
             squeeze = np.abs(unknowns[indices.normal]).sum()
             tolerance[indices.balance] = FORCE_TOLERANCE * squeeze

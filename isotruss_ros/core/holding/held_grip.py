@@ -50,6 +50,7 @@ class HoldStatus(enum.Enum):
     UNSTABLE = 'the equilibrium is unstable'
     OFF_MEMBER = 'a contact is beyond the end of its member'
     OTHER_CONTACT = 'another member presses on the object'
+    SEARCHED = 'the search for an equilibrium goes on in the next cycle'
     WRINKLES = 'a tube wrinkles, outside of the model'
 
     @property

@@ -22,6 +22,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.work_limit import WorkLimitError
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 
 PRIOR = EstimatorSettings()
@@ -59,6 +60,7 @@ class BeliefStart:
         """
         calibrated = PRIOR.calibrated(config.robot.description, settings.zero_deviation)
         prior = replace(calibrated, load=settings.load or PRIOR.load)
+        was_assuming = self._assuming
         self._assuming = gripped and self._missed and not self._assuming  # every second search
         try:
             start = grip
@@ -76,6 +78,12 @@ class BeliefStart:
             belief = GripBelief(grasp, grip, prior, zero_covariance, is_assumed=self._assuming)
             if belief.hold is not HoldStatus.HELD:
                 raise NotHeldError(belief.hold)
+        except WorkLimitError as error:
+            if not error.advances:
+                self._missed = True
+                raise NotHeldError(HoldStatus.NO_BALANCE) from error
+            self._assuming = was_assuming  # the next call repeats this search
+            raise NotHeldError(HoldStatus.SEARCHED) from error
         except NotHeldError as error:
             self._missed = error.hold not in (HoldStatus.SLIPS, HoldStatus.OFF_MEMBER)
             raise

@@ -241,6 +241,8 @@ class SqueezeControl:
             )
         except NotHeldError as error:
             # A belief was lost, and no other one starts: a fault, because the object was held.
+            if error.hold is HoldStatus.SEARCHED:
+                return error.hold
             if self._lost is not None:
                 self.fail(Status.HALT_NOT_HELD, f'not held: {self._lost.value}')
             self._lost = None

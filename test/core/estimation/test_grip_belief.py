@@ -122,7 +122,8 @@ def test_an_object_that_cannot_roll_is_held_if_a_search_finds_an_equilibrium(
     belief = believed()
     monkeypatch.setattr(belief.cache, 'roll', lambda *_: None)
     monkeypatch.setattr(belief, 'attach', lambda *_: exists)
-    assert belief.follow(CONFIG, PERIOD, None) is hold
+    assert belief.follow(CONFIG, PERIOD, None) is HoldStatus.HELD
+    assert belief.follow(CONFIG, PERIOD, None) is hold  # searched in the second cycle
 
 
 def test_one_pose_tells_nothing_about_a_small_load():
