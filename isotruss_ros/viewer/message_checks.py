@@ -21,8 +21,6 @@ GROUPS = {DEFORMED: 1, REGIONS: 6, FORCES: 2}
 MIN_CODE_WITHOUT_RESULT = 10
 #: Value of the field `held` of a grasp analysis without result.
 HELD_UNKNOWN = 2
-#: Text of a grasp analysis of an object without any contact.
-NO_CONTACT = 'the object touches nothing'
 #: Largest valid coordinate [m].
 MAX_DISTANCE = 1e4
 

@@ -17,6 +17,7 @@ import math
 from typing import Any
 
 from isotruss_ros.core import Pose, Robot, Status
+from isotruss_ros.core.fixed_object.analyze_grasp import NO_CONTACT
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
@@ -29,7 +30,6 @@ from isotruss_ros.viewer.message_checks import (
     GROUPS,
     HELD_UNKNOWN,
     MIN_CODE_WITHOUT_RESULT,
-    NO_CONTACT,
     read_line,
     read_pose,
     read_travel,

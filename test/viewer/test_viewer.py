@@ -8,6 +8,7 @@ import math
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import ConvexObject, load_robot, Polygon, Status, tangent_center
+from isotruss_ros.core.fixed_object.analyze_grasp import NO_CONTACT
 from isotruss_ros.nodes.conversions.grasp_messages import to_state_message
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor, GraspQuery, LatestInputs
 from isotruss_ros.viewer.camera import FIELD_OF_VIEW, PANEL_SHARE, PHONE_ASPECT, place_camera
@@ -21,7 +22,6 @@ from isotruss_ros.viewer.drag import (
     PROGRESS_TIME,
 )
 from isotruss_ros.viewer.meshes import prism
-from isotruss_ros.viewer.message_checks import NO_CONTACT
 from isotruss_ros.viewer.picture import Hold, MESSAGE_TIMEOUT, Picture
 import numpy as np
 import pytest

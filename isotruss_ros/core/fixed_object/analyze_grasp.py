@@ -30,6 +30,8 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 from numpy.typing import ArrayLike
 
+#: Result of an analysis without contacts, in words.
+NO_CONTACT = 'the object touches nothing'
 #: Range of admissible spacings of contact points [m].
 SPACING_RANGE = (1e-4, 0.1)
 

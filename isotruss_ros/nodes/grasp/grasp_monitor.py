@@ -24,7 +24,7 @@ from isotruss_ros.core.errors import (
     SolverError,
     StructureError,
 )
-from isotruss_ros.core.fixed_object.analyze_grasp import analyze_grasp
+from isotruss_ros.core.fixed_object.analyze_grasp import analyze_grasp, NO_CONTACT
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -60,7 +60,6 @@ ERRORS = (
 )
 #: Smallest change of an unknown of the held grip that causes a new analysis [m, rad, N].
 MIN_GRIP_CHANGE = 1e-5
-NO_CONTACT = 'the object touches nothing'
 
 
 class GraspMonitor:
