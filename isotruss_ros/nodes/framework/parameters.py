@@ -31,6 +31,7 @@ WHOLE_NUMBERS: dict[Parameter.Type, Callable[[Any], Value]] = {
     Parameter.Type.INTEGER: float,
     Parameter.Type.INTEGER_ARRAY: lambda values: list(map(float, values)),
 }
+NO_TYPE = Parameter.Type.NOT_SET
 #: Default of a list of names without a name, because ROS gives an empty list no type.
 NO_NAMES = ['']
 #: Types of values in words, with an article.
@@ -75,17 +76,19 @@ class Parameters:
     Values of the parameters of one node, as attributes.
 
     :ivar fixed: names of the parameters that a managed node reads only when it is configured.
-    :param given: parameters of the command line, of parameter files and of the constructor.
+    :param overrides: parameters of the command line, of parameter files and of the constructor.
     """
 
-    def __init__(self, node: Node, specs: Sequence[Spec], given: Mapping[str, Parameter]) -> None:
+    def __init__(
+        self, node: Node, specs: Sequence[Spec], overrides: Mapping[str, Parameter]
+    ) -> None:
         self._node, self._managed = node, isinstance(node, LifecycleNode)
         self.fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
         self._real = {spec.name for spec in specs if _is_real(spec.default)}
         self._names = {spec.name for spec in specs if spec.default == NO_NAMES}
         for spec in specs:
-            self._declare(spec, given.get(spec.name))
-        for name in sorted(set(given) - {spec.name for spec in specs}):
+            self._declare(spec, overrides.get(spec.name))
+        for name in sorted(set(overrides) - {spec.name for spec in specs}):
             if not name.startswith(RCLPY_PREFIXES):
                 node.get_logger().warning(f'parameter {name}: unknown, and not used')
         node.add_pre_set_parameters_callback(self._convert)
@@ -93,7 +96,7 @@ class Parameters:
     def __getattr__(self, name: str) -> Any:
         return self._node.get_parameter(name).value
 
-    def _declare(self, spec: Spec, given: Parameter | None) -> None:
+    def _declare(self, spec: Spec, override: Parameter | None) -> None:
         """Declare a parameter with its override, or if there is none, with its default."""
         descriptor = ParameterDescriptor(name=spec.name, description=spec.description)
         if spec.read_only and self._managed:
@@ -108,10 +111,8 @@ class Parameters:
             else:
                 descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
         value = spec.default
-        if given is not None:
-            # An empty list in a parameter file has no type.
-            is_untyped = given.type_ is Parameter.Type.NOT_SET and spec.name in self._names
-            read = Parameter(spec.name, value=NO_NAMES) if is_untyped else self._convert_one(given)
+        if override is not None:
+            read = self._convert_one(override)
             value = read.value
             expected = Parameter.Type.from_parameter_value(spec.default)
             if read.type_ is not expected:
@@ -129,14 +130,16 @@ class Parameters:
 
     def _convert(self, parameters: list[Parameter]) -> list[Parameter]:
         """Return the parameters with integers as floats, and empty lists as `NO_NAMES`."""
-        return [self._convert_one(parameter) for parameter in parameters]
+        # A request without a type would delete the parameter; rclpy refuses it.
+        return [p if p.type_ is NO_TYPE else self._convert_one(p) for p in parameters]
 
     def _convert_one(self, parameter: Parameter) -> Parameter:
         name, kind, value = parameter.name, parameter.type_, parameter.value
         if name in self._real and kind in WHOLE_NUMBERS:
             return Parameter(name, value=WHOLE_NUMBERS[kind](value))
-        # An empty list in a message may have any type.
-        if name in self._names and kind.name.endswith('ARRAY') and not value:
+        # An empty list has no type in a parameter file, and any type in a message.
+        is_list = kind is NO_TYPE or kind.name.endswith('ARRAY')
+        if name in self._names and is_list and not value:
             return Parameter(name, value=NO_NAMES)
         return parameter
 
