@@ -83,7 +83,7 @@ class GraspAnalysisNode(ManagedNode):
         inputs.keep_topic('wrench', wrenches)
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
-        """Return the external wrench in a message, given in the aligned or the object's frame."""
+        """Return the external wrench in a message in the aligned or the object's frame."""
         pose = self.inputs.pose
         known = isinstance(pose, StampedInput)
         return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)

@@ -253,21 +253,21 @@ def _check_path(
     try:
         here = body.moved_to(path.poses[0])
         motion = path.poses, record, path.speed, path.turn_rate, settings
-        found = foresee_grip(config, here, body.friction_or(None), *motion)
+        foresight = foresee_grip(config, here, body.friction_or(None), *motion)
     except GraspError:
         return
-    if found is not None and found.why:
-        raise PathError(_describe_end(found))
+    if foresight is not None and foresight.why:
+        raise PathError(_describe_end(foresight))
 
 
-def _describe_end(found: Foresight) -> str:
+def _describe_end(foresight: Foresight) -> str:
     """Return the reason, length and pose at which a predicted motion ends."""
-    places = np.array([held.pose for held in found.grips])
+    places = np.array([held.pose for held in foresight.grips])
     length = np.hypot(*np.diff(places[:, :2], axis=0).T).sum()
-    x, y, angle = found.pose
+    x, y, angle = foresight.pose
     turned = angle - places[0, 2]
     turn = f' and {math.degrees(turned):+.0f}°' if abs(turned) > SMALLEST_SHOWN_ANGLE else ''
     end = f'after {100.0 * length:.0f} cm{turn}, at ({x:.3f}, {y:.3f})'
-    if found.why.startswith(OUT_OF_REACH):
-        return f'{OUT_OF_REACH} {end}{found.why.removeprefix(OUT_OF_REACH)}'
-    return f'the motion would end {end}: {found.why}'
+    if foresight.why.startswith(OUT_OF_REACH):
+        return f'{OUT_OF_REACH} {end}{foresight.why.removeprefix(OUT_OF_REACH)}'
+    return f'the motion would end {end}: {foresight.why}'

@@ -93,7 +93,7 @@ class StateEstimatorNode(ManagedNode):
         self.inputs = Inputs(self, self.robot)
         self.inputs.keep(
             'rollers',
-            take=lambda given: self._estimator.take_encoders(given.time, given.value.positions),
+            take=lambda sample: self._estimator.take_encoders(sample.time, sample.value.positions),
         )
         self.inputs.keep('pose', take=self._take_pose, oldest=HISTORY_DURATION)
         self.inputs.keep('markers', take=self._take_markers, oldest=HISTORY_DURATION)
@@ -158,16 +158,16 @@ class StateEstimatorNode(ManagedNode):
         if grip != self._estimator.grip:
             self._estimator.set_grip(grip)
 
-    def _take_pose(self, given: StampedInput) -> None:
+    def _take_pose(self, sample: StampedInput) -> None:
         values, estimator = self.values, self._estimator
         deviations = values.pose_deviation, values.pose_deviation, values.angle_deviation
-        take = partial(estimator.take_pose, given.time, given.value, deviations)
-        self._waiting.append((given.time, take))
+        take = partial(estimator.take_pose, sample.time, sample.value, deviations)
+        self._waiting.append((sample.time, take))
 
-    def _take_markers(self, given: StampedInput) -> None:
+    def _take_markers(self, sample: StampedInput) -> None:
         estimator, deviation = self._estimator, self.values.marker_deviation
-        take = partial(estimator.take_markers, given.time, given.value, deviation)
-        self._waiting.append((given.time, take))
+        take = partial(estimator.take_markers, sample.time, sample.value, deviation)
+        self._waiting.append((sample.time, take))
 
     def _take_waiting(self, now: float) -> None:
         """
@@ -193,10 +193,10 @@ class StateEstimatorNode(ManagedNode):
     def _take_pressures(self, now: float) -> str:
         """Use measured pressures in the model; return a warning if they are not fresh, else ''."""
         try:
-            found = fresh_pressures(now, self.values.pressure_timeout, self.inputs.pressures)
+            pressures = fresh_pressures(now, self.values.pressure_timeout, self.inputs.pressures)
         except InputError as error:
             return str(error)
-        self._estimator.take_pressures(found)
+        self._estimator.take_pressures(pressures)
         return ''
 
     def _take_grip(self, now: float) -> str:
@@ -234,23 +234,23 @@ class StateEstimatorNode(ManagedNode):
         self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self.robot))
         rejected = map(_rejection, (inputs.rollers, inputs.pose, inputs.markers))
-        found = (
+        reasons = (
             stale,
             mismatch,
             *rejected,
             _describe_doubts(estimate),
             self._find_sag(now, estimate),
         )
-        doubts = '; '.join(filter(None, found))
+        doubts = '; '.join(filter(None, reasons))
         if doubts:
             self.reasons.note('doubts', doubts)
         level = DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK
         self.diagnostics.set_status(doubts or 'estimating', level)
 
 
-def _rejection(given: Input) -> str:
+def _rejection(latest: Input) -> str:
     """Return the reason of the rejection of an input's last message; empty if it was accepted."""
-    rejected = given if isinstance(given, RejectedInput) else getattr(given, 'rejected', None)
+    rejected = latest if isinstance(latest, RejectedInput) else getattr(latest, 'rejected', None)
     return '' if rejected is None else rejected.reason
 
 

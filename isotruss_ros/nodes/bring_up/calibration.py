@@ -60,9 +60,11 @@ class Calibration(StoppableNode):
         posture, _ = self._measure()
         kept = [each for each in self._postures if not _is_same(each, posture)]
         self._postures = [*kept, posture]
-        found = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
-        write_robot_file(self._robot, self._output, found, self._stiffness)
-        offsets = zip(self._robot.roller_names, found.offsets, found.deviations, strict=True)
+        calibrated = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
+        write_robot_file(self._robot, self._output, calibrated, self._stiffness)
+        offsets = zip(
+            self._robot.roller_names, calibrated.offsets, calibrated.deviations, strict=True
+        )
         said = ', '.join(f'{name} {1e3 * z:+.1f} +- {1e3 * sure:.1f}' for name, z, sure in offsets)
         return f'roller offsets [mm]: {said}; written to {self._output}'
 
@@ -79,22 +81,22 @@ class Calibration(StoppableNode):
                 )
             both = sorted(set(before[0].joints) & set(under.joints))
             home = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
-            found = calibrate_stiffness(
+            fitted = calibrate_stiffness(
                 self._robot.configuration(under.roller_positions + home.offsets),
                 {request.joint: (request.force.x, request.force.y)},
                 {name: before[0].joints[name] for name in both},
                 {name: under.joints[name] for name in both},
                 self.values.marker_deviation / math.sqrt(count),
             )
-            write_robot_file(self._robot, self._output, home, found)
-            self._stiffness = found
+            write_robot_file(self._robot, self._output, home, fitted)
+            self._stiffness = fitted
         except IsotrussError as error:
             response.message = str(error)
             return response
-        response.success, (response.scale, response.deviation) = True, found
+        response.success, (response.scale, response.deviation) = True, fitted
         response.message = (
-            f'stiffness of the tubes relative to the model: {found.scale:.3f} +- '
-            f'{found.deviation:.3f}; written to {self._output}'
+            f'stiffness of the tubes relative to the model: {fitted.scale:.3f} +- '
+            f'{fitted.deviation:.3f}; written to {self._output}'
         )
         return response
 

@@ -73,6 +73,6 @@ class JointMarkers:
         least = min(map(len, seen.values()))
         return MeasuredJoints(Posture(readings.mean(axis=0), means), least)
 
-    def _take(self, timeline: Timeline, given: StampedInput) -> None:
-        timeline.add(given.time, given.value)
+    def _take(self, timeline: Timeline, sample: StampedInput) -> None:
+        timeline.add(sample.time, sample.value)
         timeline.discard_before(timeline.last[0] - AVERAGING_TIME)

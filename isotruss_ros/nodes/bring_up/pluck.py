@@ -54,7 +54,7 @@ class Pluck(StoppableNode):
     """
     Node that pushes the object once and fits an oscillation to its poses.
 
-    :ivar found: fitted oscillation; None before the fit.
+    :ivar oscillation: fitted oscillation; None before the fit.
     """
 
     node_name = 'pluck'
@@ -63,7 +63,7 @@ class Pluck(StoppableNode):
     def start(self) -> None:
         """Create the subscriptions, and wait for pose and status."""
         values = self.values
-        self.found: Oscillation | None = None
+        self.oscillation: Oscillation | None = None
         robot = load_robot(values.robot)
         body = common.read_described(values) or ConvexObject(Disc(values.object_diameter))
         self._arm = body.arm
@@ -85,9 +85,9 @@ class Pluck(StoppableNode):
         """Publish a zero twist before the node ends."""
         self._publish_twist(0.0)
 
-    def _take_pose(self, given: StampedInput) -> None:
-        self._times.append(given.time)
-        self._poses.append(tuple(given.value))
+    def _take_pose(self, sample: StampedInput) -> None:
+        self._times.append(sample.time)
+        self._poses.append(tuple(sample.value))
 
     def _take_status(self, message: ManipulationStatus) -> None:
         self._status = message
@@ -131,8 +131,8 @@ class Pluck(StoppableNode):
         """Fit an oscillation to the poses, print the result, and end the node."""
         times = np.array(self._times)
         after = times > self._pushed + PUSH_TIME
-        self.found = fit_oscillation(times[after], np.array(self._poses)[after], self._arm)
-        frequency, damping, amplitude = self.found
+        self.oscillation = fit_oscillation(times[after], np.array(self._poses)[after], self._arm)
+        frequency, damping, amplitude = self.oscillation
         self.get_logger().info(
             f'frequency {frequency:.3g} rad/s, damping ratio {damping:.2g}, amplitude '
             f'{1e3 * amplitude:.2g} mm; set the parameter `frequency` of manipulation, and '

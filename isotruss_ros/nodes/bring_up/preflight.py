@@ -92,9 +92,9 @@ class Preflight(StoppableNode):
         self.done = True
 
     def _check_encoders(self) -> str:
-        found = self._check_live('joint_states', self._inputs.rollers)
+        age = self._check_live('joint_states', self._inputs.rollers)
         self._travel = self._inputs.rollers.value.positions
-        return found
+        return age
 
     def _check_offsets(self) -> str:
         sure = self._robot.description.calibration.get('zero_deviations')
@@ -178,16 +178,16 @@ class Preflight(StoppableNode):
             raise MeasurementError(f'{which} is missing; without it the gains of the loop are low')
         return f'module {module:g} kg, object {body:g} kg'
 
-    def _check_live(self, topic: str, given: Input) -> str:
+    def _check_live(self, topic: str, latest: Input) -> str:
         """Return a text with the age of an input; raise an error if it is stale or missing."""
         now = self.now()
         try:
-            (found,) = require_fresh(now, MAX_TOPIC_AGE, '', **{topic: given})
+            (fresh,) = require_fresh(now, MAX_TOPIC_AGE, '', **{topic: latest})
         except InputError as error:
             raise MeasurementError(str(error)) from error
-        if found.rejected is not None:
-            raise MeasurementError(found.rejected.reason)
-        return f'{1e3 * (now - found.time):.0f} ms old'
+        if fresh.rejected is not None:
+            raise MeasurementError(fresh.rejected.reason)
+        return f'{1e3 * (now - fresh.time):.0f} ms old'
 
     def _check_rate(
         self, topic: str, messages: Sequence[JointState | PoseStamped], least: float

@@ -23,20 +23,20 @@ def type_name(kind: Any) -> str:
 
 def schema_text(kind: Any) -> str:
     """Return the text that defines a message type and all types nested in it."""
-    found: dict[str, str] = {}
-    _collect(kind, found)
-    first, *others = found.items()
+    definitions: dict[str, str] = {}
+    _collect(kind, definitions)
+    first, *others = definitions.items()
     parts = [first[1], *(f'MSG: {name}\n{text}' for name, text in others)]
     return f'\n{SEPARATOR}\n'.join(parts)
 
 
-def _collect(kind: Any, found: dict[str, str]) -> None:
-    """Add to `found` the definitions of a message type and of its fields' message types."""
+def _collect(kind: Any, definitions: dict[str, str]) -> None:
+    """Collect the definitions of a message type and of its fields' message types."""
     package, folder, name = type_name(kind).split('/')
     short = f'{package}/{name}'
-    if short in found:
+    if short in definitions:
         return
-    found[short] = ''
+    definitions[short] = ''
     lines = []
     for field, described in kind.get_fields_and_field_types().items():
         inner, suffix = _split(described)
@@ -44,8 +44,8 @@ def _collect(kind: Any, found: dict[str, str]) -> None:
         if '/' in inner:
             package, inner = inner.split('/')
             module = importlib.import_module(f'{package}.{folder}')
-            _collect(getattr(module, inner), found)
-    found[short] = '\n'.join(lines) + '\n'
+            _collect(getattr(module, inner), definitions)
+    definitions[short] = '\n'.join(lines) + '\n'
 
 
 def _split(described: str) -> tuple[str, str]:

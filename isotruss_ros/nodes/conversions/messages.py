@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 #: Largest valid roller travel [m].
 MAX_DISTANCE = 1e6
 #: Parts with frames. The object's frame is fixed to the object. The aligned frame has its origin,
-#: about which moments of wrenches are given, and the robot's axes. The x axis of a contact frame
+#: about which wrenches have their moments, and the robot's axes. The x axis of a contact frame
 #: is normal to the member and points into the object; the y axis is along the member.
 OBJECT, ALIGNED_OBJECT, CONTACT = 'object', 'object_aligned', '_contact'
 #: Value of the field `held` of messages for whether the object is held; None: unknown.

@@ -47,7 +47,7 @@ def read_described(
         raise MessageError(f'object: shape {message.shape}: must be one of {known}')
     radii, axes = message.corner_radii.tolist(), message.semi_axes.tolist()
     # Values by key, without fields that have the defaults of the message.
-    given = {
+    fields = {
         'diameter': [message.diameter] if message.diameter != 0.0 else [],
         'vertices': [[_planar(vertex) for vertex in message.vertices]] if message.vertices else [],
         'corner_radius': radii if len(radii) < 2 else [radii],
@@ -56,7 +56,7 @@ def read_described(
         'center_of_mass': [_planar(point) for point in message.center_of_mass],
         'friction': message.friction,
     }
-    content = {key: values[0] for key, values in given.items() if len(values)}
+    content = {key: values[0] for key, values in fields.items() if len(values)}
     try:
         return make_object({'shape': SHAPE_NAMES[message.shape]} | content, 'object').moved_to(
             place

@@ -66,10 +66,10 @@ def read_goal(
 def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
     """Return the requirements in a goal; fields that are zero or empty mean the defaults."""
     names = ('max_contact_force', 'max_total_force', 'max_utilisation', 'min_rigidity')
-    given = {name: getattr(goal, name) for name in (*names, 'squeeze', 'module')}
+    fields = {name: getattr(goal, name) for name in (*names, 'squeeze', 'module')}
     direction = tuple(goal.direction.tolist())
     if goal.measure == 'stiffness' or any(direction):
-        given['direction'] = direction
+        fields['direction'] = direction
     wrench = read_external_wrench(WrenchStamped(wrench=goal.external_wrench), robot.frame)
     return GraspRequirements(
         friction=goal.friction,
@@ -79,7 +79,7 @@ def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
         measure=goal.measure,
         carry=_read_carry(goal),
         count=goal.count,
-        **{name: value for name, value in given.items() if value},
+        **{name: value for name, value in fields.items() if value},
     )
 
 

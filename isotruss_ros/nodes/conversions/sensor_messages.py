@@ -43,20 +43,20 @@ def read_joint_markers(
             f'joint markers: {len(message.joint_names)} names and {len(message.transforms)} '
             'transforms: both numbers must be equal'
         )
-    known, found = robot.topology.joint_names, {}
+    known, positions = robot.topology.joint_names, {}
     if not any(name in known for name in message.joint_names):
         raise ForeignMessageError(
             f'joint marker {quote_names(message.joint_names)}: must be one of {", ".join(known)}'
         )
     for name, transform in zip(message.joint_names, message.transforms, strict=True):
-        if name not in known or name in found:
+        if name not in known or name in positions:
             raise MessageError(
                 f'joint marker {quote(name)}: must be one of {", ".join(known)}, each once'
             )
         place = transform.translation
         check_place(f'joint marker {name}', place.x, place.y)
-        found[name] = place.x, place.y, place.z
-    return found
+        positions[name] = place.x, place.y, place.z
+    return positions
 
 
 def to_joint_markers(joints: Mapping[str, Sequence[float]]) -> MultiDOFJointState:
@@ -84,11 +84,11 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
     """
     numbers = {name: number for number, name in enumerate(names)}
     places = [place for place, name in enumerate(message.name) if name in numbers]
-    found = [numbers[message.name[place]] for place in places]
-    if len(found) > len(set(found)):
-        twice = sorted({names[number] for number in found if found.count(number) > 1})
+    indices = [numbers[message.name[place]] for place in places]
+    if len(indices) > len(set(indices)):
+        twice = sorted({names[number] for number in indices if indices.count(number) > 1})
         raise MessageError(f'joint states: {", ".join(twice)} named twice; must be named once')
-    if not found:
+    if not indices:
         raise ForeignMessageError(
             f'joint states of {quote_names(message.name)}: must name {", ".join(names)}, in one '
             'message or in parts'
@@ -118,7 +118,7 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
             f'must be at most {MAX_SPEED} m/s'
         )
     read = zip(positions.tolist(), velocities.tolist(), strict=True)
-    return dict(zip(found, read, strict=True))
+    return dict(zip(indices, read, strict=True))
 
 
 def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> tuple[str, float]:

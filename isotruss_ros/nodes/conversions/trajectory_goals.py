@@ -134,9 +134,9 @@ def _read_start(header: Header, now: float, timeout: float) -> float | None:
     return stamp if stamp > now + CLOCK_SKEW else None
 
 
-def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None:
+def _check_joints(what: str, joints: Sequence[str], names: Sequence[str]) -> None:
     """Raise TrajectoryGoalError if a name does not belong to a roller or is repeated."""
-    counts = Counter(given)
+    counts = Counter(joints)
     unknown = [quote(name) for name in counts if name not in names][:20]
     twice = [name for name in names if counts[name] > 1]
     if unknown or twice:
@@ -147,11 +147,13 @@ def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None
         )
 
 
-def _read_tolerance(what: str, given: Sequence[Any], names: Sequence[str]) -> Tolerance | None:
+def _read_tolerance(
+    what: str, tolerances: Sequence[Any], names: Sequence[str]
+) -> Tolerance | None:
     """Return the bounds in a list of tolerances; None if the list is empty."""
-    _check_joints(what, [each.name for each in given], names)
+    _check_joints(what, [each.name for each in tolerances], names)
     bounds = np.full((2, len(names)), math.inf)
-    for each in given:
+    for each in tolerances:
         place = list(names).index(each.name)
         for row, value in enumerate((each.position, each.velocity)):
             if not (value >= 0.0 or value == -1.0):  # excludes NaN

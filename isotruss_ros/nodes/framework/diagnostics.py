@@ -34,7 +34,7 @@ class Reason(NamedTuple):
     #: number of occurrences so far
     count: int  # type: ignore[assignment]
     logged: float  #: time of the log entry [s]
-    given: float  #: time of the last occurrence [s]
+    latest: float  #: time of the last occurrence [s]
 
 
 class ReasonLog:
@@ -55,12 +55,12 @@ class ReasonLog:
         :param value: value in the text; the end is logged with the text of the smallest value.
         """
         now, known = time.monotonic(), self._reasons.get(kind)
-        if known is not None and now - known.given < QUIET_TIME:
+        if known is not None and now - known.latest < QUIET_TIME:
             same = NUMBERS.sub('', text) == NUMBERS.sub('', known.text)
             if same or now - known.logged < MIN_LOG_PERIOD:
                 if same and value < known.value:
                     known = known._replace(text=text, value=value)
-                self._reasons[kind] = known._replace(count=known.count + 1, given=now)
+                self._reasons[kind] = known._replace(count=known.count + 1, latest=now)
                 return
         self._end(kind)
         self._log(text)
@@ -70,7 +70,7 @@ class ReasonLog:
         """Log the number of occurrences of each reason that has not occurred for a time [s]."""
         now = time.monotonic()
         for kind, reason in list(self._reasons.items()):
-            if now - reason.given >= quiet_time:
+            if now - reason.latest >= quiet_time:
                 self._end(kind)
 
     def _end(self, kind: str) -> None:

@@ -72,13 +72,13 @@ def describe_launch(
     }
     started = []
     for executable in ('simulator', *NODES) if simulated else NODES:
-        given, kind = [USE_SIM_TIME], find_node(executable)
+        declared, kind = [USE_SIM_TIME], find_node(executable)
         for spec in (*kind.base_specs, *kind.specs):
             if executable == 'simulator' or spec.name in ARGUMENTS:
                 shared = arguments.setdefault(spec.name, spec)
                 if shared.default == spec.default:  # the viewer has another rate, for example
-                    given.append(spec)
-        started.append(_describe_node(executable, given))
+                    declared.append(spec)
+        started.append(_describe_node(executable, declared))
     declared = [
         _declare(
             spec.name,
@@ -110,8 +110,8 @@ def _describe_node(executable: str, specs: Sequence[Spec]) -> Node:
         kind: type = type(default)
         if isinstance(default, list):
             kind = list[float] if isinstance(default[0], float) else list[str]
-        given = LaunchConfiguration(spec.name)
-        parameters[spec.name] = ParameterValue(given, value_type=kind)
+        substitution = LaunchConfiguration(spec.name)
+        parameters[spec.name] = ParameterValue(substitution, value_type=kind)
     optional = NODES.get(executable) is not None
     return Node(
         package='isotruss_ros',

@@ -244,10 +244,10 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     def describe(self) -> dict[str, object]:
         """Return all values for the diagnostics as a dictionary, in any life-cycle state."""
-        found = {} if self.cycle is None else self.cycle.summary()
+        values = {} if self.cycle is None else self.cycle.summary()
         if self.configured:
-            found |= self.details()
-        return found if self.inputs is None else found | self.inputs.describe_ages()
+            values |= self.details()
+        return values if self.inputs is None else values | self.inputs.describe_ages()
 
     def _list_entities(self) -> dict[Any, Callable[[Any], object]]:
         """Return all entities with their destructors: timers first, publishers last."""

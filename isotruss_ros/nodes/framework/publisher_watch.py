@@ -71,14 +71,14 @@ class PublisherWatch:
         # Counting takes a tenth of the time of reading the names.
         if self._node.count_publishers(self._node.resolve_topic_name(self._topic)) < 2:
             return ''
-        found = self._node.get_publishers_info_by_topic(self._topic)
-        publishers = sorted(
-            f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}' for publisher in found
+        names = sorted(
+            f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
+            for publisher in self._node.get_publishers_info_by_topic(self._topic)
         )
         what = f'{self._topic} of {part}' if part else self._topic
         values = f' {" and ".join(map(_in_words, (before, value)))}' if value else ''
         return (
-            f'{what} has {len(publishers)} publishers ({", ".join(publishers)}), of which two '
+            f'{what} has {len(names)} publishers ({", ".join(names)}), of which two '
             f'send{values}: end one of them'
         )
 

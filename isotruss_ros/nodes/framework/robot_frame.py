@@ -107,8 +107,8 @@ class RobotFrame:
             )
         try:
             stamp = Time.from_msg(header.stamp)
-            found = self._buffer.lookup_transform(frame, header.frame_id, stamp).transform
-            rotation, shift = _rotation_matrix(found.rotation), found.translation
+            transform = self._buffer.lookup_transform(frame, header.frame_id, stamp).transform
+            rotation, shift = _rotation_matrix(transform.rotation), transform.translation
         except NO_TRANSFORM as error:  # ValueError: a stamp before zero, no rotation
             raise NoTransformError(
                 f'{words}: tf2 must connect this frame to {frame!r} at the stamp: {error}'

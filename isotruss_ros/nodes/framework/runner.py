@@ -64,9 +64,9 @@ class StoppableNode(Node):
         try:
             # rclpy itself cannot declare an empty list of a parameter file.
             with self.handle:
-                given = self.handle.get_parameters(Parameter)
-            given |= {each.name: each for each in parameter_overrides}
-            self.values = Parameters(self, (*self.base_specs, *self.specs), given)
+                overrides = self.handle.get_parameters(Parameter)
+            overrides |= {each.name: each for each in parameter_overrides}
+            self.values = Parameters(self, (*self.base_specs, *self.specs), overrides)
             self.start()
         except IsotrussError:
             self.destroy_node()

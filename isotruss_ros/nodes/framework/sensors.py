@@ -85,10 +85,10 @@ class Inputs(LatestInputs):
         :param oldest: largest age of this input [s]; None: the value for all inputs.
         """
 
-        def receive(given: Received, now: float) -> None:
-            if isinstance(given, ForeignMessage) and getattr(self, name) is not None:
+        def receive(message: Received, now: float) -> None:
+            if isinstance(message, ForeignMessage) and getattr(self, name) is not None:
                 return
-            received = given if topic.merge is None else topic.merge(given, now)
+            received = message if topic.merge is None else topic.merge(message, now)
             if received is None:
                 return
             valid = isinstance(received, StampedInput)
@@ -211,11 +211,11 @@ class Inputs(LatestInputs):
         """Return the age of each input [s] or the reason why it is missing, and conflicts."""
         ages: dict[str, object] = {'conflicting publishers': self.conflicts or 'none'}
         for name, gate in self._gates.items():
-            given = getattr(self, name)
-            if isinstance(given, StampedInput):
-                age = f'{self._node.now() - given.time:.4f}'
+            latest = getattr(self, name)
+            if isinstance(latest, StampedInput):
+                age = f'{self._node.now() - latest.time:.4f}'
             else:
-                age = 'none received' if given is None else given.reason
+                age = 'none received' if latest is None else latest.reason
             ages[f'age of {gate.words} [s]'] = age
         return ages
 
@@ -232,5 +232,5 @@ class Inputs(LatestInputs):
     def configuration(self, now: float) -> Configuration:
         """Return the robot's configuration at the latest joint states."""
         timeout = self._node.values.command_timeout
-        (given,) = require_fresh(now, timeout, joint_states=self.rollers)
-        return self._shapes.configuration(given.value.positions)
+        (rollers,) = require_fresh(now, timeout, joint_states=self.rollers)
+        return self._shapes.configuration(rollers.value.positions)

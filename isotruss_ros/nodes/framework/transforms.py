@@ -37,7 +37,7 @@ class TransformBroadcaster:
     Broadcaster of the frames of object, contacts and modules, relative to the robot frame.
 
     The object has two frames with the same origin: the object frame is fixed to the object; the
-    aligned frame, in which wrenches are given, has axes parallel to the robot frame. The x axis of
+    aligned frame, of wrenches, has axes parallel to the robot frame. The x axis of
     a contact frame is normal to the member and points into the object. A module frame has its
     origin at the joint and its x axis along the connection rod. If `tf2_msgs` is not installed,
     nothing is broadcast and a warning is logged.

@@ -245,12 +245,12 @@ class Manipulation(ManagedNode):
             return
         stamped = self.values.use_stamped_twist
         wrong, right = ('Twist', 'TwistStamped') if stamped else ('TwistStamped', 'Twist')
-        found = self.get_publishers_info_by_topic('cmd_vel')
+        publishers = self.get_publishers_info_by_topic('cmd_vel')
         rejected = RejectedInput(
             f'cmd_vel has a publisher of {wrong}, which is not received: publish {right}, or '
             f'set use_stamped_twist to {str(not stamped).lower()}'
         )
-        if any(publisher.topic_type == f'geometry_msgs/msg/{wrong}' for publisher in found):
+        if any(publisher.topic_type == f'geometry_msgs/msg/{wrong}' for publisher in publishers):
             servo.receive(twist=rejected)
         elif twist == rejected:
             servo.receive(twist=None)

@@ -101,8 +101,10 @@ class SparseMessages:
     def _subscribe_to_latched(self) -> None:
         """Subscribe to the earlier messages of latching publishers, once."""
         # Discovery lists a publisher before the match.
-        found = self._node.get_publishers_info_by_topic(self._topic)
-        latching = any(p.qos_profile.durability == ALL_LATCHED_MESSAGES.durability for p in found)
+        publishers = self._node.get_publishers_info_by_topic(self._topic)
+        latching = any(
+            p.qos_profile.durability == ALL_LATCHED_MESSAGES.durability for p in publishers
+        )
         if latching and len(self._subscriptions) == 1:
             self._subscribe(ALL_LATCHED_MESSAGES)
 

@@ -116,13 +116,13 @@ class GraspSequences:
 
     def measured_pose(self) -> PoseStamped | None:
         """Return the last measured pose of the object as a message; None before the first pose."""
-        given = self._inputs.pose
-        if not isinstance(given, StampedInput):
+        measured = self._inputs.pose
+        if not isinstance(measured, StampedInput):
             return None
-        return self._to_pose_stamped(given.value, given.time)
+        return self._to_pose_stamped(measured.value, measured.time)
 
     def _to_pose_stamped(self, pose: Pose, time: float | None = None) -> PoseStamped:
-        """Return a pose as a message, with the current time unless another is given [s]."""
+        """Return a pose as a message, with a time [s]; None: the current time."""
         header = make_header(self._node.now() if time is None else time, self._robot.frame)
         return PoseStamped(header=header, pose=to_pose_message(pose))
 
@@ -133,8 +133,8 @@ class GraspSequences:
         :return: distance and angle; NaN if a pose is unknown.
         """
         try:
-            timeout, given = self._watch.timeout, self._inputs.pose
-            (here,) = require_fresh(self._node.now(), timeout, object_pose=given)
+            timeout, measured = self._watch.timeout, self._inputs.pose
+            (here,) = require_fresh(self._node.now(), timeout, object_pose=measured)
             end = read_pose('pose', path.poses[-1].pose)
         except (IsotrussError, IndexError):
             return math.nan, math.nan
@@ -166,7 +166,7 @@ class GraspSequences:
         yield from self._drive(grasp.path, touch, PICK.APPROACHING, PICK.CLOSING)
         self.stage = PICK.CONFIRMING
         state = yield from self._watch.confirm(True)
-        note = yield from self._bring_back(first)
+        note = yield from self.bring_back(first)
         if note:
             state = yield from self._watch.confirm(True)
         where = grasp.module or ', '.join(grasp.members)
@@ -239,7 +239,7 @@ class GraspSequences:
         self._watch.begin_motion()
         return (yield from self._object.run(goal, find_fault=self._watch.find_loss))
 
-    def _bring_back(self, first: AveragePose) -> Steps:
+    def bring_back(self, first: AveragePose) -> Steps:
         """Move a displaced object back to its initial pose; return a sentence with the result."""
         here = yield from self._watch.average_poses()
         moved, deviation = first.distance(here)

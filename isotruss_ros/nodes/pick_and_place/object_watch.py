@@ -69,9 +69,9 @@ class ObjectWatch:
     def require_free(self) -> None:
         """Raise StepError if the object is already held."""
         # The analysis may arrive only after the pick.
-        found = find_fresh(self._node.now(), self.timeout, self.inputs.grasp)
-        if found is not None and read_held(found):
-            members = ', '.join(found.grasping_members)
+        state = find_fresh(self._node.now(), self.timeout, self.inputs.grasp)
+        if state is not None and read_held(state):
+            members = ', '.join(state.grasping_members)
             raise StepError(
                 StepOutcome.BAD_GOAL,
                 f'the object is already held by {members}: first place the object',
@@ -169,26 +169,28 @@ class ObjectWatch:
     def _describe_grasp(self, since: float = -np.inf) -> str:
         """Return a text about the hold; with a time [s], by an analysis that is later."""
         lost = [report for report in self._fresh_reports() if read_held(report) is False]
-        given = self.inputs.grasp
+        analysis = self.inputs.grasp
         if lost:
             why = lost[0].message or getattr(lost[0], 'hold_message', '')
             return f'the object is not held: {why}'
         unknown = 'it is unknown whether the object is held'
-        if not isinstance(given, StampedInput):
+        if not isinstance(analysis, StampedInput):
             return f'{unknown}: no analysis of the grasp was received'
-        if given.time <= since:
+        if analysis.time <= since:
             return f'{unknown}: no analysis of the grasp was received since the rollers arrived'
         if self.is_held:
-            return f'the object is held, with a slip margin of {given.value.slip_margin:.3g} N'
-        why = given.value.message or 'no result'
-        return f'{unknown}: {why}; the last analysis is {self._node.now() - given.time:.2f} s old'
+            return f'the object is held, with a slip margin of {analysis.value.slip_margin:.3g} N'
+        why = analysis.value.message or 'no result'
+        return (
+            f'{unknown}: {why}; the last analysis is {self._node.now() - analysis.time:.2f} s old'
+        )
 
     def average_poses(self) -> Steps:
         """Average the measured poses of the object at rest for `AVERAGING_TIME`."""
         poses: dict[float, Pose] = {}
         begun = self._node.now()
         while not poses or 0.0 <= self._node.now() - begun < AVERAGING_TIME:
-            _, given = yield from self.await_inputs()
-            poses[given.time] = given.value
+            _, measured = yield from self.await_inputs()
+            poses[measured.time] = measured.value
             yield 0.0
         return AveragePose.of(list(poses.values()))

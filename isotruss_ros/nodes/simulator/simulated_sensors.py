@@ -87,8 +87,8 @@ class SensorChannel:
         :param rate: rate of the measurements [Hz], at most one measurement per call; 0: one
             measurement in each call.
         :param delay: time from a measurement to its arrival [s].
-        :param noise: standard deviation, given as one number for all values or as one for each
-            value of a row [unit of the values].
+        :param noise: standard deviation, one number for all values or one for each value
+            of a row [unit of the values].
         :return: time [s] and values (k, n) of each measurement, the oldest first. Lost rows are
             NaN; measurements whose rows are all lost are left out.
         """

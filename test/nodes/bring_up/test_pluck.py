@@ -6,12 +6,13 @@
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.nodes.bring_up.pluck import Pluck
+from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import maker, overrides
+from probe import maker, overrides, planar
 import pytest
 
 HELD = {'object_diameter': 0.2, 'friction': 0.8}
@@ -33,20 +34,18 @@ def pluck():
 @needs_mujoco
 def test_frequency_is_that_of_the_oscillation_after_a_released_force():
     with world(plant, manipulation(), pluck) as w:
-        simulator, _, node = w.nodes[1:]
+        node = w.nodes[3]
         w.until(lambda: node.done)
-        mujoco = simulator._plant.plant
-        # Gripped where it was plucked; pulled, let go, and left alone.
-        mujoco.pull((0.3, 0.0, 0.0))
-        mujoco.advance(2.0, 0.0 * mujoco.travel)
-        mujoco.pull((0.0, 0.0, 0.0))
-        poses = []
-        for _ in range(300):
-            mujoco.advance(0.005, 0.0 * mujoco.travel)
-            poses.append(np.array(mujoco.object_pose()))
-    expected = fit_oscillation(0.005 * np.arange(300), poses, 0.1)
-    assert node.found.frequency == pytest.approx(expected.frequency, rel=0.1)
-    assert 0.02 < node.found.damping_ratio < 0.5
+        w.remove(node)
+        w.spin(1.0, lambda: w.probe.send_wrench((0.3, 0.0, 0.0)))
+        w.probe.send_wrench((0.0, 0.0, 0.0))
+        w.probe.seen['pose'].clear()
+        w.spin(1.0)
+        times = [read_stamp(message.header) for _, message in w.probe.seen['pose']]
+        poses = [planar(message) for _, message in w.probe.seen['pose']]
+    expected = fit_oscillation(np.array(times), poses, 0.1)
+    assert node.oscillation.frequency == pytest.approx(expected.frequency, rel=0.1)
+    assert 0.02 < node.oscillation.damping_ratio < 0.5
 
 
 @needs_mujoco
