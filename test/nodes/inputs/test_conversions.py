@@ -28,7 +28,6 @@ from isotruss_ros.nodes.conversions.messages import (
     to_pose_message,
     to_twist_message,
 )
-from isotruss_ros.nodes.conversions.plan_messages import to_duration
 from isotruss_ros.nodes.conversions.sensor_messages import (
     read_joint_markers,
     read_roller_part,
@@ -39,7 +38,7 @@ from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
 import pytest
-from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
+from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Header
 
 NAMES = list(ROBOT.roller_names)
@@ -149,15 +148,6 @@ def test_invalid_markers_are_rejected(joints, words):
         read_joint_markers(to_joint_markers(joints), ROBOT)
 
 
-def test_names_without_positions_and_repeated_names_are_rejected():
-    with pytest.raises(MessageError, match='1 names and 0 transforms'):
-        read_joint_markers(MultiDOFJointState(joint_names=['P']), ROBOT)
-    twice = to_joint_markers({'P': (0.0, 0.0), 'Q': (0.0, 0.0)})
-    twice.joint_names = ['P', 'P']
-    with pytest.raises(MessageError, match=r"'P': must be one of .*, each once"):
-        read_joint_markers(twice, ROBOT)
-
-
 # Twists
 
 
@@ -234,20 +224,9 @@ def test_stamps_survive_a_round_trip(sec, nanosec):
     assert read_stamp(make_header(-when)) == 0.0
 
 
-@given(st.floats(0.0, 1e6))
-def test_durations(seconds):
-    message = to_duration(seconds)
-    assert 0 <= message.nanosec < 10**9
-    assert message.sec + 1e-9 * message.nanosec == pytest.approx(seconds, abs=1e-9)
-
-
 def pressure(tube, value):
     """Return the pressure of a tube."""
     return FluidPressure(header=Header(frame_id=tube), fluid_pressure=value)
-
-
-def test_a_pressure_is_that_of_the_tube_of_its_frame():
-    assert read_tube_pressure(pressure('east', 2e4), ROBOT, 0.0) == ('east', 2e4)
 
 
 def test_ambient_pressure_is_subtracted_from_absolute_pressures():

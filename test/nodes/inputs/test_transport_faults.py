@@ -123,12 +123,9 @@ def repeated_late():
 
 HARMLESS = {
     'sent twice': ('joint_states', lambda m: [m, m]),
-    'delayed a little': ('joint_states', delayed(6)),
     'out of order': ('joint_states', swapped()),
     'repeated late': ('joint_states', repeated_late()),
-    'pose sent twice': ('object_pose', lambda m: [m, m]),
     'pose delayed a little': ('object_pose', delayed(3)),
-    'pose out of order': ('object_pose', swapped()),
     'pose repeated late': ('object_pose', repeated_late()),
 }
 
@@ -151,9 +148,7 @@ def test_moves_as_commanded_in_spite_of_harmless_faults(name):
 
 HARMFUL = {
     'frozen': ('joint_states', frozen, Status.HALT_STALE_JOINT_STATES),
-    'silent': ('joint_states', lambda: lambda m: [], Status.HALT_STALE_JOINT_STATES),
     'delayed a lot': ('joint_states', lambda: delayed(100), Status.HALT_STALE_JOINT_STATES),
-    'pose frozen': ('object_pose', frozen, Status.HALT_STALE_OBJECT_POSE),
     'pose delayed a lot': ('object_pose', lambda: delayed(100), Status.HALT_STALE_OBJECT_POSE),
     'pose teleported': ('object_pose', lambda: moved(1.0), Status.HALT_NO_GRASP),
 }
@@ -190,9 +185,8 @@ def test_stops_within_the_timeout_and_resumes(name):
         w.until(lambda: relay.speed() > 0.0, send(w))
 
 
-@pytest.mark.parametrize('by', [0.01, -0.02])
-def test_an_object_that_jumps_in_the_grasp_is_moved_from_its_new_pose(by):
-    distort = moved(by)
+def test_an_object_that_jumps_in_the_grasp_is_moved_from_its_new_pose():
+    distort = moved(-0.02)
     with relayed(TIMEOUT) as w:
         relay = Relay(w, 'object_pose', distort)
         w.until_code(Status.OK, send(w))
