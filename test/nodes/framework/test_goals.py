@@ -3,9 +3,9 @@
 
 """Random goals on every action of every node: each is read before it is accepted, and answered."""
 
+import contextlib
 import copy
 import math
-from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import (
@@ -40,68 +40,47 @@ INTEGERS = (0, 1, -1, 2**31 - 1, -(2**31))
 TEXTS = ('', 'nobody', 'x' * 1000, 'ö/☃', 'north/Z', 'north/R-P', 'truss')
 
 
-def vary(message: Any, rng: np.random.Generator, most: int = 3) -> Any:
-    """Return a copy of a message with one to some fields, however deep, replaced."""
+def vary(message, rng):
+    """Return a copy of a message with one to three fields, however deep, replaced."""
     changed = copy.deepcopy(message)
-    for _ in range(rng.integers(1, most + 1)):
+    for _ in range(rng.integers(1, 4)):
         _replace(changed, rng)
     return changed
 
 
-def _fields(message: Any) -> list[str]:
-    """Return the fields of a message, or of a stand-in for one."""
-    if hasattr(message, 'get_fields_and_field_types'):
-        return list(message.get_fields_and_field_types())
-    return list(vars(message))
-
-
-def _replace(message: Any, rng: np.random.Generator) -> None:
+def _replace(message, rng):
     """Replace one field of a message, or of one in it."""
-    name = str(rng.choice(_fields(message)))
+    types = getattr(message, 'get_fields_and_field_types', lambda: vars(message))
+    name = str(rng.choice(list(types())))
     value = getattr(message, name)
-    if _is_message(value):
+    if hasattr(value, 'get_fields_and_field_types'):
         _replace(value, rng)
-    elif isinstance(value, str):
-        setattr(message, name, str(rng.choice(TEXTS)))
-    elif isinstance(value, bool):
-        setattr(message, name, not value)
-    elif isinstance(value, int):
-        _set(message, name, int(rng.choice(INTEGERS)))
-    elif isinstance(value, float):
-        _set(message, name, float(rng.choice(NUMBERS)))
-    else:
-        _replace_list(message, name, list(value), rng)
-
-
-def _replace_list(message: Any, name: str, value: list[Any], rng: np.random.Generator) -> None:
-    """Empty a list, double it, or change an element."""
-    fixed = isinstance(getattr(message, name), np.ndarray)  # of a size that the type has
-    how = 2 if fixed else rng.integers(4)
-    if how == 0 or not value:
-        _set(message, name, [])
-    elif how == 1:
-        _set(message, name, [*value, *value])
-    else:
-        place = rng.integers(len(value))
-        if _is_message(value[place]):
-            _replace(value[place], rng)
-        elif isinstance(value[place], str):
-            value[place] = str(rng.choice(TEXTS))
-        else:
-            value[place] = float(rng.choice(NUMBERS))
-        _set(message, name, value)
-
-
-def _is_message(value: Any) -> bool:
-    return hasattr(value, 'get_fields_and_field_types')
-
-
-def _set(message: Any, name: str, value: Any) -> None:
-    """Set a field, unless the type of the message itself refuses the value."""
-    try:
-        setattr(message, name, value)
-    except (AssertionError, ValueError):
         return
+    if not isinstance(value, str | bool | int | float):
+        value = _replace_list(list(value), rng, isinstance(value, np.ndarray))
+    # The type of the message may refuse the value.
+    with contextlib.suppress(AssertionError, ValueError):
+        setattr(message, name, _replace_value(value, rng))
+
+
+def _replace_value(value, rng):
+    """Return another value of the same type; a list as it is."""
+    choices = {str: TEXTS, bool: (not value,), int: INTEGERS, float: NUMBERS}
+    chosen = choices.get(type(value))
+    return value if chosen is None else type(value)(rng.choice(chosen))
+
+
+def _replace_list(values, rng, fixed_size):
+    """Return an empty list, the list twice, or one with another element."""
+    how = 2 if fixed_size else rng.integers(4)
+    if how < 2 or not values:
+        return how * 2 * values
+    place = rng.integers(len(values))
+    if hasattr(values[place], 'get_fields_and_field_types'):
+        _replace(values[place], rng)
+    else:
+        values[place] = _replace_value(values[place], rng)
+    return values
 
 
 class NoSearch(Searcher):

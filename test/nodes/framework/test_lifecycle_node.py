@@ -4,7 +4,6 @@
 """The nodes as managed nodes: silent while inactive, configured anew, and what they report."""
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import load_robot, Status, tangent_center
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -113,17 +112,3 @@ def test_manipulation_reports_its_loop_and_its_inputs():
             lambda: w.report('manipulation').level == DiagnosticStatus.ERROR,
             lambda: (w.probe.send_all(), w.probe.send_joints(position=[np.nan] * N)),
         )
-
-
-def test_the_analysis_reports_missing_inputs():
-    with world(lambda: GraspAnalysisNode()) as w:
-        w.until(lambda: w.report('grasp_analysis').level == DiagnosticStatus.ERROR)
-        assert 'none received' in w.report('grasp_analysis').message
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_pose()
-
-        w.until_code(GraspState.OK, send, 'state')
-        w.until(lambda: w.report('grasp_analysis').level == DiagnosticStatus.OK, send)
-        w.until(lambda: int(w.detail('cycles', 'grasp_analysis')) > 10, send)

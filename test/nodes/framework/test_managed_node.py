@@ -8,14 +8,12 @@ import gc
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.framework.diagnostics import Diagnostics, ReasonLog
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, Manager, world
 from probe import overrides
 import pytest
-import rclpy
 from rclpy.action import ActionServer
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
@@ -94,14 +92,6 @@ def test_starts_by_itself_with_autostart():
         assert Manager(w, 'toy').state() == 'active'
         assert w.nodes[1].steps == ['configure', 'activate']
         w.until(lambda: w.detail('steps', 'toy') == '2')
-
-
-def test_says_in_one_line_that_it_is_active_and_what_it_waits_for(capfd):
-    with world(Toy):
-        said = [line for line in capfd.readouterr().err.splitlines() if '[toy]: ' in line]
-    (line,) = said
-    assert line.endswith('[toy]: active, waits for /heard, /act')
-    assert line.startswith('[INFO]')
 
 
 def test_the_life_cycle_leaves_nothing_behind(waiting):
@@ -217,21 +207,6 @@ def test_an_error_out_of_a_callback_stops_the_node_and_it_can_be_brought_up_agai
 @pytest.mark.parametrize('error', [REFUSAL, ACCIDENT])
 def test_a_node_that_fails_to_start_raises_the_reason(step, error):
     check_refused(lambda: Toy({step: error}), str(error))
-
-
-def test_robots_of_one_name_are_told_apart_by_their_namespaces():
-    with world() as w:
-        for namespace in ('left', 'right', ''):
-            node = w.add(rclpy.create_node('toy', namespace=namespace))
-            node.cycle, node.reasons = None, ReasonLog(print)
-            node.create_steady_timer = node.create_timer
-            diagnostics = Diagnostics(node, dict)
-            diagnostics.hardware_id = 'nine_member'
-            diagnostics.report()
-        reports = w.probe.seen['diagnostics']
-        w.until(lambda: len(reports) == 3)
-        ids = [array.status[0].hardware_id for _, array in reports]
-        assert ids == ['left/nine_member', 'right/nine_member', 'nine_member']
 
 
 def test_reports_every_second_and_at_once_when_the_level_changes():

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import Disc, load_robot, place_between, read_object, settle_grasp
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.viewer.view_requests import NodeRestart
@@ -51,16 +50,6 @@ def w():
         yield made
 
 
-def test_the_simulator_is_active_with_the_other_plant(w):
-    said = []
-    restart = NodeRestart(Clients(w), said.append)
-    for plant in ('kinematic', 'elastic'):
-        restart.restart_simulator(0.0, plant)
-        assert said[-1] == f'plant {plant}: active'
-        assert w.nodes[1].get_parameter('plant').value == plant
-        assert w.nodes[1].active
-
-
 def test_a_reset_returns_the_robot_to_home_with_the_same_plant(w):
     said = []
 
@@ -88,19 +77,6 @@ def test_a_later_restart_ends_an_earlier_one(w):
     restart.restart_simulator(0.0, 'elastic')
     assert said == ['plant elastic: sent', 'plant kinematic: sent', 'plant kinematic: active']
     assert w.nodes[1].get_parameter('plant').value == 'kinematic'
-    assert len(calls) == 3 + 5
-
-
-def test_another_object_is_that_of_all_nodes_that_are_there():
-    simulator = partial(Simulator, overrides(plant='elastic', friction=0.8, indentation=0.005))
-    analysis = partial(GraspAnalysisNode, overrides(friction=0.8))
-    said, there = [], ('simulator', 'grasp_analysis')
-    with world(simulator, analysis) as w:
-        restart = NodeRestart(Clients(w, there), said.append)
-        restart.change_object(0.0, 'box', OBJECTS['box'])
-        assert said[-1] == 'object box: active'
-        assert {node.get_parameter('object').value for node in w.nodes[1:]} == {OBJECTS['box']}
-        assert all(node.active for node in w.nodes[1:])
 
 
 def test_a_reset_restores_grip_and_squeeze_of_the_manipulation():

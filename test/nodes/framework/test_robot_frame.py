@@ -22,8 +22,6 @@ from std_msgs.msg import Header
 
 STAMP = TimeMessage(sec=12, nanosec=500_000_000)
 NAMES = ROBOT.topology.joint_names
-#: A robot that stands upright in a world whose z is up: its y is the world's z.
-UPRIGHT = Rotation.from_euler('x', -90, degrees=True)
 
 
 class Buffer:
@@ -85,14 +83,6 @@ def test_markers_in_any_frame_are_transformed_to_the_robot_frame(turn, shift):
         assert found[name] == pytest.approx(place[:2], abs=1e-9)
 
 
-def test_the_transform_is_that_at_the_stamp():
-    buffer = Buffer(Rotation.identity())
-    frame = RobotFrame(ROBOT, buffer)
-    frame.read_pose(pose((0.0, 0.0, 0.0), Rotation.identity()))
-    frame.read_markers(markers({'P': (0.0, 0.0, 0.0)}))
-    assert buffer.asked == 2 * [('truss', 'camera', 12_500_000_000)]
-
-
 def test_what_is_in_the_frame_of_the_robot_is_taken_as_it_is_whatever_its_height():
     frame, turned = RobotFrame(ROBOT), Rotation.from_euler('z', 0.4)
     placed = frame.read_pose(pose((1.0, 2.0, math.nan), turned, 'truss'))
@@ -113,14 +103,6 @@ def test_a_planar_pose_in_a_tilted_frame_is_refused_by_name(degrees):
         frame.read_pose(planar)
 
 
-def test_heights_that_are_not_finite_are_refused_if_they_are_used():
-    frame = RobotFrame(ROBOT, Buffer(UPRIGHT))
-    with pytest.raises(MessageError, match=r'object pose at .*: x must be finite'):
-        frame.read_pose(pose((1.0, 2.0, math.nan), UPRIGHT.inv()))
-    with pytest.raises(MessageError, match=r'joint marker P at .*: x must be finite'):
-        frame.read_markers(markers({'P': (1.0, 2.0, math.nan)}))
-
-
 def test_a_frame_that_tf2_does_not_connect_is_named_with_the_reason():
     frame = RobotFrame(ROBOT, Buffer(Rotation.identity()))
     with pytest.raises(MessageError, match=r"'elsewhere': tf2 must connect this frame .*two"):
@@ -136,19 +118,6 @@ def test_without_tf2_frames_must_match_and_the_error_says_so():
     ):
         with pytest.raises(MessageError, match=r"'camera': must be 'truss'; tf2_ros.*not install"):
             read(message)
-
-
-def test_with_tf2_the_node_listens_as_long_as_the_frame_is_kept(monkeypatch):
-    kept = []
-    monkeypatch.setattr(robot_frame, 'Buffer', lambda: Buffer(Rotation.identity()))
-    monkeypatch.setattr(
-        robot_frame, 'TransformListener', lambda *made: kept.append(made) or made, raising=False
-    )
-    frame = RobotFrame.heard_by('node', ROBOT)
-    ((buffer, node),) = kept
-    assert node == 'node'
-    frame.read_pose(pose((0.0, 0.0, 0.0), Rotation.identity()))
-    assert buffer.asked
 
 
 @given(rotations, st.tuples(*4 * [st.floats(allow_nan=True, allow_infinity=True)]))

@@ -91,15 +91,6 @@ def test_frames_of_modules_are_at_their_joints_with_the_rod_ahead(monkeypatch):
         assert [np.cos(angle), np.sin(angle)] == pytest.approx(rod / np.linalg.norm(rod))
 
 
-def test_without_tf2_the_log_says_so(monkeypatch):
-    monkeypatch.setattr(transforms, 'TFMessage', None)
-    node = Node()
-    broadcast(node)
-    assert not node.published
-    (words,) = node.logged
-    assert 'tf2_msgs is not installed' in words
-
-
 def test_contact_forces_in_the_contact_frames_balance_the_external_wrench():
     body = ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 0.29), 0.3)
     load = 0.5 - 1.0j
