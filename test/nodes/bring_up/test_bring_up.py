@@ -5,19 +5,18 @@
 
 from pathlib import Path
 import re
-import subprocess
-import sys
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.bring_up.check_rollers import CheckRollers
 from isotruss_ros.nodes.bring_up.preflight import Preflight
+from isotruss_ros.nodes.framework.commands import TOPIC
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
 from probe import maker, overrides, ROBOT
 import pytest
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Float64MultiArray
 
 MARKERS = {'tracker_rate': 20.0, 'tracker_noise': 0.001, 'marker_joints': ['all']}
 
@@ -31,11 +30,11 @@ checking = maker(CheckRollers, settle_time=0.5, speed=0.04)
 )
 def test_a_faultless_robot_passes_the_check(kind, tmp_path):
     output = tmp_path / 'mine.yaml'
-    with world(plant(plant=kind), checking(output=str(output))) as w:
-        w.spin(15.0)
+    with world(plant(plant=kind, rate=50.0), checking(output=str(output))) as w:
+        w.spin(13.0)
         w.until(lambda: w.nodes[2].done)
         assert w.nodes[2].faultless == list(ROBOT.roller_names)
-        assert abs(w.nodes[1]._plant.roller_positions).max() < 2e-3
+        assert abs(w.travel()).max() < 2e-3
     assert load_robot(output).description.calibration['checked_rollers'] == list(
         ROBOT.roller_names
     )
@@ -50,17 +49,16 @@ def test_a_roller_that_does_not_turn_is_named_before_another_one_does():
 
 
 def test_a_roller_of_the_wrong_sign_is_named():
-    def make():
-        node = Simulator(overrides(object_is_free=True, object_pose=[0.6, 5.0, 0.0], **MARKERS))
-        command = node._plant.command
-        node._plant.command = lambda velocities: command([-each for each in velocities])
-        return node
+    remaps = {('simulator', f'/{TOPIC}'): '/negated'}
+    with world(plant(), checking(), remaps=remaps) as w:
+        drives = w.probe.create_publisher(Float64MultiArray, 'negated', 1)
 
-    with (
-        pytest.raises(MeasurementError, match='roller south/P: it turned the other way, by -'),
-        world(make, checking()) as w,
-    ):
-        w.spin(15.0)
+        def negate(command):
+            drives.publish(Float64MultiArray(data=[-speed for speed in command.data]))
+
+        w.probe.create_subscription(Float64MultiArray, TOPIC, negate, 10)
+        with pytest.raises(MeasurementError, match='south/P: it turned the other way, by -'):
+            w.spin(15.0)
 
 
 def test_rollers_that_another_node_commands_are_left_alone():
@@ -142,11 +140,8 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
             'roller offsets',
             'mm from the joint by the encoders; must be at most 10 mm',
         ),
-        ({'tracker_delay': 0.8}, 'object pose', r'object pose: 0\.8\d* s old'),
-        ({'rate': 20.0}, 'rates', r'joint_states has \d+ Hz: must be at least 50'),
         ({'tracker_rate': 8.0}, 'rates', r'object_pose has [\d.]+ Hz'),
         ({'pressed': True}, 'emergency stop', 'the last message of emergency_stop is true'),
-        ({'mass': 0.0}, 'masses', 'object_mass is missing'),
         ({'unchecked': ', north/Z'}, 'roller signs', 'north/Z were not checked'),
     ],
 )
@@ -168,11 +163,3 @@ def test_a_member_beyond_its_limits_is_named(tmp_path, capsys):
     faults, said = fly(str(path), capsys, speed=0.05)
     assert faults == ['limits']
     assert re.search(r'FAULT limits: member \S+ is [\d.]+ m long: must be', said)
-
-
-def test_the_exit_code_says_whether_there_are_faults():
-    node = [sys.executable, '-m', 'isotruss_ros.executables', 'preflight']
-    arguments = ['--ros-args', '-p', 'listen_time:=0.5']
-    done = subprocess.run([*node, *arguments], capture_output=True, text=True, timeout=300)
-    assert done.returncode == 1
-    assert done.stdout.count('FAULT') == 8

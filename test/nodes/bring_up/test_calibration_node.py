@@ -80,11 +80,3 @@ def test_missing_markers_are_reported(tmp_path):
     assert not answer.success
     assert answer.message == 'joint markers: none received yet'
     assert not (tmp_path / 'mine.yaml').exists()
-
-
-def test_moving_rollers_are_refused(tmp_path):
-    with world(plant(), calibrating(tmp_path)) as w:
-        w.spin(1.0)
-        w.spin(1.0, lambda: w.probe.send_command([0.01] * 6))
-        answer = w.call('calibrate_home', Trigger.Request())
-    assert answer.message.startswith('a roller moved by')

@@ -3,11 +3,7 @@
 
 """The simulator node, and both nodes together, under an executor in this process."""
 
-from unittest.mock import ANY, Mock
-
-from isotruss_ros.core import RollerFaults
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.simulator import plants
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
@@ -65,14 +61,6 @@ def test_a_command_that_is_not_renewed_ends():
         assert stopped == pytest.approx(SPEED * (timeout + sent[-1] - sent[0]), abs=1e-7)
         w.spin(0.1)
         assert w.travel()[0] == stopped
-
-
-def test_every_fault_of_the_rollers_reaches_them(monkeypatch):
-    make = Mock(wraps=plants.StaticPlant)
-    monkeypatch.setattr(plants, 'StaticPlant', make)
-    with world(node(stuck_roller='north/Z', seed=7, roller_slip=0.1)):
-        expected = RollerFaults(1.0, 0.0, frozenset({'north/Z'}), 0.1)
-        make.assert_called_once_with(ANY, ANY, ANY, expected)
 
 
 def test_blocks_at_impossible_configurations_and_continues():

@@ -3,15 +3,13 @@
 
 """The node `manipulation` follows trajectories of the rollers: alone, and with the simulator."""
 
-import itertools
 import math
-import time
 
-from builtin_interfaces.msg import Duration, Time
+from builtin_interfaces.msg import Time
 from isotruss_ros.core.paths.roller_trajectory import TOLERANCE
 from isotruss_ros.nodes.conversions.trajectory_goals import MAX_POINTS
-from isotruss_ros.nodes.manipulation import sparse_messages
 from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.manipulation.sparse_messages import MATCH_DELAY
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from matches import follow
@@ -45,7 +43,7 @@ class Rollers:
     def __init__(self, w, still=False):
         self.w = w
         self._publisher = w.probe.create_publisher(JointTrajectory, TOPIC, QoSProfile(depth=10))
-        self._tell = w.probe.send_joints if still else (lambda: None)
+        self.tell = w.probe.send_joints if still else (lambda: None)
         self.until(lambda: self._publisher.get_subscription_count() > 0)
         self.until(lambda: w.probe.last('joints') is not None)
         # A node that has not heard of the rollers refuses every trajectory.
@@ -53,11 +51,11 @@ class Rollers:
 
     def until(self, what):
         """Spin until something holds."""
-        self.w.until(what, self._tell)
+        self.w.until(what, self.tell)
 
     def spin(self, duration):
         """Spin for a while."""
-        self.w.spin(duration, self._tell)
+        self.w.spin(duration, self.tell)
 
     def send(self, message):
         """Send a trajectory; forget what the rollers were told before."""
@@ -86,9 +84,9 @@ class Rollers:
         """Wait until no trajectory is followed; check that a zero command was the last word."""
         self.until(lambda: not self.follows())
         self.until(lambda: len(self.commands()) and not self.moves())
-        self.listen()  # for what was on its way
+        self.spin(SILENCE)  # for what was on its way
         count = len(self.commands())
-        self.listen()
+        self.spin(SILENCE)
         assert not self.commands()[count:].any()
         assert not self.moves()
         assert np.abs(self.commands()).max() <= MAX_SPEED
@@ -96,12 +94,6 @@ class Rollers:
     def follows(self):
         """Return whether the node follows a trajectory."""
         return 'time on the trajectory [s]' in self.w.nodes[1].describe()
-
-    def listen(self):
-        """Spin for many cycles of the node, on a busy machine too."""
-        rounds = itertools.count()
-        end = time.monotonic() + SILENCE
-        self.until(lambda: next(rounds) > 50 and time.monotonic() > end)
 
     def said(self):
         """Return what the node says of itself now."""
@@ -129,25 +121,14 @@ def test_follows_a_trajectory_and_rests_at_its_end():
         assert moving[-1] - moving[0] > 0.7
 
 
-def test_follows_names_in_any_order():
-    order = np.random.default_rng(0).permutation(N)
-    with world(node(), simulator()) as w:
-        rollers = Rollers(w)
-        names = [NAMES[i] for i in order]
-        rollers.until_moving(trajectory(HOME[order], AWAY[order], names=names))
-        rollers.until_still()
-        assert np.abs(rollers.places()[-1] - AWAY).max() <= TOLERANCE
-
-
 # What ends it
 
 
 @pytest.mark.parametrize('events', [[(1, 0), (0, 1)], [(1, 1)]], ids=['in two', 'in one'])
 def test_a_publisher_that_left_before_its_trajectory_was_received_ends_the_active_one(
-    events, monkeypatch, capfd
+    events, capfd
 ):
     """It may have been another one, or the end."""
-    monkeypatch.setattr(sparse_messages, 'MATCH_DELAY', 0.0)
     lost = f'a publisher of {TOPIC} left before a message was received'
     with world(node(), simulator()) as w:
         manipulation = w.nodes[1]
@@ -155,14 +136,16 @@ def test_a_publisher_that_left_before_its_trajectory_was_received_ends_the_activ
         assert lost in capfd.readouterr().err
         rollers = Rollers(w)
         rollers.until_moving(trajectory(HOME, 5.0 * AWAY, times=[0.0, 20.0]))
+        rollers.spin(1.1 * MATCH_DELAY)
         follow(manipulation, TOPIC, *events)
         rollers.until_still()
         assert rollers.said().startswith(f'trajectory aborted: {lost}')
         # One that was received is no longer waited for.
+        rollers.spin(1.1 * MATCH_DELAY)
         follow(manipulation, TOPIC, (1, 0))
         rollers.until_moving(trajectory(rollers.places()[-1], HOME, times=[0.0, 20.0]))
         follow(manipulation, TOPIC, (0, 1))
-        rollers.listen()
+        rollers.spin(SILENCE)
         assert rollers.follows()
 
 
@@ -171,7 +154,7 @@ def test_twists_are_ignored_during_a_trajectory():
         rollers = Rollers(w)
         assert 'twist: none received yet' in rollers.said()
         rollers.until_moving(trajectory(HOME, AWAY))
-        rollers._tell = lambda: w.probe.send_twist() if rollers.follows() else None
+        rollers.tell = lambda: w.probe.send_twist() if rollers.follows() else None
         rollers.until(lambda: not rollers.follows())
         rollers.until_still()
         assert rollers.said() == 'the rollers have arrived'
@@ -216,7 +199,7 @@ def test_stops_on_invalid_joint_states_and_does_not_begin_on_them(case):
         rollers = Rollers(w, still=True)
         rollers.until_moving(trajectory(HOME, AWAY))
         w.until(lambda: not rollers.moves(), lambda: w.probe.send_joints(**BAD_STATES[case]))
-        rollers._tell = lambda: w.probe.send_joints(**BAD_STATES[case])
+        rollers.tell = lambda: w.probe.send_joints(**BAD_STATES[case])
         rollers.until_still()
         assert 'trajectory aborted: joint states' in rollers.said()
         rollers.send(trajectory(HOME, AWAY))
@@ -245,10 +228,8 @@ HOSTILE = {
     '-1e308': (bent(positions=[*ROW[:-1], -1e308]), 'at most 1e+06 m'),
     'too quick': (bent(time_from_start=lasting(0.1)), '0.2 m/s; must be at most 0.1'),
     'times back': (trajectory(HOME, AWAY, AWAY, times=[0.0, 1.0, 0.5]), 'time 0.5 s of point 2'),
-    'after all time': (bent(time_from_start=Duration(sec=2**31 - 1)), 'of point 1'),
     'no names': (trajectory(HOME, AWAY, names=[]), 'joint_names: south/P, '),
     'too many names': (trajectory(HOME, AWAY, names=[*NAMES, 'north/P']), "'north/P': must be"),
-    'names without end': (trajectory(HOME, names=map(str, range(10**5))), 'joint_names: '),
     'points without end': (
         trajectory(*[ROW] * (MAX_POINTS + 1), times=0.01 * np.arange(MAX_POINTS + 1)),
         f'{MAX_POINTS + 1} points; must be 1 to {MAX_POINTS}',
@@ -282,34 +263,3 @@ def test_invalid_trajectories_are_rejected_and_end_the_active_one():
 
 
 # Clocks, parameters, diagnostics
-
-
-def test_aborts_when_simulated_time_stops_or_jumps_back():
-    with world(node(use_sim_time=True, command_timeout=0.5), sim_time=True) as w:
-        times = itertools.count(100.0, 0.01)
-
-        def run():
-            w.probe.tick(next(times))
-            w.probe.send_joints()
-
-        w.spin(0.3, run)
-        rollers = Rollers(w, still=True)
-        rollers._tell = run
-        rollers.until_moving(trajectory(HOME, AWAY))
-        w.until(lambda: not rollers.moves(), w.probe.send_joints)
-        rollers._tell = w.probe.send_joints
-        rollers.until_still()
-        assert 'simulated time stopped' in rollers.said()
-
-        rollers._tell = run
-        rollers.spin(0.2)
-        rollers.until_moving(trajectory(HOME, AWAY))
-        times = itertools.count(50.0, 0.01)
-        rollers._tell = lambda: w.probe.tick(next(times))
-        rollers.until(lambda: not rollers.moves())
-        rollers.until_still()
-        assert 'aborted: the clock jumped back or stopped; next step: ' in rollers.said()
-        # What was measured before says nothing about now.
-        rollers.send(trajectory(HOME, AWAY))
-        rollers.until(lambda: 'joint states: none received yet' in rollers.said())
-        assert not rollers.commands().any()
