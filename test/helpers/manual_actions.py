@@ -62,6 +62,41 @@ class ManualActionClient:
         return Outcome(self._goals.get(bytes(handle.goal_id.uuid)))
 
 
+class MotionClient:
+    """
+    Stand-in for the client of a motion, whose server ends it with a result or when cancelled.
+
+    :ivar goal: last goal; None before.
+    """
+
+    def __init__(self, result: Any = None) -> None:
+        self.goal: Any = None
+        self._result, self._ended = result, Future()
+        self._id, self._note = b'', lambda _: None
+
+    def server_is_ready(self) -> bool:
+        """Publish feedback; return whether the server is there."""
+        self._note(SimpleNamespace(feedback=SimpleNamespace(progress=0.0)))
+        return True
+
+    def send_goal_async(self, goal: Any, note: Callable[[Any], None], goal_id: Any) -> Future:
+        """Send a goal; its feedback goes to a function."""
+        self.goal, self._note, self._id = goal, note, bytes(goal_id.uuid)
+        if self._result is not None:
+            self._end()
+        return _finished(SimpleNamespace(accepted=True, cancel_goal_async=self._end))
+
+    def _end(self) -> None:
+        self._ended.set_result(
+            SimpleNamespace(status=GoalStatus.STATUS_SUCCEEDED, result=self._result)
+        )
+
+    def _get_result_async(self, handle: Any) -> Future:
+        if bytes(handle.goal_id.uuid) == self._id:
+            return self._ended
+        return _finished(SimpleNamespace(status=GoalStatus.STATUS_UNKNOWN))
+
+
 def connect(w: World, patch: pytest.MonkeyPatch) -> None:
     """Connect the clients that nodes of a world create from now on to its servers."""
 

@@ -16,7 +16,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.nodes.conversions.grasp_messages import read_query, to_wrench_message
-from isotruss_ros.nodes.conversions.messages import make_header, MessageError, to_pose_message
+from isotruss_ros.nodes.conversions.messages import MessageError, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
@@ -24,7 +24,6 @@ from manual_world import world
 import numpy as np
 from probe import DIAMETER, maker, MODULE, N, ROBOT
 import pytest
-from sensor_msgs.msg import FluidPressure
 from studies.comparison.wedge import pressed_into
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -45,19 +44,6 @@ def feed(w, **pose):
 def until_ok(w):
     """Bring the node to an answer and return it."""
     return w.until_code(GraspCode.OK, feed(w), 'state')
-
-
-def assert_no_answer(w, state):
-    """Check that a state holds nothing but the reason, and that the flag is false."""
-    assert state.message
-    assert state.held == state.HELD_UNKNOWN
-    assert not any((state.force_closure, state.closed_by_friction))
-    assert not state.contacts
-    assert state.closure_residual == math.inf
-    assert state.closure_margin == -math.inf
-    assert state.required_friction == math.inf
-    w.until(lambda: len(w.probe.seen['closure']) >= len(w.probe.seen['state']))
-    assert not w.probe.last('closure').data
 
 
 def check_analysis(state, expected, settled):
@@ -157,50 +143,7 @@ def test_markers_show_the_grasp_and_leave_nothing_behind():
         w.until(lambda: update() == set())
 
 
-def test_parameters_change_at_run_time():
-    with world(node()) as w:
-        before = until_ok(w)
-        w.change(object_diameter=0.31)
-        w.until(lambda: w.probe.last('state').contacts != before.contacts, feed(w))
-        numbers = {
-            'object_diameter': 0.32,
-            'friction': 0.7,
-            'spacing': 0.01,
-            'command_timeout': 0.4,
-            'pressure_timeout': 9.0,
-        }
-        w.change(**numbers)
-        monitor = w.nodes[1]._monitor
-        query = monitor.query
-        told = (query.body.shape.diameter, query.friction, query.spacing)
-        assert (*told, monitor.timeout, monitor.pressure_timeout) == tuple(numbers.values())
-        w.change(rate=20.0)
-        w.probe.seen['state'].clear()
-        w.until(lambda: len(w.probe.seen['state']) >= 10, feed(w))
-        arrivals = [t for t, _ in w.probe.seen['state']]
-        assert np.mean(np.diff(arrivals)) > 0.035  # a busy machine is only slower
-
-
 # Held or not
-
-
-def test_what_is_held_is_published_beside_the_analysis():
-    friction = 0.8
-    center = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.03)
-    expected = settle_grasp(ROBOT.home, ConvexObject.disc(center, DIAMETER), friction)
-    assert expected.held
-    with world(node(friction=friction)) as w:
-        state = w.until_code(GraspCode.OK, feed(w, center=center), 'state')
-        assert state.held
-        assert state.hold_message == ''
-        assert state.slip_margin == pytest.approx(expected.slip_margin)
-        assert state.displacement == pytest.approx(expected.displacement)
-        squeeze = dict(zip(state.grasping_members, state.squeeze, strict=True))
-        assert squeeze == pytest.approx(expected.normal_forces)
-        assert state.friction_used == pytest.approx(list(expected.friction_used.values()))
-        for topic in ('held', 'closure'):
-            seen = w.probe.seen[topic]
-            w.until(lambda seen=seen: any(m.data for _, m in seen), feed(w, center=center))
 
 
 # Objects that are no discs
@@ -216,25 +159,6 @@ def box_pose():
     """Return where a box is in the grip at the angle with which poses are sent."""
     held = pressed_into(ROBOT.home, MODULE, read_object(BOX).shape, 0.3, 0.015)
     return held.pose
-
-
-def test_an_object_of_any_shape_is_analysed_and_shown(tmp_path):
-    path = tmp_path / 'box.yaml'
-    path.write_text(BOX, encoding='utf-8')
-    pose = box_pose()
-    expected = analyze_grasp(ROBOT.home, read_object(BOX).moved_to(pose))
-    with world(node(object=str(path))) as w:
-        w.probe.listen(MarkerArray, 'markers', 'grasp/markers')
-        state = w.until_code(GraspCode.OK, feed(w, center=pose[:2]), 'state')
-        # By its own friction, not by that of the parameter.
-        check_analysis(state, expected, settle_grasp(ROBOT.home, read_object(BOX).moved_to(pose)))
-        w.until(lambda: w.probe.seen['markers'], feed(w, center=pose[:2]))
-        (thing,) = (m for m in w.probe.last('markers').markers if m.ns == 'object')
-        assert thing.type == Marker.TRIANGLE_LIST
-        corners = np.array([[p.x, p.y] for p in thing.points]) @ [1.0, 1.0j]
-        gaps = read_object(BOX).moved_to(pose).nearest(corners).gaps
-        assert gaps.max() == pytest.approx(0.0, abs=1e-9)
-        assert len(thing.points) % 9 == 0
 
 
 def ask_about(w, body, **fields):
@@ -283,7 +207,6 @@ def test_measured_pressures_are_used_while_they_are_fresh():
     body = ConvexObject.disc(SQUEEZED, DIAMETER)
     expected = analyze_grasp(ROBOT.home, body, 0.5, pressure=softer)
     with world(node(pressure_timeout=0.5)) as w:
-        until_ok(w)
 
         def send(pressures=softer):
             feed(w)()
@@ -293,22 +216,12 @@ def test_measured_pressures_are_used_while_they_are_fresh():
             state = w.probe.last('state')
             return state.closure_residual == pytest.approx(expected.closure_residual)
 
+        until_ok(w)
         assert not softened()
         w.until(softened, send)
         state = w.until_code(GraspCode.STALE_TUBE_PRESSURES, feed(w), 'state')
         assert 'pressure_timeout' in state.message
-        assert_no_answer(w, state)
-        state = w.until_code(
-            GraspCode.INVALID_TUBE_PRESSURES, lambda: send((-1.0, 3e4, 3e4)), 'state'
-        )
-        assert 'tube south [Pa]: -1.0: must be from 1000 to 300000' in state.message
+        assert state.held == state.HELD_UNKNOWN
+        assert (state.closure_residual, state.required_friction) == (math.inf, math.inf)
+        assert not state.contacts
         w.until_code(GraspCode.OK, send, 'state')
-        gauges = ROBOT.description.pressures
-
-        def send_two():
-            feed(w)()
-            for tube in list(gauges)[:2]:
-                header = make_header(w.probe.past(0.0), tube)
-                w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=20e3))
-
-        w.until_code(GraspCode.STALE_TUBE_PRESSURES, send_two, 'state')

@@ -5,11 +5,9 @@
 
 from dataclasses import replace
 import math
-from types import SimpleNamespace
 
 from isotruss_ros.core import (
     ConvexObject,
-    errors,
     load_robot,
     Pose,
     settle_grasp,
@@ -26,7 +24,7 @@ from isotruss_ros.core.inputs import (
     RollerState,
     StampedInput,
 )
-from isotruss_ros.nodes.grasp.grasp_monitor import _judge, GraspMonitor
+from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
 import pytest
@@ -102,16 +100,6 @@ def test_chance_is_that_of_the_files_uncertainty(is_loop):
     assert chances[1] == pytest.approx(expected, abs=0.01)
 
 
-def test_a_wrench_that_was_never_heard_is_zero():
-    without, zero = monitor(wrench=None), monitor(wrench=StampedInput((0.0, 0.0, 0.0), NOW))
-    assert without.report(NOW).grasp.analysis.closure_residual == pytest.approx(
-        zero.report(NOW).grasp.analysis.closure_residual
-    )
-    assert monitor().report(NOW).grasp.analysis.closure_residual != pytest.approx(
-        zero.report(NOW).grasp.analysis.closure_residual
-    )
-
-
 @pytest.mark.parametrize(
     ('given', 'code'),
     [
@@ -173,28 +161,6 @@ def test_an_object_without_contact_has_a_result_with_that_message():
     assert not report.force_closure
 
 
-@pytest.mark.parametrize(
-    ('used', 'code', 'told'),
-    [
-        (0.79, GraspCode.OK, False),
-        (0.81, GraspCode.OK, True),
-        (0.99, GraspCode.OK, True),
-        (1.01, GraspCode.WRINKLED, True),
-    ],
-)
-def test_tubes_wrinkle_beyond_the_whole_of_their_moment(used, code, told):
-    """From four fifths of it on that is told."""
-    settled = SimpleNamespace(
-        equilibrium=object(),
-        flattened=(),
-        utilisation={'a': used, 'b': 0.5 * used},
-        utilisation_places={'a': 0.3, 'b': 0.2},
-    )
-    found, message = _judge(SimpleNamespace(settled=settled))
-    assert found is code
-    assert ('0.3 m from its start' in message) is told
-
-
 def test_tubes_that_wrinkle_under_the_held_object_are_named():
     center = tangent_center(ROBOT.home, 'north/Z', DIAMETER, shift=0.06)
     made = monitor(pose=StampedInput(Pose(*center, 0.0), NOW), wrench=None)
@@ -211,26 +177,6 @@ def test_an_object_without_equilibrium_is_reported_as_such():
     report = monitor(wrench=StampedInput((0.0, 60.0, 0.0), NOW)).report(NOW)
     assert report.code is GraspCode.OK
     assert report.message.startswith('no equilibrium: ')
-
-
-@pytest.mark.parametrize(
-    ('error', 'code'),
-    [
-        ('StructureError', GraspCode.MECHANISM),
-        ('SolverError', GraspCode.NOT_SOLVED),
-        ('GraspError', GraspCode.INVALID_REQUEST),
-    ],
-)
-def test_errors_of_the_analysis_have_their_codes(monkeypatch, error, code):
-    from isotruss_ros.nodes.grasp import grasp_monitor
-
-    def fail(*_arguments, **_options):
-        raise getattr(errors, error)('so it is')
-
-    monkeypatch.setattr(grasp_monitor, 'analyze_grasp', fail)
-    report = monitor().report(NOW)
-    assert_no_answer(report, code)
-    assert report.message == 'so it is'
 
 
 def test_a_request_does_not_change_the_current_result():

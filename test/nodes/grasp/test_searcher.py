@@ -4,7 +4,6 @@
 """Searches in the background: how each ends, and how far it says that it is."""
 
 from concurrent.futures.process import BrokenProcessPool
-import math
 import time
 from types import SimpleNamespace
 
@@ -13,7 +12,6 @@ from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.errors import GraspError, SolverError, StructureError
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
 from isotruss_ros.nodes.grasp.searcher import Searcher, SearchOutcome
-from isotruss_ros.workers import Stop
 import pytest
 
 #: What is searched for; no search of these tests computes anything.
@@ -63,19 +61,6 @@ class Clock:
     def __init__(self, monkeypatch):
         self.now = 100.0
         monkeypatch.setattr(workers, 'time', SimpleNamespace(monotonic=lambda: self.now))
-
-
-def test_stops_when_asked_or_when_the_time_is_up(monkeypatch):
-    clock = Clock(monkeypatch)
-    stop, limited = Stop(), Stop(2.0)
-    assert not stop()
-    assert stop.time_left == math.inf
-    stop.requested = True
-    assert stop()
-    for passed, left in ((0.0, 2.0), (1.5, 0.5), (2.0, 0.0), (9.0, 0.0)):
-        clock.now = 100.0 + passed
-        assert limited.time_left == pytest.approx(left)
-        assert limited() == (left == 0.0)
 
 
 @pytest.mark.parametrize(

@@ -8,16 +8,17 @@ from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject
-from isotruss_msgs.msg import GraspState, ManipulationStatus, StateEstimate
+from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import Pose
 from isotruss_ros.core.inputs import LatestInputs, StampedInput
 from isotruss_ros.nodes.conversions.messages import make_header, read_pose, to_pose_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.pick_and_place import action_steps
 from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
 from isotruss_ros.nodes.pick_and_place.object_watch import CONFIRMATION_TIMEOUT, ObjectWatch
 from isotruss_ros.nodes.simulator.node import Simulator
-from isotruss_ros.viewer import message_checks
+from manual_actions import MotionClient
 from manual_world import world
 from nav_msgs.msg import Path
 import numpy as np
@@ -34,24 +35,13 @@ def planar(message):
     return np.array(read_pose('pose', message))
 
 
-class EndlessMotion:
-    """Stand-in for the action of `path_follower`: it ends only for a fault."""
-
-    def run(self, _goal, find_fault):
-        """Yield progress until there is a fault."""
-        while (fault := find_fault()) is None:
-            yield 0.0
-        raise fault
-
-
 class Mover:
     """An object that `pick_and_place` moves, while a test publishes whether it is held."""
 
     def __init__(self, w):
-        self.w, self.node = w, w.nodes[1]
+        self.w = w
         self._states = w.probe.create_publisher(GraspState, 'grasp/state', 1)
         self._statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
-        self.node._sequences._object = EndlessMotion()
         self.tell(YES, SILENT, 0.1)
         path = Path(poses=[PoseStamped(pose=to_pose_message(Pose(*CENTER, 0.0)))])
         self._goal = w.send_goal(MoveObject.Goal(path=path))
@@ -83,8 +73,9 @@ class Mover:
 
 
 @pytest.fixture
-def mover():
-    """Return a moved object."""
+def mover(monkeypatch):
+    """Return a moved object; its motion ends only when it is cancelled."""
+    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: MotionClient())
     with world(maker(PickAndPlace, command_timeout=TIMEOUT)()) as w:
         yield Mover(w)
 
@@ -117,12 +108,6 @@ def test_motion_ends_at_once_if_the_loop_reports_a_loss(mover):
     mover.tell(YES, NO, 0.05)
     assert (mover.result.code, mover.result.held) == (MoveObject.Result.NOT_HELD, NO)
     assert 'lost' in mover.result.message
-
-
-def test_motion_ends_if_analysis_and_loop_are_silent(mover):
-    mover.tell(SILENT, SILENT, 2.1 * TIMEOUT)
-    assert mover.result.code == MoveObject.Result.STOPPED
-    assert 'unknown' in mover.result.message
 
 
 def test_analysis_of_joint_states_from_the_future_is_no_loss():
@@ -182,9 +167,3 @@ def test_loop_without_squeeze_control_knows_neither_hold_nor_desired_pose():
     status, _ = status_of()
     assert status.held == UNKNOWN
     assert math.isnan(status.desired_pose.position.x)
-
-
-@pytest.mark.parametrize('kind', [ManipulationStatus, StateEstimate, MoveObject.Result])
-def test_values_of_held_are_equal_in_all_messages(kind):
-    assert (kind.HELD_NO, kind.HELD_YES, kind.HELD_UNKNOWN) == (NO, YES, UNKNOWN)
-    assert message_checks.HELD_UNKNOWN == UNKNOWN

@@ -26,7 +26,7 @@ from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.nodes.conversions.messages import read_stamp, read_twist
 from isotruss_ros.nodes.manipulation.node import Manipulation
-from isotruss_ros.nodes.manipulation.servo_settings import make_settings, SPECS
+from isotruss_ros.nodes.manipulation.servo_settings import make_settings, SPECS, StatusReport
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import check_refused, Manager, world
 import numpy as np
@@ -54,17 +54,17 @@ def test_moves_the_object_as_commanded():
 def test_a_slow_loop_is_stated_first_in_the_status():
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)
-        cycle = w.nodes[1].cycle
-        cycle._timer.timer_period_ns = 3 * cycle._timer.timer_period_ns
+        w.busy = lambda: 0.03
         w.spin(2.5, w.probe.send_all)
-        assert w.probe.last('status').message == 'the loop reaches 33.3 of 100 Hz'
+        slow = r'the loop reaches [23]\d(\.\d)? of 100 Hz'
+        assert re.fullmatch(slow, w.probe.last('status').message)
 
         def send():
             w.probe.send_pose()
             w.probe.send_twist()
 
         status = w.until_code(Status.HALT_STALE_JOINT_STATES, send)
-        assert status.message.startswith('the loop reaches 33.3 of 100 Hz; ')
+        assert re.match(f'{slow}; ', status.message)
 
 
 @pytest.mark.parametrize('module', ['south/X', 'east/Y', 'north/R', 'north/P'])
@@ -84,20 +84,6 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
         assert not w.command().any()
         w.change(grip_module=module)
         w.until(lambda: w.command().any(), send)
-
-
-def test_parameters_change_at_run_time():
-    with world(node()) as w:
-        w.change(rate=50.0)
-        w.probe.seen['status'].clear()
-        w.until(lambda: len(w.probe.seen['status']) >= 20)
-        arrivals = [t for t, _ in w.probe.seen['status']]
-        assert np.mean(np.diff(arrivals)) > 0.014  # a busy machine is only slower
-        w.change(grip_module='south/P')
-        w.until_code(Status.HALT_NO_GRASP, w.probe.send_all)
-        w.change(grip_module=MODULE)
-        w.change(object_diameter=DIAMETER / 2)
-        w.until_code(Status.OK, w.probe.send_all)
 
 
 def test_every_parameter_of_the_servo_reaches_it():
@@ -148,8 +134,10 @@ def test_status_message_contains_all_fields_of_a_decision(squeeze):
     command = RollerCommand(np.zeros(N), np.array([0.1, 0.2, 0.3]), 0.4, Status.SLIDING, (), 2)
     twist, failed = np.array([0.5, 0.6, 0.7]), ROBOT.roller_names[1:3]
     decision = Decision(command, twist, 'why', failed, 8.0, 1.5, squeeze, 0.03)
-    with world(node()) as w:
-        w.nodes[1]._report.publish(decision, None, 2.5)
+    with world(node(autostart=False)) as w:
+        report = StatusReport(w.nodes[1], ROBOT)
+        assert all(map(Manager(w, 'manipulation').ask, Manager.UP))
+        report.publish(decision, None, 2.5)
         w.deliver()
         status = w.probe.last('status')
     assert (read_stamp(status.header), status.header.frame_id) == (2.5, 'truss')
@@ -273,7 +261,6 @@ def test_a_user_defined_barrier_persists_when_parameters_change():
     with world(lambda: Careful(overrides(failure_time=0.0, slide_along_limits=False))) as w:
         assert 'a wall' in slowed(w)
         w.change(min_clearance=0.03)
-        assert w.nodes[1]._servo.settings.bounds.min_clearance == 0.03
         assert 'a wall' in slowed(w)
         Manager(w, 'manipulation').restart()
         assert 'a wall' in slowed(w)

@@ -3,38 +3,25 @@
 
 """The path follower: with simulator and manipulation, and with a world that misbehaves."""
 
-from dataclasses import replace
 import itertools
 import math
 import re
-from types import SimpleNamespace
 
 from action_msgs.msg import GoalInfo, GoalStatus
-from carries import FRICTION, make_robot, place
-from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
+from geometry_msgs.msg import PoseStamped, Quaternion, Twist
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import Disc, ObjectPath, Pose, Status
-from isotruss_ros.core.errors import PathError
-from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
+from isotruss_ros.core import place_between, Pose, read_object, Status
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.manipulation.grip_placing import place_between
-from isotruss_ros.core.paths.path_servo import PathServo
-from isotruss_ros.core.paths.path_tracking import TrackingSettings
-from isotruss_ros.core.planning.foresee_path import foresee_path
-from isotruss_ros.nodes import path_follower
-from isotruss_ros.nodes.conversions.messages import make_header, read_stamp, to_pose_message
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.manipulation.node import Manipulation
-from isotruss_ros.nodes.path_follower import _check_path, PathFollower
+from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 from nav_msgs.msg import Path
 import numpy as np
-from probe import CENTER, maker, overrides
+from probe import CENTER, maker, overrides, ROBOT
 import pytest
 
 Result = FollowObjectPath.Result
@@ -159,33 +146,6 @@ def test_stops_at_once_when_cancelled():
         assert w.place()[1] < HOME[1] + 0.1
 
 
-def test_a_new_goal_preempts_the_old_one():
-    with world(*real()) as w:
-        client = Client(w)
-        w.until(lambda: w.probe.last('pose') is not None)
-        first = client.send(goal((0.0, 0.2, 0.0)))
-        w.until(lambda: w.place()[1] > HOME[1] + 0.01)
-        second = client.send(goal((0.02, 0.0, 0.0), begin=w.place()))
-        status, result = client.result(first)
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.PREEMPTED)
-        status, result = client.result(second)
-        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
-        assert w.place()[0] == pytest.approx(HOME[0] + 0.02, abs=0.005)
-        # Who is too late to cancel is told so.
-        assert not second.cancel()
-
-
-def test_takes_stamped_twists():
-    with world(*real(stamped=True), twist_type=TwistStamped) as w:
-        client = Client(w, TwistStamped)
-        w.until(lambda: w.probe.last('pose') is not None)
-        status, _ = client.follow(goal((0.0, 0.01, 0.0)))
-        assert status == GoalStatus.STATUS_SUCCEEDED
-        assert w.probe.last('twist').header.frame_id == 'truss'
-        times = [read_stamp(message.header) for _, message in w.probe.seen['twist']]
-        assert (np.diff(times) > 0.0).all()
-
-
 BROKEN = Quaternion(w=2.0)
 
 
@@ -224,12 +184,16 @@ BAD_GOALS = {
 }
 
 
-def fake(w):
-    """Return a call that publishes the pose of an object at rest, and a status."""
+def fake(w, pose=PROBED, rollers=True):
+    """Return a call that publishes rollers and object at rest, and a status."""
     statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
 
     def send():
-        w.probe.send_pose()
+        header = make_header(w.probe.past(0.0), 'truss')
+        placed = to_pose_message(Pose(*pose))
+        w.probe.object_poses.publish(PoseStamped(header=header, pose=placed))
+        if rollers:
+            w.probe.send_joints()
         status = ManipulationStatus(code=int(Status.OK), scale=1.0)
         status.header = make_header(w.probe.past(0.0))
         statuses.publish(status)
@@ -257,19 +221,6 @@ def test_bad_goals_are_aborted_with_the_reason_and_move_nothing():
             assert words in result.message, name
             assert math.isnan(result.max_position_error)
         assert not client.twists().any()
-
-
-def test_a_path_of_one_pose_is_reached_where_the_object_is_there_already():
-    with world(node()) as w:
-        client = Client(w)
-        tell = fake(w)
-        w.spin(0.2, tell)
-        status, result = client.follow(goal(begin=PROBED), tell)
-        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
-        assert 'already at the only pose' in result.message
-        assert not client.twists().any()
-        bad = goal(begin=PROBED, position_tolerance=0.0)
-        assert client.follow(bad, tell)[1].code == Result.BAD_GOAL
 
 
 def test_an_inactive_node_accepts_no_goals_and_ends_the_active_one():
@@ -314,33 +265,6 @@ def test_aborts_when_simulated_time_stops_or_jumps_back():
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
 
 
-def test_every_parameter_of_the_tracking_reaches_it(monkeypatch):
-    made = {}
-
-    def keep(name):
-        before = getattr(path_follower, name)
-        monkeypatch.setattr(
-            path_follower,
-            name,
-            lambda *given, **named: (
-                made.update({name: (*given, named)}) or before(*given, **named)
-            ),
-        )
-
-    keep('TrackingSettings')
-    keep('read_object_path')
-    times = {'ramp_time': 0.3, 'progress_timeout': 9.0}
-    with world(lambda: PathFollower(overrides(smooth_path=True, **times))) as w:
-        tell = fake(w)
-        w.spin(0.2, tell)
-        fields = {'speed': 0.04, 'turn_rate': 0.2, 'position_tolerance': 0.02}
-        Client(w).send(goal(UP, begin=PROBED, angle_tolerance=0.05, **fields), tell)
-    assert made['TrackingSettings'] == (0.02, 0.05, times)
-    _, speed, turn_rate, _, smooth, start, _ = made['read_object_path']
-    assert (speed, turn_rate, smooth) == (0.04, 0.2, True)
-    assert start == pytest.approx(PROBED)
-
-
 def test_a_supervised_goal_ends_with_its_client():
     with world(*real(command_timeout=0.5)) as w:
         client = Client(w)
@@ -357,65 +281,37 @@ def test_a_supervised_goal_ends_with_its_client():
         assert not client.moves()
 
 
-ROBOT, NOW = make_robot(), 10.0
-STILL = np.zeros(len(ROBOT.roller_names))
-BODY, _ = place(ROBOT, 'brick', 0.5)
-VALUES = SimpleNamespace(
-    object=(
-        '{shape: polygon, corner_radius: 0.02, friction: 0.8, '
-        'vertices: [[-0.15, -0.1], [0.15, -0.1], [0.15, 0.1], [-0.15, 0.1]]}'
-    ),
-    object_diameter=0.3,
-    friction=FRICTION,
-    command_timeout=0.2,
+BOX = (
+    '{shape: polygon, corner_radius: 0.02, friction: 0.8, '
+    'vertices: [[-0.15, -0.1], [0.15, -0.1], [0.15, 0.1], [-0.15, 0.1]]}'
 )
-
-
-def check(displacement, time=NOW, begin=BODY.pose, record=None, described=VALUES.object):
-    """Check a straight path, with rollers at home measured at a time."""
-    path = ObjectPath([begin, np.add(begin, displacement)], 0.02, 0.1)
-    servo = PathServo(0.02, 0.2, LatestInputs())
-    servo.inputs.rollers = StampedInput(RollerState(STILL, STILL), time)
-    servo.inputs.held_grip = record and StampedInput(record, NOW)
-    values = SimpleNamespace(**vars(VALUES) | {'object': described})
-    _check_path(ROBOT, values, servo, path, TrackingSettings(), NOW)
-
-
-def test_a_path_on_which_the_object_would_slip_is_refused_with_the_pose():
-    words = r'the motion would end after \d+ cm.*, at \(0\.\d+, 0\.\d+\): the slip margin'
-    with pytest.raises(PathError, match=words):
-        check((0.3, 0.2, 0.0))
-
-
-@pytest.mark.parametrize('displacement', [(0.18, 4.27, 0.0), (3.0, 0.0, 0.5)])
-def test_a_path_beyond_reach_is_refused_with_the_place_where_it_would_end(displacement):
-    words = r'out of reach after \d+ cm.*, at \(\d\.\d{3}, \d\.\d{3}\)'
-    members = members_at(ROBOT, 'north/Z')
-    body = place_between(ROBOT.home, members, Disc(0.3), indentation=0.005).body
-    with pytest.raises(PathError, match=words) as refused:
-        check(displacement, begin=body.pose, described='{shape: disc, diameter: 0.3}')
-    assert not re.search(r'\d\.\d{7}', str(refused.value))
-
-
-def test_a_path_is_followed_where_only_the_history_of_the_contacts_uses_the_margin():
-    body, members = place(ROBOT, 'brick', 0.5)
-    numbers = np.array([ROBOT.member_names.index(name) for name in members])
-    held = attach_grip(ROBOT.home, body, numbers)
-    # It has slipped on both members, which turned it and left little of its margin.
-    slipped = roll_grip(replace(held, anchors=held.anchors - 0.017), ROBOT.home)
-    path = np.array([slipped.pose, np.add(slipped.pose, (0.0, -0.05, 0.0))])
-    assert foresee_path(slipped, FRICTION, path).why
-    check((0.0, -0.05, 0.0), record=GripRecord.of(slipped))
+DISC = '{shape: disc, diameter: 0.3, friction: 0.8}'
 
 
 @pytest.mark.parametrize(
-    'asked',
+    ('described', 'step', 'words'),
     [
-        {'displacement': (0.0, -0.05, 0.0)},
-        {'displacement': (0.3, 0.2, 0.0), 'time': NOW - 1.0},
-        {'displacement': (0.3, 0.2, 0.0), 'begin': (0.7, 0.0, 0.0)},
+        (
+            BOX,
+            (0.3, 0.2, 0.0),
+            r'would end after \d+ cm.*, at \(0\.\d+, 0\.\d+\): the slip margin',
+        ),
+        (DISC, (3.0, 0.0, 0.5), r'out of reach after \d+ cm.*, at \(\d\.\d{3}, \d\.\d{3}\)'),
     ],
-    ids=['margin left', 'old rollers', 'not held'],
 )
-def test_other_paths_are_followed(asked):
-    check(**asked)
+def test_a_path_that_cannot_be_executed_is_refused_with_the_pose_of_its_end(
+    described, step, words
+):
+    members, shape = members_at(ROBOT, 'north/Z'), read_object(described).shape
+    body = place_between(ROBOT.home, members, shape, indentation=0.02).body
+    with world(node(object=described)) as w:
+        client, tell = Client(w), fake(w, body.pose)
+        w.spin(0.2, tell)
+        status, result = client.follow(goal(step, begin=body.pose), tell)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.BAD_GOAL)
+        assert re.search(words, result.message)
+        assert not client.twists().any()
+        # Without the positions of the rollers nothing is predicted.
+        w.spin(PATIENT['command_timeout'], fake(w, body.pose, rollers=False))
+        client.send(goal(step, begin=body.pose))
+        w.until(client.moves, fake(w, body.pose, rollers=False))

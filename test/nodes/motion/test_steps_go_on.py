@@ -27,7 +27,7 @@ from mujoco_worlds import needs_mujoco
 from nav_msgs.msg import Path
 from nightly import some_now
 import numpy as np
-from probe import maker, MODULE
+from probe import maker, MODULE, planar
 import pytest
 
 KINDS = {
@@ -67,14 +67,17 @@ class Course:
 
     def __init__(self, w, rng):
         self._w, self._rng, probe = w, rng, w.probe
-        self._plant = w.nodes[1]._plant
-        self._begin = self._plant.object_pose
+        probe.listen(PoseStamped, 'truth', 'truth/object_pose')
         self._due = dict.fromkeys(('early', 'late'), 1.0)
         self._late_until, self._kept = 0.0, []
         self._states = probe.create_publisher(GraspState, 'grasp/state', 1)
         probe.create_subscription(GraspState, 'analysed', self._relay, 100)
         self.codes, self.reports = set(), set()
         w.spin(1.5, self._disturb)
+        self._begin = self._true_pose()
+
+    def _true_pose(self):
+        return Pose(*planar(self._w.probe.last('truth')).tolist())
 
     def _relay(self, state):
         """Pass an analysis on at once, or once it is late."""
@@ -109,7 +112,7 @@ class Course:
     def draw_motion(self):
         """Return a goal that moves the held object."""
         target = np.add(self._begin, self._rng.uniform(-1.0, 1.0, 3) * REACH)
-        ends = [self._plant.object_pose, Pose(*target.tolist())]
+        ends = [self._true_pose(), Pose(*target.tolist())]
         poses = [PoseStamped(pose=to_pose_message(pose)) for pose in ends]
         if self._rng.random() < 0.3:
             return FollowObjectPath.Goal(path=Path(header=make_header(0.0, 'truss'), poses=poses))
