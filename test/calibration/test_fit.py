@@ -200,22 +200,6 @@ def test_a_wrong_unit_of_a_column_is_named_and_no_block_is_printed(rows, reason,
     assert (code, NO_MODES in err, 'stiffness:' in out) == (1, True, False)
 
 
-def in_degrees(largest):
-    """Return points with rotations in degrees up to the largest one."""
-    rows = points(noise=0.01, scatter=0.05, trials=2)
-    for row in rows[1:]:
-        if row[0] == 'rotary':
-            row[3:5] = largest / RANGES['rotary'] * row[3], np.radians(largest) / 0.35 * row[4]
-    return rows
-
-
-@pytest.mark.parametrize('largest', [3.0, 20.0])
-def test_rotations_in_degrees_are_told_and_no_block_is_printed(largest, tmp_path, capsys):
-    code, out, err = run(capsys, write(tmp_path, in_degrees(largest)))
-    assert (code, NO_MODES in err, 'stiffness:' in out) == (1, True, False)
-    assert 'degrees' in err
-
-
 @pytest.mark.parametrize(
     ('row', 'reason'),
     [
