@@ -99,7 +99,7 @@ def foresee_grip(
             break
         if held.hold(friction) is HoldStatus.HELD:
             foresight = foresee_path(held, friction, poses, speed, turn_rate, settings)
-            if foresight.share == 1.0:
+            if not foresight.why:
                 break
     return foresight
 
