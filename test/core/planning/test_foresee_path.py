@@ -8,12 +8,21 @@ import math
 
 from carries import FRICTION, make_robot, place
 from held_grips import APART, inclined_grip, NINE, numbers
-from isotruss_ros.core import ElasticObject, Grip, RollerFaults, SimulatedRobot, TwistServo
+from isotruss_ros.core import (
+    ConvexObject,
+    ElasticObject,
+    Grip,
+    RollerFaults,
+    SimulatedRobot,
+    tangent_center,
+    TwistServo,
+)
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import MIN_RELATIVE_MARGIN
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.paths.object_path import ObjectPath
@@ -25,8 +34,10 @@ from isotruss_ros.core.paths.path_tracking import (
 )
 from isotruss_ros.core.planning.foresee_path import foresee_grip, foresee_path
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from nightly import some_now
 import numpy as np
 import pytest
+from robots import random_robot
 
 ROBOT = make_robot()
 
@@ -144,3 +155,29 @@ def test_foresight_and_control_loop_agree_near_a_singularity(displacement, is_re
     assert (share == 1.0) is (foresight.share == 1.0) is is_reached
     assert share == pytest.approx(foresight.share, abs=0.02)
     assert bool(foresight.why) is not is_reached
+
+
+#: Random robots with a module that holds a random disc at home.
+HOLDING_SEEDS = [16, 23, 6, 12, 19, 24, 27]
+
+
+@pytest.mark.parametrize('seed', some_now(HOLDING_SEEDS, now=2))
+def test_random_robots_execute_paths_as_far_as_foreseen(seed):
+    """The plant has elastic tubes without bound on their use, no masses, and exact sensors."""
+    rng, robot = np.random.default_rng(seed), random_robot(seed)
+    module = robot.module_names[rng.integers(len(robot.module_names))]
+    diameter = rng.uniform(0.15, 0.4)
+    center, members = (
+        tangent_center(robot.home, module, diameter, 0.015),
+        members_at(robot, module),
+    )
+    body = replace(ConvexObject.disc(center, diameter), mass=0.5, friction=FRICTION)
+    indices = np.array([robot.member_names.index(name) for name in members])
+    grip = attach_grip(robot.home, body, indices)
+    heading, length = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.03, 0.2)
+    turn = rng.uniform(-0.4, 0.4)
+    displacement = np.array([length * math.cos(heading), length * math.sin(heading), turn])
+    poses = np.array([grip.pose, np.add(grip.pose, displacement)])
+    foresight = foresee_path(grip, FRICTION, poses, SPEED, TURN_RATE)
+    share = follow_in_loop(robot, body, members, displacement)
+    assert share == pytest.approx(foresight.share, abs=0.01)
