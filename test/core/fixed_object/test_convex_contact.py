@@ -58,3 +58,17 @@ def test_friction_defaults_to_that_of_the_object():
     assert analyze_grasp(HOME, held).closure_residual == half < tenth
     assert analyze_grasp(HOME, slippery, 0.5).closure_residual == half
     assert analyze_grasp(HOME, slippery).closure_residual == pytest.approx(tenth)
+
+
+def test_closure_is_independent_of_the_frame_of_the_object():
+    held, away, wrench = pressed_into(HOME, MODULE, BOX, 0.4, 0.02), 0.05 - 0.03j, (0.5, -2.0, 0.1)
+    shifted = Polygon([(x + away.real, y + away.imag) for x, y in BOX.vertices])
+    arm = held.turn * away
+    center = held.center - arm
+    body = ConvexObject(shifted, (center.real, center.imag, held.pose.angle))
+    moment = wrench[2] + (arm.conjugate() * complex(*wrench[:2])).imag
+    one = analyze_grasp(HOME, held, 0.1, wrench)
+    other = analyze_grasp(HOME, body, 0.1, (*wrench[:2], moment))
+    assert one.closure_residual > 1.0
+    assert other.closure_residual == pytest.approx(one.closure_residual, rel=1e-6)
+    assert other.required_friction == pytest.approx(one.required_friction, rel=1e-6)

@@ -141,3 +141,5 @@ def test_opposite_contacts_have_closure_up_to_a_relative_tolerance_of_1e_6(apart
     closure = balance_by_friction(tangents, forces, load, 0.5, np.ones(2))
     assert closure.residual == pytest.approx(10.0 * apart, rel=1e-3)
     assert closure.closed is closed
+    # No wrench across the plane of both contacts is balanced.
+    assert closure.margin <= 0.0
