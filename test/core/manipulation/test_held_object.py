@@ -3,8 +3,8 @@
 
 """Motion in time: the held object's pose, commands for the middle of their interval, no drift."""
 
-from grips import apart, disc_grip, drive, rolled
-from isotruss_ros.core import load_robot, RollingGrip, solve_twist, solve_twist_ahead, Status
+from grips import apart, disc_grip, drive
+from isotruss_ros.core import load_robot, RollingGrip, solve_twist_ahead, Status
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 import numpy as np
 import pytest
@@ -20,18 +20,6 @@ def opening(config):
     """Return the angle between the members at the grip's module."""
     b, b_end, c, c_end = robots.side_ends(config, MODULE)
     return abs(np.angle((c_end - c) / (b_end - b)))
-
-
-def test_command_ahead_is_the_plain_one_for_the_state_ahead():
-    twist, lead = [0.01, 0.02, -0.1], 0.1
-    plain = solve_twist(HOME, START.grip, twist)
-    there = rolled(START, lead * plain.roller_velocities)
-    wanted = solve_twist(there.config, there.grip, twist)
-    command = solve_twist_ahead(HOME, START.grip, twist, lead)
-    assert command.roller_velocities == pytest.approx(wanted.roller_velocities, abs=1e-12)
-    assert np.abs(command.roller_velocities - plain.roller_velocities).max() > 1e-5
-    same = solve_twist_ahead(HOME, START.grip, twist, 0.0)
-    assert same.roller_velocities.tolist() == plain.roller_velocities.tolist()
 
 
 @pytest.mark.parametrize(

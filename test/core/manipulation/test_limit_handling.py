@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scaling and sliding: optimal by certificates of their own, and by few rows as by all."""
+"""Scaling and sliding at limits: optimality, and reduction of nearly singular directions."""
 
 from grips import surface
 from hypothesis import assume, given, strategies
@@ -9,6 +9,7 @@ from isotruss_ros.core import solve_twist, Status
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit, stack_rows
+from isotruss_ros.core.manipulation.task import find_task, Reach, WorkingRollers
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 import numpy as np
 import pytest
@@ -89,21 +90,6 @@ def test_sliding_projects_the_twist_on_the_admissible_ones(robot, rng, number):
 
 @robots.examples(20)
 @given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
-def test_scale_within_rounding_of_one_is_one(robot, rng, number):
-    config, grasp, _ = robots.random_grasp(robot, rng, number)
-    twist = rng.standard_normal(3)
-    assume(solve_twist(config, grasp, twist, limits=()).status is Status.OK)
-    along = -twist @ grip_jacobian(config, grasp)[:3]
-    for missing, whole in ((1e-11, True), (1e-6, False)):
-        wall = Wall(along[None], twist @ twist * np.array([1.0 - missing]))
-        command = solve_twist(config, grasp, twist, limits=[wall])
-        assert (command.scale == 1.0) == whole
-        assert command.status is (Status.OK if whole else wall.status)
-        assert command.scale == pytest.approx(1.0, abs=1e-5)
-
-
-@robots.examples(20)
-@given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
 def test_speed_limits_keep_the_direction_of_a_twist(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     limits = [RollerSpeedLimit(0.1), MemberLengthLimit(0.01, 100.0)]
@@ -134,3 +120,24 @@ def test_regularization_keeps_the_direction_and_nearly_the_progress(robot, rng, 
     surface_speed = np.linalg.norm(surface(grasp) * exact.achieved_twist)
     if surface_speed > 0.3 * np.linalg.norm(exact.roller_velocities):
         assert thrifty.scale > 0.9 * exact.scale
+
+
+@pytest.mark.parametrize('opening', [0.0, 0.3])
+@pytest.mark.parametrize('soft_rank', [0.1, 0.4])
+def test_nearly_singular_directions_are_reduced_by_the_square_of_the_singular_value(
+    soft_rank, opening
+):
+    basis, modes = (
+        np.linalg.qr(np.random.default_rng(n).standard_normal((n, n)))[0] for n in (6, 3)
+    )
+    gains = np.array([1.0, 0.5, 0.2])
+    # The contact row also moves the object, which the opening rate has to compensate.
+    coupling = np.array([0.3, -0.2, 0.1])
+    jacobian = np.vstack([(modes * gains) @ basis[:3] + np.outer(coupling, basis[3]), basis[3]])
+    reach = Reach.of(jacobian.copy(), WorkingRollers(6, np.arange(6), np.eye(6)), np.ones(3))
+    twist = np.array([0.4, -0.7, 0.5])
+    task = find_task(reach, twist, opening, soft_rank)
+    shares = np.minimum(1.0, (gains / soft_rank) ** 2)
+    expected = modes @ (shares * (modes.T @ (twist - opening * coupling))) + opening * coupling
+    assert jacobian @ task.velocities == pytest.approx([*expected, opening])
+    assert task.status is (Status.UNREACHABLE if soft_rank > 0.2 else Status.OK)

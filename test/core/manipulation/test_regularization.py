@@ -5,13 +5,10 @@
 
 from grips import disc_grip
 from isotruss_ros.core import load_robot, solve_twist
-from isotruss_ros.core.manipulation import limit_handling
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 import numpy as np
 import pytest
-import scipy
 from walls import Wall
 
 ROBOT, NINE = load_robot('triangle'), load_robot('nine_member')
@@ -38,46 +35,10 @@ def solved(twist, regularized, slide=False):
     ).roller_velocities
 
 
-@pytest.mark.parametrize('share', [0.1, 0.5, 0.9])
-@pytest.mark.parametrize('twist', [(0.05, 0.0, 0.0), (0.02, 0.04, 0.0), (0.0, 0.0, 0.2)])
-def test_progress_costs_deviation_from_the_free_speeds_as_in_closed_form(
-    twist, share, monkeypatch
-):
-    """With n = u - s f at one stop g u <= b: |C n|^2 / 2 = (s g f - b)^2 / 2 k."""
-    grip = disc_grip(NINE.home, 'east/Q', 0.3)
-    free = solve_twist(NINE.home, grip, twist, limits=[]).roller_velocities
-    asked = np.abs(free).max()
-    f = free / asked
-    gain = asked / np.linalg.norm(np.array(twist) * (1.0, 1.0, grip.body.arm))
-    weight = 0.2  # so little that progress is given up
-    monkeypatch.setattr(limit_handling, 'PROGRESS_WEIGHT', weight)
-    rho = weight * NINE.description.max_speed / (asked * gain)
-    null = scipy.linalg.null_space(grip_jacobian(NINE.home, grip))
-    cost = NINE.topology.incidence.T @ NINE.topology.incidence
-    compliance = null @ np.linalg.solve(null.T @ cost @ null, null.T)
-    stopped = int(np.abs(f * compliance.diagonal()).argmax())
-    a, b, k = abs(f[stopped]), share * abs(f[stopped]), compliance[stopped, stopped]
-    progress = min(1.0, (rho + a * b / k) / (a * a / k + 0.5 * rho))
-    found = solve_twist(
-        NINE.home,
-        grip,
-        twist,
-        limits=[stop(len(free), stopped, share * free[stopped])],
-        handling=LimitHandling(regularized=True),
-    )
-    assert share < progress
-    wanted = progress * f + (share - progress) * f[stopped] * compliance[stopped] / k
-    assert found.roller_velocities == pytest.approx(asked * wanted, rel=1e-6)
-
-
 @pytest.mark.parametrize('slide', [False, True])
 @pytest.mark.parametrize('twist', [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0), (0.0, 0.0, 5.0)])
 def test_loops_scale_a_twist_to_the_limits_where_no_roller_is_redundant(twist, slide):
     assert solved(twist, True, slide) == pytest.approx(solved(twist, False, slide), rel=1e-6)
-
-
-def test_rollers_have_their_largest_speed_without_regularisation():
-    assert np.abs(solved((1.0, 0.0, 0.0), False)).max() == pytest.approx(MAX_SPEED)
 
 
 def test_sliding_trades_the_twist_against_roller_speed_in_loops_only():

@@ -36,10 +36,9 @@ ROUNDED = Polygon(PENTAGON.vertices, 0.02)
     [
         ConvexObject.disc((CENTER.real, CENTER.imag), 0.5),
         ConvexObject(Ellipse((0.25, 0.24)), Pose(CENTER.real, CENTER.imag, 0.3)),
-        ConvexObject(PENTAGON, Pose(CENTER.real, CENTER.imag, 0.1)),
         ConvexObject(ROUNDED, Pose(CENTER.real, CENTER.imag, 0.1)),
     ],
-    ids=['disc', 'ellipse', 'pentagon', 'rounded pentagon'],
+    ids=['disc', 'ellipse', 'rounded pentagon'],
 )
 def test_carries_and_turns_an_object_between_sides_that_do_not_meet(body):
     start = rolling = RollingGrip.attach(NINE.home, Grip(APART, body))
@@ -47,22 +46,22 @@ def test_carries_and_turns_an_object_between_sides_that_do_not_meet(body):
     wanted = np.array(start.pose)
     legs = [(0.02, 0.0, 0.0), (0.0, 0.02, 0.0), (0.0, 0.0, 0.1)]
     for twist in [*legs, *(-np.array(legs))]:
-        rolling = drive(rolling, twist, 2.0)
-        wanted += 2.0 * np.array(twist)
+        rolling = drive(rolling, twist, 1.0)
+        wanted += np.array(twist)
         assert apart(rolling.pose, wanted) == pytest.approx((0.0, 0.0), abs=2e-6)
         assert rolling.misfit < 1e-6
     assert apart(rolling.pose, start.pose) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
 @pytest.mark.parametrize(
-    ('told', 'within'),
+    ('angle', 'wrapped'),
     [(0.0, 0.0), (3.1, 3.1), (3.3, 3.3 - 2.0 * np.pi), (-9.0, 2.0 * np.pi - 9.0)],
 )
-def test_a_disc_has_the_angle_that_is_told_within_half_a_turn(told, within):
+def test_the_angle_of_a_disc_is_wrapped_to_half_a_turn(angle, wrapped):
     body = disc_grip(NINE.home, 'east/Q').body
-    told = body.moved_to((*body.pose[:2], told))
-    rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, 'east/Q', told))
-    assert rolling.pose.angle == pytest.approx(within, abs=1e-12)
+    turned = body.moved_to((*body.pose[:2], angle))
+    rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, 'east/Q', turned))
+    assert rolling.pose.angle == pytest.approx(wrapped, abs=1e-12)
     assert rolling.misfit == 0.0
 
 

@@ -5,8 +5,6 @@
 
 from isotruss_ros.core import load_robot, solve_joint_velocity, Status
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.manipulation.limit_handling import LimitHandling
-from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 import numpy as np
 import pytest
 import robots
@@ -45,19 +43,6 @@ def test_joint_commands_have_the_least_cost():
         for step in (-1e-3, 1e-3):
             other = command.roller_velocities + step * direction
             assert np.linalg.norm(incidence @ other) >= cost - 1e-12
-
-
-def test_no_regularization_without_a_period():
-    config = robots.random_state(ROBOT, np.random.default_rng(0))
-    velocities = {'Z': VELOCITY, 'Q': (0.0, 0.01)}
-    free = solve_joint_velocity(config, velocities, (), []).roller_velocities
-    limits = [RollerSpeedLimit(0.5 * np.abs(free).max())]
-    plain, timed, loop = (
-        solve_joint_velocity(config, velocities, (), limits, *handling).roller_velocities
-        for handling in ((), (LimitHandling(),), (LimitHandling(regularized=True),))
-    )
-    assert (plain == timed).all()
-    assert np.abs(loop - plain).max() > 0.1 * np.abs(plain).max()
 
 
 def test_zero_is_idle_and_limits_scale():
