@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Grips of any members near their bounds, and what else is rare in the shapes of a robot."""
+"""Loss of contact in a long command, and singular configurations."""
 
 from held_grips import box_between, NINE
 from isotruss_ros.core import Configuration, load_robot, RollingGrip, ShapeGuard, Status
@@ -11,20 +11,6 @@ from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 
 GRIP = box_between()
-REST = np.zeros(len(NINE.roller_names))
-
-
-def watched(min_object_clearance, clearance_band=1e-6):
-    """Return what watches the box at home, and its limit by the object's distance."""
-    bounds = ShapeBounds(0.0, 0.0, min_object_clearance, 1e-6, clearance_band)
-    watch = ShapeGuard(NINE, bounds).watch(NINE.home, GRIP)
-    near = [limit for limit in watch.limits if limit.barrier.needs_object]
-    return watch, near[0] if near else None
-
-
-def command(velocities):
-    """Return a command of roller velocities."""
-    return RollerCommand(np.array(velocities), np.array([0.1, 0.2, 0.3]), 1.0, Status.OK)
 
 
 def distances_after(travel):
@@ -36,9 +22,10 @@ def distances_after(travel):
 
 
 def test_a_command_ends_before_a_contact_is_lost():
-    watch, _ = watched(0.0)
+    watch = ShapeGuard(NINE, ShapeBounds(0.0, 0.0, 0.0, 1e-6, 1e-6)).watch(NINE.home, GRIP)
     away = np.array([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
-    found = watch.keep(command(away), REST, 1.0)
+    command = RollerCommand(away, np.array([0.1, 0.2, 0.3]), 1.0, Status.OK)
+    found = watch.keep(command, np.zeros(len(away)), 1.0)
     assert found.status is Status.SLOWED_OBJECT
     assert found.limiting == ('the contacts of the grip',)
     assert 0.0 < found.scale <= 0.4

@@ -1,46 +1,13 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far shapes are from singular and self-colliding ones: rigidity by a full decomposition."""
+"""Parts of the robot that may touch the object of a grip."""
 
-from hypothesis import given
 from isotruss_ros.core import ConvexObject, Grip, load_robot
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.distances import collision_model
-from isotruss_ros.core.safety.barrier_law import ALL_VALUES, BarrierLaw
-from isotruss_ros.core.safety.barriers import ClearanceBarrier
-from isotruss_ros.core.safety.margins import object_distances, shape_margins
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
-import robots
-
-
-def test_members_that_hold_an_object_are_those_of_the_robot():
-    body = ConvexObject.disc((0.0, 0.0), 0.1)
-    with pytest.raises(GraspError, match='no such members'):
-        object_distances(load_robot('nine_member').home, body, ('north/X',))
-
-
-@robots.examples(25)
-@given(robots.robots(), robots.generators())
-def test_margins_are_the_least_distances_and_name_them(robot, rng):
-    config = robots.far_state(robot, rng, 0.1)
-    center = config.points[rng.integers(len(config.points))] + complex(*rng.uniform(-1, 1, 2))
-    body = ConvexObject.disc((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
-    grip = Grip.at_module(robot, str(rng.choice(robot.module_names)), body)
-    model = collision_model(robot)
-    distances = model.distances(config)
-    found = shape_margins(config)
-    assert found.clearance == distances.min()
-    assert found.nearest == model.names(np.array([distances.argmin()]))[0]
-    distances = object_distances(config, body, grip.members)
-    # It is what the guard goes by.
-    barrier = ClearanceBarrier(robot, BarrierLaw(0.0, 1.0), needs_object=True)
-    far = 1.5 * barrier.law.active_below
-    near = distances < far
-    values = barrier.values(config, grip, ALL_VALUES)
-    assert (values[near] == distances[near]).all()
-    assert (values[~near] >= far).all()
 
 
 def test_distances_leave_out_grasping_members_their_meeting_module_and_the_rods_at_its_joint():

@@ -28,15 +28,6 @@ def limited(usage, way, most):
     return usage.limit_utilisation(command, PERIOD, most)
 
 
-@pytest.mark.parametrize('folded', [3.0, np.inf])
-def test_utilisation_beyond_folding_counts_as_twice_the_wrinkling_moment(folded):
-    usage, twice = UsageLimits(grasp(0.5)), UsageLimits(grasp(0.5))
-    usage.learn(grasp(folded), 0.0, TRAVEL)
-    twice.learn(grasp(2.0), 0.0, TRAVEL)
-    found, expected = (limited(each, TRAVEL, 2.5).scale for each in (usage, twice))
-    assert found == expected == pytest.approx(5.0 * PERIOD * 0.5 / 1.5, rel=1e-3)
-
-
 def test_utilisation_uses_five_times_its_distance_per_second_at_most():
     usage = UsageLimits(grasp(0.5))
     usage.learn(grasp(0.7), 0.0, TRAVEL)
@@ -51,10 +42,6 @@ def test_utilisation_beyond_its_bound_may_only_fall():
     usage.learn(grasp(0.7), 0.0, TRAVEL)
     assert limited(usage, TRAVEL, 0.6).scale == 0.0
     assert limited(usage, -TRAVEL, 0.6).scale == 1.0
-
-
-def test_a_robot_at_rest_at_its_bound_is_not_limited():
-    assert limited(UsageLimits(grasp(0.5)), 0.0 * TRAVEL, 0.5).status is Status.OK
 
 
 def share(usage, way, free=1.0):
@@ -84,9 +71,3 @@ def test_effects_of_perpendicular_travels_are_learned_independently():
     # What is known is not learned again.
     usage.learn(grasp(0.9), -0.1, TRAVEL)
     assert share(usage, TRAVEL) == pytest.approx(0.4, rel=1e-3)
-
-
-def test_the_effect_of_a_travel_of_a_tenth_of_a_millimetre_has_half_weight():
-    usage, short = UsageLimits(grasp(0.5)), np.array([0.6e-4, -0.8e-4])
-    usage.learn(grasp(0.5), -0.1, short)
-    assert share(usage, short) == pytest.approx(0.04 / 0.05)

@@ -25,13 +25,9 @@ from studies.comparison.walks import margins, ROBOT
 
 #: Changes of the speed of a roller from cycle to cycle that do not count as chatter [m/s].
 CHATTER = 0.005
-
-
-#: So many cycles with reversals are a limit that binds in place of another.
+#: Largest number of reversals at which one limit binds in place of another [-].
 EXCHANGE = 2
-
-
-#: By how much starts beyond a bound may get further beyond it.
+#: Largest decrease of a margin beyond its bound [m].
 LOST = 1e-4
 
 
@@ -51,12 +47,7 @@ def begin_beyond(rng):
 
 
 def come_back(seed, steps=40):
-    """
-    Command one twist from a random start beyond bounds.
-
-    :return: (steps, r) commanded roller velocities [m/s], and (3,) by how much the margins that
-        were beyond their bounds fell below where they began.
-    """
+    """Command a twist from beyond bounds; return roller velocities and lost margins (3,)."""
     rng = np.random.default_rng([seed, 7])
     held = begin_beyond(rng)
     period = float(rng.choice([0.02, 0.01, 0.005, 0.002]))
@@ -82,7 +73,7 @@ def come_back(seed, steps=40):
 
 
 def reversals(commands):
-    """Return in how many cycles a roller is slowed that was driven before, and is after."""
+    """Return the number of cycles in which a roller reverses its acceleration."""
     changes = np.diff(commands, axis=0)
     turned = changes[1:] * changes[:-1] < 0.0
     noticed = np.minimum(np.abs(changes[1:]), np.abs(changes[:-1])) > CHATTER
