@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulated robot integrates its rollers exactly, and has the faults that it is given."""
+"""Simulated robot: travel, faults of the rollers, and refused commands."""
 
 from grips import disc_grip
 from isotruss_ros.core import load_robot, RigidObject, RollerFaults, RollingGrip, SimulatedRobot
@@ -33,7 +33,7 @@ def test_travel_is_speed_times_time_for_any_steps():
     assert tuple(cut.object_pose) == pytest.approx(tuple(whole.object_pose), abs=1e-9)
 
 
-def test_faults():
+def test_stuck_rollers_rest_and_others_keep_the_speed_limit():
     robot = simulated(speed_limit=0.01, stuck=frozenset({ROBOT.roller_names[0]}))
     robot.command(10.0 * SPEEDS)
     robot.advance(1.0)
@@ -41,22 +41,18 @@ def test_faults():
     assert np.abs(robot.roller_velocities).max() == 0.01
 
 
-def test_noise_has_the_deviation_asked_for_and_moves_nothing_at_rest():
+def test_noise_of_moving_rollers_has_its_deviation():
     robot = simulated(noise=0.004)
-    robot.advance(1.0)
-    assert not robot.config.roller_positions.any()
-    command = np.zeros(N)
-    command[1] = 1e-9
-    drawn = []
+    robot.command(1e-9 * (np.arange(N) == 1))
+    speeds = []
     for _ in range(500):
-        robot.command(command)
         robot.advance(1e-4)
-        drawn.append(robot.roller_velocities.copy())
-    drawn = np.array(drawn)
-    assert not np.delete(drawn, 1, axis=1).any()
-    # 500 draws: the deviation is known to 3 %, five of these are 16 %.
-    assert drawn[:, 1].std() == pytest.approx(0.004, rel=0.16)
-    assert abs(drawn[:, 1].mean()) < 5 * 0.004 / np.sqrt(500)
+        speeds.append(robot.roller_velocities)
+    speeds = np.array(speeds)
+    assert not np.delete(speeds, 1, axis=1).any()
+    # The deviation of 500 draws is known to 3 %; five of these are 16 %.
+    assert speeds[:, 1].std() == pytest.approx(0.004, rel=0.16)
+    assert abs(speeds[:, 1].mean()) < 5 * 0.004 / np.sqrt(500)
 
 
 def test_encoders_do_not_measure_slip():
@@ -94,7 +90,7 @@ def test_a_bad_command_changes_nothing(bad):
     assert robot.roller_velocities == pytest.approx(SPEEDS)
 
 
-def test_blocks_rather_than_leaving_the_shapes_it_can_take():
+def test_rollers_block_where_no_configuration_exists():
     robot = simulated()
     command = np.zeros(N)
     command[0] = -10.0
