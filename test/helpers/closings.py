@@ -7,10 +7,8 @@ What the tests of the search for grasps share: random objects inside loops, and 
 The oracles know nothing of the code under test: distances are from ends and heights.
 """
 
-import functools
 import itertools
 
-from isotruss_ros.core import ConvexObject
 import numpy as np
 import robots
 
@@ -54,31 +52,3 @@ def drive(robot, path, parts=30):
         robot.command((end - begin) / parts)
         for _ in range(parts):
             robot.advance(1.0)
-
-
-@functools.lru_cache(maxsize=64)
-def scene(seed):
-    """
-    Return a state of a random robot, an object that lies free in one of its loops, and the tube.
-
-    :return: configuration, a disc, number of the tube.
-    """
-    rng = np.random.default_rng([7, seed])
-    kinds = ('nine_member', 'triangle', 'arch', 'ring', 'polygon')
-    kind = kinds[seed % len(kinds)]
-    robot = (
-        robots.preset(kind)
-        if kind in robots.PRESETS
-        else robots.random_robot(seed, kind, 3 if kind == 'ring' else None)
-    )
-    config = robots.random_state(robot, rng)
-    begin, end, _ = parts(config)
-    while True:
-        tube = int(rng.integers(len(robot.description.tubes)))
-        members = np.flatnonzero(robot.topology.tube == tube)
-        corners = np.concatenate([begin[members], end[members]])
-        center = rng.dirichlet(np.full(len(corners), 2.0)) @ corners
-        room = min(map(np.min, gaps(config, ConvexObject.disc((center.real, center.imag), 2e-9))))
-        if room > 0.05:
-            diameter = 2.0 * room * rng.uniform(0.4, 0.9)
-            return config, ConvexObject.disc((center.real, center.imag), diameter), tube

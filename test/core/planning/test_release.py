@@ -130,15 +130,6 @@ def test_a_release_that_turns_the_object_by_more_than_allowed_is_no_path():
     assert plan_release(config, body, names, CLEARANCE, max_turn=2.0 * turned).violation is None
 
 
-def test_a_squeeze_that_is_right_does_not_overshoot_while_the_object_is_brought_back():
-    rollers = [-0.1916, 0.0704, 0.1637, 0.1456, 0.2097, -0.3699]  # it was carried to there
-    held = ConvexObject.disc((0.6002, 0.4007), 0.2)
-    release = plan_release(
-        HOME.robot.configuration(rollers), held, members_at(HOME.robot, 'north/P'), CLEARANCE
-    )
-    assert release.violation is None
-
-
 def test_an_object_that_is_barely_touched_is_left_at_once_and_again():
     held = grasped(SMALL)
     config = HOME.robot.configuration(held.path[held.touch])

@@ -5,31 +5,7 @@
 
 from isotruss_ros.core import GraspRequirements
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.planning.violations import RequirementError
 import pytest
-
-LOADS = 'max_contact_force', 'max_total_force', 'max_utilisation'
-
-
-@pytest.mark.parametrize(
-    ('forces', 'used', 'exceeded'),
-    [
-        ((3.0, 3.0, 2.0), 0.5, None),
-        ((4.0, 1.0), 0.6, ('max_contact_force', 4.0, 3.0)),
-        ((2.0,) * 5, 0.6, ('max_total_force', 10.0, 8.0)),
-        ((2.0, 2.0), 0.625, ('max_utilisation', 0.625, 0.5)),
-    ],
-)
-def test_loads_beyond_their_bounds_violate_the_requirement(forces, used, exceeded):
-    loads = dict(zip(LOADS, (max(forces), sum(forces), used), strict=True))
-    needs = GraspRequirements(max_contact_force=3.0, max_total_force=8.0, max_utilisation=0.5)
-    if exceeded is None:
-        needs.check_bounds(**loads)
-        return
-    with pytest.raises(RequirementError) as missed:
-        needs.check_bounds(**loads)
-    assert missed.value.args == exceeded
-
 
 SIDES = ('south/P-Q', 'north/R-P')
 
