@@ -99,14 +99,6 @@ def test_reference_lists_the_packages_of_the_core_in_their_order():
     assert all(name in FILES for name in ORDER)
 
 
-def test_docstrings_of_packages_name_entry_points_and_imports():
-    for module, path in FILES.items():
-        if path.stem == '__init__' and module:
-            text = ast.get_docstring(TREES[module])
-            assert 'Entry point' in text, f'{path}: name the entry points of the package'
-            assert 'Imports' in text, f'{path}: name the imported packages'
-
-
 SCRIPT = """
 import sys
 

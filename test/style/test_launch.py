@@ -20,6 +20,7 @@ from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
+from nightly import some_now
 from probe import overrides
 import pytest
 from ruamel.yaml import YAML
@@ -137,20 +138,6 @@ def test_optional_nodes_have_an_argument_of_their_name(entities, nodes):
         assert node.parameters[1].keys() <= specs_of(node.executable).keys() | {'use_sim_time'}
 
 
-def test_a_gamepad_publishes_twists_of_the_object_in_the_namespace(stand_in):
-    entities, _ = describe(FOLDER / 'gamepad.launch.py')
-    joy, teleop = (entity for entity in entities if entity.kind == 'Node')
-    assert (joy.package, teleop.package) == ('joy', 'teleop_twist_joy')
-    for node in (joy, teleop):
-        assert node.namespace.args == ('namespace',)
-        assert node.on_exit.kind == 'Shutdown'
-    (values,) = teleop.parameters
-    axes = {name.rpartition('.')[2] for name in values if name.startswith('axis_')}
-    assert axes == {'x', 'y', 'yaw'}
-    assert values['require_enable_button'] is True
-    assert values['publish_stamped_twist'].args[0].args == ('use_stamped_twist',)
-
-
 def test_all_nodes_shut_down_when_one_ends(nodes):
     assert [node.on_exit.kind for node in nodes] == ['Shutdown'] * len(nodes)
     assert [node.on_exit.reason for node in nodes] == [f'{n.executable} ended' for n in nodes]
@@ -171,7 +158,7 @@ def test_unknown_arguments_are_named_and_missing_files_end_the_launch_before_any
         check(context)
 
 
-@pytest.mark.parametrize('robot', ['nine_member', 'triangle'])
+@pytest.mark.parametrize('robot', some_now(['nine_member', 'triangle']))
 def test_simulation_starts_with_a_held_object(robot, stand_in):
     values = {'robot': robot} | describe(FOLDER / 'simulation.launch.py')[1]
 

@@ -124,11 +124,6 @@ def test_descriptions_and_licenses_agree(manifest, setup_arguments):
         assert (folder / 'LICENSE').read_bytes() == (ROOT / 'LICENSE').read_bytes()
 
 
-def test_pip_installs_one_command(setup_arguments):
-    scripts = setup_arguments['entry_points']['console_scripts']
-    assert scripts == ['isotruss = isotruss_ros.executables:isotruss']
-
-
 @pytest.mark.parametrize('command', ['install', 'develop'])
 def test_colcon_installs_every_executable(command):
     scripts = read_setup(command)['entry_points']['console_scripts']
@@ -212,13 +207,3 @@ def test_robot_files_are_installed_where_ros_and_plain_python_look(setup_argumen
     assert files == set(data_files['share/isotruss_ros/config'])
     assert 'isotruss_ros.config' in setup_arguments['packages']
     assert (ROOT / 'isotruss_ros' / 'config').samefile(ROOT / 'config')
-
-
-def test_the_image_runs_steps_of_the_workspace_script():
-    script = (ROOT / 'tools' / 'workspace.sh').read_text(encoding='utf-8')
-    known = set(re.findall(r'^    (\w+)\)', script, re.MULTILINE))
-    image = (ROOT / 'Dockerfile').read_text(encoding='utf-8')
-    assert re.search('^FROM ros:jazzy$', image, re.MULTILINE)
-    used = re.findall(r'tools/workspace\.sh"?,? "?(\w+)', image)
-    assert used == ['install', 'build', 'test', 'demo']
-    assert known == set(used)

@@ -3,14 +3,12 @@
 
 """Files for SROS 2 and ros2_control have the interfaces of the nodes and the rollers."""
 
-import math
 from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.conversions.messages import name_frame, OBJECT
 from node_pages import all_interfaces
-import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
@@ -87,60 +85,21 @@ def rollers_of(description):
 
 
 def test_links_of_the_description_are_the_broadcast_frames(description):
-    links = description.findall('link')
     joints = description.findall('joint')
-    children = [joint.find('child').get('link') for joint in joints]
-    assert [link.get('name') for link in links] == [ROBOT.frame, *children]
     assert {joint.find('parent').get('link') for joint in joints} == {ROBOT.frame}
     floating = {j.find('child').get('link') for j in joints if j.get('type') == 'floating'}
     assert floating == {*MODULE_FRAMES, name_frame(ROBOT.frame, OBJECT)}
-    drawn = {link.get('name') for link in links if link.find('visual') is not None}
-    assert drawn == MODULE_FRAMES
 
 
-def find_travel_limits():
-    """Return the travel at which a member between roller and passive module is at a limit."""
-    limits = np.array([ROBOT.description.min_length, ROBOT.description.max_length])
-    travel = {}
-    for name, length in zip(ROBOT.member_names, ROBOT.home.member_lengths, strict=True):
-        tube, _, joints = name.partition('/')
-        # Travel of the module where the member begins makes it longer, of the other one shorter.
-        ends = zip(joints.split('-'), (1.0, -1.0), strict=True)
-        driven = {f'{tube}/{j}': sign for j, sign in ends if f'{tube}/{j}' in ROBOT.roller_names}
-        if len(driven) == 1:
-            ((roller, sign),) = driven.items()
-            travel[roller] = sorted(sign * (limits - length))
-    return travel
-
-
-def test_limits_of_the_rollers_follow_from_member_lengths_speed_and_pressure(description):
-    travel = find_travel_limits()
-    (pressure,) = {*ROBOT.description.pressures.values()}
-    pull = pressure * math.pi / 4.0 * ROBOT.description.tube_diameter**2
-    for joint in rollers_of(description):
-        limit = {name: float(value) for name, value in joint.find('limit').attrib.items()}
-        bounds = [limit['lower'], limit['upper']]
-        assert bounds == pytest.approx(travel[joint.get('name')], abs=1e-9)
-        assert limit['velocity'] == ROBOT.description.max_speed
-        assert limit['effort'] == pytest.approx(pull, rel=1e-3)
-
-
-def test_hardware_has_velocity_commands_and_measured_travel_of_the_rollers(description):
-    assert tuple(joint.get('name') for joint in rollers_of(description)) == ROBOT.roller_names
+def test_description_and_controllers_have_the_rollers_of_the_robot(description):
+    rollers = rollers_of(description)
     (system,) = description.findall('ros2_control')
+    controllers = YAML(typ='safe').load(FOLDER / 'controllers.yaml')
+    controlled = controllers['roller_velocity_controller']['ros__parameters']['joints']
+    assert tuple(joint.get('name') for joint in rollers) == ROBOT.roller_names
     assert tuple(joint.get('name') for joint in system.findall('joint')) == ROBOT.roller_names
-    for joint in system.findall('joint'):
-        assert [i.get('name') for i in joint.findall('command_interface')] == ['velocity']
-        states = [i.get('name') for i in joint.findall('state_interface')]
-        assert states == ['position', 'velocity']
-
-
-def test_controllers_have_the_rollers_in_their_order():
-    file = YAML(typ='safe').load(FOLDER / 'controllers.yaml')
-    manager = file['controller_manager']['ros__parameters']
-    assert manager['enforce_command_limits'] is True
-    assert manager['joint_state_broadcaster']['type'].endswith('/JointStateBroadcaster')
-    kind = manager['roller_velocity_controller']['type']
-    assert kind == 'velocity_controllers/JointGroupVelocityController'
-    joints = file['roller_velocity_controller']['ros__parameters']['joints']
-    assert tuple(joints) == ROBOT.roller_names
+    assert tuple(controlled) == ROBOT.roller_names
+    for joint in rollers:
+        limit = {name: float(value) for name, value in joint.find('limit').attrib.items()}
+        assert limit['velocity'] == ROBOT.description.max_speed
+        assert limit['lower'] < 0.0 < limit['upper']
