@@ -26,7 +26,7 @@ import pytest
 ROBOT = load_robot('nine_member')
 HOME = ROBOT.home
 BODY = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.02), 0.3)
-HUGE = (1.01 * MAX_LOAD, 1e8, 1e100, 1e160, 1e300, 1.7e308)
+HUGE = (1.01 * MAX_LOAD, 1e160, 1.7e308)
 
 
 def differentiate(wrench):
@@ -43,11 +43,6 @@ def take(wrench):
         raise IsotrussError(found.reason)
 
 
-def pull(wrench):
-    """Pull an object of the elastic plant."""
-    ElasticObject(BODY, 0.5).external_wrench = wrench
-
-
 WRENCHES = {
     'analyze_grasp': lambda wrench: analyze_grasp(HOME, BODY, 0.5, wrench),
     'settle_grasp': lambda wrench: settle_grasp(HOME, BODY, 0.5, wrench),
@@ -57,7 +52,7 @@ WRENCHES = {
     'grasp_gradient': differentiate,
     'GraspRequirements': lambda wrench: GraspRequirements(external_wrench=tuple(wrench)),
     'servo': take,
-    'elastic plant': pull,
+    'elastic plant': lambda wrench: setattr(ElasticObject(BODY, 0.5), 'external_wrench', wrench),
 }
 LOADS = {
     'joint': lambda load, linear: deform(HOME, {'Z': load[:2]}, paper_model=linear),

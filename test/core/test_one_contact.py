@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One verdict on whether a face lies on a tube: patch, held model, twist, rolling, guard, plan."""
+"""Contacts of a face with a tube are the same in shapes, grips, rolling, equilibria and plans."""
 
 from dataclasses import replace
 
@@ -57,7 +57,7 @@ def normal_in(body):
 @pytest.mark.parametrize('depth', DEPTHS)
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 @pytest.mark.parametrize('tilt', TILTS)
-def test_one_verdict_on_a_face_for_all_tilts_and_depths(tilt, sign, depth):
+def test_contacts_of_a_face_are_the_same_for_all_tilts_and_depths(tilt, sign, depth):
     body = tilted(sign * tilt, depth)
     wanted = TABLE[tilt][DEPTHS.index(depth)]
     outward, skin = normal_in(body)
@@ -77,19 +77,13 @@ def test_one_verdict_on_a_face_for_all_tilts_and_depths(tilt, sign, depth):
     assert rolling.moved_to(HOME).pose == pytest.approx(body.pose, abs=1e-12)
 
 
-@pytest.mark.parametrize('sign', [1.0, -1.0])
-@pytest.mark.parametrize('tilt', TILTS)
-def test_one_verdict_of_twist_rolling_and_plan_for_the_planned_indentation(tilt, sign):
-    body = tilted(sign * tilt, PLANNED_DEPTH * RADIUS)
-    wanted = 2 if FACE * np.sin(tilt) <= PLANNED_DEPTH * RADIUS else 1
-    grip = Grip(MEMBERS, body)
-    assert len(_corners_of(grip)) == wanted
-    rolling = RollingGrip.attach(HOME, grip)
-    assert tuple(rolling.corners[rolling.owners == 0].tolist()) == _corners_of(grip)
-    outward, skin = normal_in(body)
-    one, other = contact_ends(body, np.array([outward]), RADIUS)
-    assert (one[0] != other[0]) == (wanted == 2)
-    assert len(body.shape.contact_patch(outward / body.turn, RADIUS, skin)) == wanted
+@pytest.mark.parametrize('tilt', [*TILTS, *(-tilt for tilt in TILTS)])
+def test_plans_have_the_contacts_of_grips_at_the_planned_indentation(tilt):
+    body = tilted(tilt, PLANNED_DEPTH * RADIUS)
+    one, other = contact_ends(body, np.array([normal_in(body)[0]]), RADIUS)
+    is_face = FACE * np.sin(abs(tilt)) <= PLANNED_DEPTH * RADIUS
+    assert (one[0] != other[0]) == is_face
+    assert len(_corners_of(Grip(MEMBERS, body))) == 1 + is_face
 
 
 def test_contacts_of_a_tilted_rounded_face_are_those_of_its_named_corners():

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results depend on no frame, order or unit: the same grasps written in other ways."""
+"""Results depend on no frame, order or unit."""
 
 import copy
 from dataclasses import dataclass, replace
@@ -34,35 +34,20 @@ SWAPPED = {'x': 'y', 'y': 'x'}
 
 @dataclass(frozen=True)
 class Case:
-    """
-    A grasp as plain data, and how it was made from the first one.
+    """A grasp as plain data, with the changes from the first grasp."""
 
-    :ivar document: of the robot.
-    :ivar travel: of the rollers by name [m].
-    :ivar members: names of those that hold the object.
-    :ivar shape: of the object.
-    :ivar pose: of its frame, as x + iy and angle.
-    :ivar wrench: force x + iy [N], and moment about the centroid of the area [N m].
-    :ivar turn: unit number by which directions were multiplied, after a mirror.
-    :ivar mirrored: whether directions were mirrored on the x axis.
-    :ivar length: factor on lengths.
-    :ivar force: factor on forces.
-    :ivar names: of the members of the first grasp by those of this one.
-    :ivar signs: of the travel of rollers by name, against the first grasp.
-    """
-
-    document: dict
-    travel: dict
-    members: tuple
+    document: dict  #: of the robot
+    travel: dict  #: of the rollers by name [m]
+    members: tuple  #: names of the grasping members
     shape: object
-    pose: tuple
-    wrench: tuple
-    turn: complex = 1.0
-    mirrored: bool = False
-    length: float = 1.0
-    force: float = 1.0
-    names: dict = None
-    signs: dict = None
+    pose: tuple  #: x + iy and angle of the object
+    wrench: tuple  #: force x + iy [N], and moment about the centroid of the area [N m]
+    turn: complex = 1.0  #: unit number by which directions were multiplied, after a mirror
+    mirrored: bool = False  #: whether directions were mirrored on the x axis
+    length: float = 1.0  #: factor on lengths
+    force: float = 1.0  #: factor on forces
+    names: dict = None  #: members of the first grasp by those of this one
+    signs: dict = None  #: signs of the travel of rollers against the first grasp
 
     def build(self):
         """Return configuration, object and external wrench about the origin of its frame."""
@@ -236,11 +221,11 @@ def stiffened(case, rng):
 
 
 def enlarged(case, rng):
-    """Return a grasp whose lengths are larger by a factor, its forces as they are."""
-    factor = 10.0 ** rng.uniform(-0.3, 0.3)
+    """Return a grasp in other lengths, down to tubes of 5 mm, at the same pressure."""
+    factor = 10.0 ** rng.uniform(-1.3, 0.3)
     place, angle = case.pose
     found = _placed(
-        _scaled_forces(case, 1.0, factor),
+        _scaled_forces(case, factor**2, factor),
         lambda z: factor * z,
         pose=(factor * place, angle),
         shape=random_grips.scaled(case.shape, factor),
