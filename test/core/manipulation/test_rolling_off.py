@@ -3,22 +3,27 @@
 
 """Faces that lie on members: kept, lifted at one end, on either member or on both."""
 
-from held_grips import APART, inclined_grip, NINE, PENTAGON
+from held_grips import APART, inclined_grip, NEAR, NINE, OFF, PENTAGON, sides
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    Polygon,
+    Pose,
     reachable_twists,
     RollingGrip,
     solve_twist,
     Status,
 )
 from isotruss_ros.core.manipulation.grip import find_contacts
-from isotruss_ros.core.manipulation.grip_rows import contact_rows
+from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 from isotruss_ros.core.manipulation.rolling_off import rolled_corners
 import numpy as np
 import pytest
 import random_grips
 from random_grips import contacts_of
 import robots
+from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 #: Without these rollers a face that lies on a member keeps the object from turning alone.
@@ -82,6 +87,21 @@ def test_an_object_does_not_turn_into_the_member_on_which_its_face_lies():
     # Over one end of the face it would fit, with the other one in the member.
     assert inclination(pressed) < 0.6 * 0.02 * time
     assert pressed.misfit > 1e-3 * time
+
+
+def test_faces_on_both_members_keep_the_angle_between_them():
+    starts, axes, normals = sides()
+    feet = normals * (((starts - NEAR) * normals.conj()).real - OFF)
+    corners = np.concatenate([feet - 0.1 * axes, feet + 0.1 * axes])
+    corners = corners[np.argsort(np.angle(corners))]
+    shape = Polygon(corners.view(float).reshape(-1, 2))
+    grip = Grip(APART, ConvexObject(shape, Pose(NEAR.real, NEAR.imag, 0.0)))
+    assert contacts_of(NINE.home, grip).owners.tolist() == [0, 0, 1, 1]
+    jacobian, (hand, rigid) = grip_jacobian(NINE.home, grip), contact_rows(NINE.home, grip)
+    # Motions with zero in the last three rows keep all contacts, and there are no others.
+    kept = null_space(jacobian[3:], rcond=1e-9)
+    assert hand @ kept == pytest.approx(rigid @ jacobian[:3] @ kept, abs=1e-11)
+    assert kept.shape[1] == null_space(np.hstack([hand, -rigid]), rcond=1e-9).shape[1] == 3
 
 
 def lifting(grip, command):

@@ -224,6 +224,12 @@ def test_limits_scale_the_opening_with_the_twist():
     assert slowed.roller_velocities == pytest.approx(share * free.roller_velocities, rel=1e-5)
 
 
+@pytest.mark.parametrize('failed', [NINE.roller_names[:3], NINE.roller_names[:5:2]])
+def test_the_grip_opens_with_three_failed_rollers(failed):
+    command = solve_twist(HOME, GRIP, np.zeros(3), failed, UNLIMITED, opening_rate=0.004)
+    assert grip_jacobian(HOME, GRIP)[3] @ command.roller_velocities == pytest.approx(0.004)
+
+
 def test_the_grip_opens_while_the_object_slides_along_limits():
     config = HOME
     grasp = disc_grip(config, 'north/Z', 0.3)

@@ -135,9 +135,7 @@ SPEED, TURN_RATE = 0.03, 0.3
 
 @pytest.mark.parametrize(
     ('displacement', 'is_reached'),
-    some_now(
-        [((0.03, -0.03, 0.0), False), ((0.0, 0.0, 0.3), True), ((0.0, 0.06, 0.0), True)], 2
-    ),
+    some_now([((0.03, -0.03, 0.0), False), ((0.0, 0.0, 0.3), True), ((0.0, 0.06, 0.0), True)]),
 )
 def test_foresight_and_control_loop_agree_near_a_singularity(displacement, is_reached):
     """In three members, a disc of 0.86 m moves 1/18 to 1/30 as fast as a roller at first."""
@@ -157,7 +155,7 @@ def test_foresight_and_control_loop_agree_near_a_singularity(displacement, is_re
 HOLDING_SEEDS = [16, 23, 6, 12, 19, 24, 27]
 
 
-@pytest.mark.parametrize('seed', some_now(HOLDING_SEEDS, now=2))
+@pytest.mark.parametrize('seed', some_now(HOLDING_SEEDS))
 def test_random_robots_execute_paths_as_far_as_foreseen(seed):
     """The plant has elastic tubes without bound on their use, no masses, and exact sensors."""
     rng, robot = np.random.default_rng(seed), random_robot(seed)

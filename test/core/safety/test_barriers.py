@@ -133,7 +133,7 @@ def test_a_motion_ends_where_a_margin_reaches_its_bound(rng):
     law, (speed, travel) = BarrierLaw(0.5, size), size * rng.standard_normal(2)
     slopes, middle = rng.standard_normal(3), size * rng.uniform(0.1, 2.0, 3)
     start = middle - 0.5 * duration * speed * slopes
-    end = start + size * rng.standard_normal(3)
+    end = start - size * rng.uniform(-0.5, 2.0, 3)
     assume(start.min() > 0.0)
     barrier = SimpleNamespace(law=law, status=1, values=lambda *_: 0.5 + end, names=np.array)
     active = ActiveValues(np.arange(3), 0.5 + middle, np.zeros((3, 0)))

@@ -10,7 +10,8 @@ from grips import held_at, rolled
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import ShapeGuard, solve_twist, Status
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.safety.barrier_law import ActiveValues, ALL_VALUES, BarrierLaw
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from nightly import some_now
@@ -234,6 +235,36 @@ def test_commands_of_any_duration_cross_no_bound(duration):
                 stays = command.status is Status.UNREACHABLE and share > 0.0
                 assert kept.status in ({Status.UNREACHABLE} if stays else BARRIERS)
     assert bool(reduced) == (duration >= 0.5)
+
+
+class Kink:
+    """Barrier whose value falls by 10 per metre from a roller's home position on."""
+
+    status, needs_object, law = Status.SLOWED_BARRIER, False, BarrierLaw(0.0, 0.1)
+
+    def active(self, config, grip):
+        rows = np.zeros((1, 2 * len(config.points)))
+        return ActiveValues(np.array([0]), self.values(config, grip, ALL_VALUES), rows)
+
+    def values(self, config, grip, indices):
+        return np.array([0.05 - 10.0 * max(0.0, config.roller_positions[0])])[indices]
+
+    def names(self, indices):
+        return ['kink']
+
+
+@pytest.mark.parametrize('speed', [0.0, -0.02])
+def test_a_command_is_reduced_repeatedly_until_it_keeps_a_bound(speed):
+    """The sample begins at home; the guard is told the configuration in its middle."""
+    start, barrier, duration = walks.ROBOT.home, Kink(), 0.1
+    unit = (np.arange(len(start.roller_positions)) == 0).astype(float)
+    middle = start.moved_to(0.5 * duration * speed * unit)
+    watch = ShapeGuard(walks.ROBOT, barriers=(barrier,)).watch(middle, None)
+    command = RollerCommand(0.1 * unit, np.zeros(3), 1.0, Status.OK)
+    kept = watch.keep(command, speed * unit, duration)
+    end = start.moved_to(duration * kept.roller_velocities)
+    assert 0.0 < barrier.values(end, None, ALL_VALUES)[0] < 0.03
+    assert (kept.status, kept.limiting) == (Status.SLOWED_BARRIER, ('kink',))
 
 
 @pytest.mark.parametrize(
