@@ -18,6 +18,7 @@ from manual_world import Goal, World
 import pytest
 from rclpy.client import Client
 from rclpy.task import Future
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 
 class Outcome:
@@ -76,7 +77,8 @@ class MotionClient:
 
     def server_is_ready(self) -> bool:
         """Publish feedback; return whether the server is there."""
-        self._note(SimpleNamespace(feedback=SimpleNamespace(progress=0.0)))
+        part = SimpleNamespace(progress=0.0, desired=JointTrajectoryPoint())
+        self._note(SimpleNamespace(feedback=part))
         return True
 
     def send_goal_async(self, goal: Any, note: Callable[[Any], None], goal_id: Any) -> Future:

@@ -63,13 +63,3 @@ def test_states_are_recorded_with_the_time_of_the_messages(tmp_path):
         assert recording.times[-1] <= stamps[-1] + 0.05
     check_refused(node(plant='elastic', recording=str(path)), 'recording')
     check_refused(node(recording=str(tmp_path / 'no' / 'states')), 'cannot be written')
-
-
-@needs_mujoco
-def test_rollers_block_before_a_shape_that_the_robot_cannot_take():
-    inward = np.array([1.0] + [0.0] * (N - 1))
-    with world(node(rate=20.0)) as w:
-        w.until(lambda: w.travel()[0] > 0.1, drive(w, inward))
-        w.until(lambda: w.probe.last('joints').velocity[0] == 0.0, drive(w, inward))
-        blocked = w.travel()[0]
-        w.until(lambda: w.travel()[0] < blocked - 0.05, drive(w, -inward))

@@ -6,7 +6,6 @@
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from held_grips import ANGLE, APART, box_between, BOX_FILE, DEPTH, HOME
 from isotruss_ros.core import solve_twist
-from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
@@ -35,24 +34,6 @@ def test_the_box_is_carried_by_the_two_sides(is_free):
         went = w.place() - start
         assert abs(went[1]) < 0.05 * went[0]
         assert abs(went[2]) < 0.05 * went[0]
-
-
-def test_a_free_box_stays_and_is_put_elsewhere_with_its_angle():
-    with world(node(object_is_free=True, object_pose=[2.5, -0.5, 0.7])) as w:
-        places = w.probe.create_publisher(PoseStamped, 'set_object_pose', 1)
-        w.until(lambda: w.probe.last('joints') is not None and w.place() is not None)
-        w.until(
-            lambda: w.probe.last('joints').position[1] > 0.003,
-            lambda: w.probe.send_command([0.02] * 6),
-        )
-        assert w.place() == pytest.approx((2.5, -0.5, 0.7))
-        there = PoseStamped(pose=to_pose_message(box_between().body.pose))
-        there.header.frame_id = 'truss'
-        places.publish(there)
-        w.deliver()
-        w.probe.seen['pose'].clear()
-        w.until(lambda: w.place() is not None)
-        assert w.place() == pytest.approx(np.array(box_between().body.pose), abs=3e-3)
 
 
 def test_the_elastic_plant_holds_the_box():

@@ -3,12 +3,10 @@
 
 """The steps that configure nodes anew, and what is said where one fails."""
 
-from functools import partial
 from types import SimpleNamespace
 
 from isotruss_ros.core import Disc, load_robot, place_between, read_object, settle_grasp
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.viewer.view_requests import NodeRestart
 from isotruss_ros.viewer.names import OBJECTS
@@ -77,20 +75,6 @@ def test_a_later_restart_ends_an_earlier_one(w):
     restart.restart_simulator(0.0, 'elastic')
     assert said == ['plant elastic: sent', 'plant kinematic: sent', 'plant kinematic: active']
     assert w.nodes[1].get_parameter('plant').value == 'kinematic'
-
-
-def test_a_reset_restores_grip_and_squeeze_of_the_manipulation():
-    simulator = partial(Simulator, overrides(plant='elastic', friction=0.8, indentation=0.005))
-    manipulation = partial(Manipulation, overrides(friction=0.8))
-    said, there = [], ('simulator', 'manipulation')
-    with world(simulator, manipulation) as w:
-        picked = {'grip': ['north/R-P', 'south/P-Q'], 'grip_module': '', 'squeeze_force': 20.0}
-        results = w.nodes[2].set_parameters(overrides(**picked))
-        assert all(result.successful for result in results)
-        NodeRestart(Clients(w, there), said.append).restart_simulator(5.0)
-        assert said[-1] == 'reset: active'
-        values = w.nodes[2].get_parameters(list(picked))
-        assert [value.value for value in values] == [[''], '', 5.0]
 
 
 @pytest.mark.parametrize('kind', OBJECTS)

@@ -16,7 +16,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.nodes.conversions.grasp_messages import read_query, to_wrench_message
-from isotruss_ros.nodes.conversions.messages import MessageError, to_pose_message
+from isotruss_ros.nodes.conversions.messages import make_header, MessageError, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
@@ -24,6 +24,7 @@ from manual_world import world
 import numpy as np
 from probe import DIAMETER, maker, MODULE, N, ROBOT
 import pytest
+from sensor_msgs.msg import FluidPressure
 from studies.comparison.wedge import pressed_into
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -225,3 +226,10 @@ def test_measured_pressures_are_used_while_they_are_fresh():
         assert (state.closure_residual, state.required_friction) == (math.inf, math.inf)
         assert not state.contacts
         w.until_code(GraspCode.OK, send, 'state')
+
+        def send_one():
+            feed(w)()
+            header = make_header(w.probe.past(0.0), 'south')
+            w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=20e3))
+
+        w.until_code(GraspCode.STALE_TUBE_PRESSURES, send_one, 'state')

@@ -19,7 +19,6 @@ from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import (
     LatestInputs,
-    PRESSURE_TIMEOUT,
     RejectedInput,
     RollerState,
     StampedInput,
@@ -98,20 +97,6 @@ def test_chance_is_that_of_the_files_uncertainty(is_loop):
     assert math.isnan(chances[0])
     assert 0.1 < chances[1] < 0.99
     assert chances[1] == pytest.approx(expected, abs=0.01)
-
-
-@pytest.mark.parametrize(
-    ('given', 'code'),
-    [
-        (StampedInput((3e4,) * 3, NOW - PRESSURE_TIMEOUT - 1e-3), GraspCode.STALE_TUBE_PRESSURES),
-        (StampedInput((3e4,) * 3, NOW + 1.0), GraspCode.INVALID_TUBE_PRESSURES),
-        (RejectedInput('not a number'), GraspCode.INVALID_TUBE_PRESSURES),
-    ],
-)
-def test_invalid_pressures_leave_no_result(given, code):
-    made = monitor(pressures=given)
-    assert_no_answer(made.report(NOW), code)
-    assert_no_answer(made.analyze_request(question(), NOW), code)
 
 
 def test_time_of_the_result_is_that_of_the_older_input():

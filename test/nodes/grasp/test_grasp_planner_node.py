@@ -332,13 +332,6 @@ def test_needs_fresh_joint_states():
         assert w.nodes[1].searcher.begun is None
 
 
-def test_searches_from_where_the_robot_is(planner):
-    positions = [0.01, -0.02, 0.015, 0.0, -0.01, 0.02]
-    planner.spin(0.05, lambda: planner.probe.send_joints(position=positions))
-    planner.send_goal(goal())
-    assert planner.searcher.begun[0].roller_positions.tolist() == positions
-
-
 def test_an_inactive_node_ends_the_search_and_accepts_no_goals(planner):
     manager = Manager(planner, 'grasp_planner')
     handle = planner.send_goal(goal())

@@ -11,6 +11,7 @@ import probe
 from probe import manipulation as node
 import pytest
 from rclpy.event_handler import QoSSubscriptionEventType
+from rclpy.publisher import Publisher
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -172,4 +173,14 @@ def test_is_received_while_the_node_is_not_active():
         press(w)
         w.until(lambda: 'emergency_stop' in w.detail('emergency stop'))
         assert all(map(manager.ask, Manager.UP))
+        assert_stays_stopped(w)
+
+
+def test_the_service_fails_if_a_drive_has_not_received_zero(monkeypatch):
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        monkeypatch.setattr(Publisher, 'wait_for_all_acked', lambda *_: False)
+        response = w.call('emergency_stop', Trigger.Request())
+        assert not response.success
+        assert 'not every subscriber has acknowledged it; stopped by' in response.message
         assert_stays_stopped(w)

@@ -3,8 +3,6 @@
 
 """The command topic belongs to one node: what another one publishes there is noticed."""
 
-from types import SimpleNamespace
-
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.framework import commands
 from isotruss_ros.nodes.framework.commands import RollerCommands
@@ -56,16 +54,6 @@ def test_own_commands_are_not_those_of_others(numbers):
 @pytest.mark.parametrize('place', range(4))
 def test_a_command_of_another_node_is_noticed_whatever_its_number(other, place):
     assert 'another node publishes' in find_others([*OWN[:place], other, *OWN[place:]])
-
-
-@pytest.mark.parametrize(('silent', 'there'), [(0.0, True), (0.99, True), (1.01, False)])
-def test_another_publisher_is_there_until_it_was_silent_for_a_second(monkeypatch, silent, there):
-    now = 100.0
-    monkeypatch.setattr(commands, 'time', SimpleNamespace(monotonic=lambda: now))
-    made = RollerCommands(SilentNode(), N)
-    made.note({'publication_sequence_number': 1})
-    now += silent
-    assert (made.find_others() is not None) is there
 
 
 def test_commands_of_another_node_are_noticed_behind_own_ones_of_the_same_rate():
