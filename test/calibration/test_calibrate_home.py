@@ -21,7 +21,7 @@ N = len(ROBOT.roller_names)
 
 
 def measure(offsets, readings, joints=ALL, noise=0.0, seed=0):
-    """Return what is measured of a robot whose encoders read zero elsewhere."""
+    """Return the measured postures of a robot with roller offsets."""
     rng = np.random.default_rng(seed)
     postures = []
     for reading in np.atleast_2d(readings):
@@ -43,14 +43,14 @@ def draw_offsets(seed, size=0.015):
 @given(seed=st.integers(0, 10**6), joints=st.sampled_from([ALL, ENOUGH]))
 def test_exact_joint_positions_yield_exact_offsets(seed, joints):
     offsets = draw_offsets(seed)
-    found = calibrate_home(ROBOT, measure(offsets, np.zeros(N), joints))
-    assert found.offsets == pytest.approx(offsets, abs=1e-9)
+    result = calibrate_home(ROBOT, measure(offsets, np.zeros(N), joints))
+    assert result.offsets == pytest.approx(offsets, abs=1e-9)
 
 
 def test_calibrated_robot_agrees_with_the_measured_one():
     offsets, reading = draw_offsets(3), 0.05 * np.random.default_rng(4).normal(size=N)
-    found = calibrate_home(ROBOT, measure(offsets, np.zeros(N)))
-    nodes = Robot(found.description).configuration(reading).nodes
+    result = calibrate_home(ROBOT, measure(offsets, np.zeros(N)))
+    nodes = Robot(result.description).configuration(reading).nodes
     assert nodes == pytest.approx(ROBOT.configuration(reading + offsets).nodes, abs=1e-8)
 
 
@@ -61,8 +61,8 @@ def test_joints_are_within_the_noise_of_markers(count, bound):
     for seed in range(40):
         offsets = draw_offsets(seed)
         readings = 0.05 * rng.normal(size=(count, N)) if count > 1 else np.zeros((1, N))
-        found = calibrate_home(ROBOT, measure(offsets, readings, noise=1e-3, seed=seed))
-        nodes = Robot(found.description).home.nodes[: len(NAMES)]
+        result = calibrate_home(ROBOT, measure(offsets, readings, noise=1e-3, seed=seed))
+        nodes = Robot(result.description).home.nodes[: len(NAMES)]
         off = nodes - ROBOT.configuration(offsets).nodes[: len(NAMES)]
         worst.append(np.hypot.reduce(off, axis=1).max())
     assert np.median(worst) < bound
@@ -71,18 +71,18 @@ def test_joints_are_within_the_noise_of_markers(count, bound):
 def test_stated_deviations_agree_with_the_scatter_of_the_offsets():
     errors = []
     for seed in range(40):
-        found = calibrate_home(
+        result = calibrate_home(
             ROBOT, measure(draw_offsets(seed), np.zeros(N), noise=1e-3, seed=seed)
         )
-        errors.append((found.offsets - draw_offsets(seed)) / found.deviations)
+        errors.append((result.offsets - draw_offsets(seed)) / result.deviations)
     assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.1
 
 
 def test_several_postures_compensate_for_unmeasured_joints():
     offsets = draw_offsets(5)
     readings = 0.05 * np.random.default_rng(0).normal(size=(3, N))
-    found = calibrate_home(ROBOT, measure(offsets, readings, FEW))
-    assert found.offsets == pytest.approx(offsets, abs=1e-9)
+    result = calibrate_home(ROBOT, measure(offsets, readings, FEW))
+    assert result.offsets == pytest.approx(offsets, abs=1e-9)
     with pytest.raises(MeasurementError, match=r'P, R, Z: they do not .* measure joint [QY] as'):
         calibrate_home(ROBOT, measure(offsets, np.zeros(N), FEW))
 
@@ -110,13 +110,13 @@ def postures():
 
 def places(change):
     """Return the postures with each measured joint changed, x + iy [m]."""
-    found = [
+    result = [
         {name: change(name, complex(*place)) for name, place in posture.joints.items()}
         for posture in postures()
     ]
     return [
         Posture(each.roller_positions, {k: (z.real, z.imag) for k, z in joints.items()})
-        for each, joints in zip(postures(), found, strict=True)
+        for each, joints in zip(postures(), result, strict=True)
     ]
 
 

@@ -37,8 +37,8 @@ def test_robot_calibrated_from_a_table_agrees_with_the_measured_joints(tmp_path,
     output = tmp_path / 'mine.yaml'
     assert calibrate.home([str(points), '--output', str(output)]) == 0
     assert 'south/Q     -20.00 +- 0.' in capsys.readouterr().out
-    found = load_robot(output).configuration(reading)
-    assert found.nodes == pytest.approx(ROBOT.configuration(ZEROS + reading).nodes, abs=1e-6)
+    result = load_robot(output).configuration(reading)
+    assert result.nodes == pytest.approx(ROBOT.configuration(ZEROS + reading).nodes, abs=1e-6)
 
 
 def test_measured_displacements_become_the_stiffness_scale_of_the_file(tmp_path):

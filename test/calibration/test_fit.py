@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The fit of stiffness laws: what it finds, what it says, what it refuses."""
+"""The fit of stiffness laws: constants, output and refusals."""
 
 from pathlib import Path
 import re
@@ -104,8 +104,8 @@ def test_fit_is_the_joint_least_squares_solution_of_all_modes():
     best, covariance = curve_fit(model, None, np.log(k), p0=np.log(list(CONSTANTS.values())))
     reach = t_distribution.ppf(0.975, 24) * np.sqrt(np.diag(covariance))
     pairs = (fitted.constants, best), (fitted.low, best - reach), (fitted.high, best + reach)
-    for found, expected in pairs:
-        assert np.log(found) == pytest.approx(expected, rel=1e-4)
+    for result, expected in pairs:
+        assert np.log(result) == pytest.approx(expected, rel=1e-4)
 
 
 # -- Power laws, beside it --

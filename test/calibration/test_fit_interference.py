@@ -47,9 +47,9 @@ def presses(values, cases=CASES):
 
 @pytest.mark.parametrize('factor', some_now([1.7, 0.4]))
 def test_fit_of_loads_without_noise_returns_the_true_factor(factor):
-    found = fit_local_stiffness(presses(loads(factor)), TUBE)
-    assert found.value == pytest.approx(factor, rel=1e-6)
-    assert found.count == len(CASES)
+    result = fit_local_stiffness(presses(loads(factor)), TUBE)
+    assert result.value == pytest.approx(factor, rel=1e-6)
+    assert result.count == len(CASES)
 
 
 def test_loads_beyond_wrinkling_are_refused():
@@ -81,8 +81,8 @@ def test_fitted_local_stiffness_scales_the_kernel_of_a_robot(tmp_path, capsys):
     robot = Robot(description)
     pressure, fabric = 34.5e3, InflatableBeam(RADIUS, 4e4, 1.5e4, 5.0).fabric
     theory = Flattening(0.5 * description.tube_diameter, pressure, fabric)
-    found = flattening_of(robot, pressure).stiffness
-    assert found == pytest.approx(1.7 * theory.stiffness, rel=1e-4)
+    result = flattening_of(robot, pressure).stiffness
+    assert result == pytest.approx(1.7 * theory.stiffness, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_fitted_local_stiffness_scales_the_kernel_of_a_robot(tmp_path, capsys):
     ],
 )
 def test_invalid_rows_are_named(row, complaint, tmp_path):
-    found = read_measurements(write(tmp_path, [[*HEADER, 'diameter'], row]))
-    assert len(found.presses.loads) == 0
-    (reason,) = found.unused
+    result = read_measurements(write(tmp_path, [[*HEADER, 'diameter'], row]))
+    assert len(result.presses.loads) == 0
+    (reason,) = result.unused
     assert complaint in reason

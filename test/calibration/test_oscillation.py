@@ -22,15 +22,15 @@ def swing(frequency, damping, noise=0.0):
 
 @pytest.mark.parametrize('damping', [0.02, 0.1, 0.5])
 @pytest.mark.parametrize('frequency', [2.5, 9.0, 23.0])
-def test_an_exact_oscillation_is_found(frequency, damping):
-    found = fit_oscillation(TIMES, swing(frequency, damping), ARM)
-    assert found[:2] == pytest.approx((frequency, damping), rel=1e-6)
+def test_fit_of_an_exact_oscillation_is_exact(frequency, damping):
+    result = fit_oscillation(TIMES, swing(frequency, damping), ARM)
+    assert result[:2] == pytest.approx((frequency, damping), rel=1e-6)
 
 
-def test_oscillation_is_found_with_one_millimetre_of_noise():
-    found = fit_oscillation(TIMES, swing(9.0, 0.1, 0.001), ARM)
-    assert found.frequency == pytest.approx(9.0, rel=0.02)
-    assert found.damping_ratio == pytest.approx(0.1, rel=0.2)
+def test_fit_with_noise_of_one_millimetre_is_within_its_tolerance():
+    result = fit_oscillation(TIMES, swing(9.0, 0.1, 0.001), ARM)
+    assert result.frequency == pytest.approx(9.0, rel=0.02)
+    assert result.damping_ratio == pytest.approx(0.1, rel=0.2)
 
 
 def test_a_creeping_motion_is_no_oscillation():

@@ -43,14 +43,14 @@ def test_a_wrong_sign_or_scale_is_named(roller, travel, words):
 
 
 def test_rollers_that_are_swapped_are_named():
-    found = judge_roller(ROBOT.home, 'south/P', 0.02, turn('east/Q', 0.02), NOISE)
-    assert found.startswith('east/Q turned in its place')
+    result = judge_roller(ROBOT.home, 'south/P', 0.02, turn('east/Q', 0.02), NOISE)
+    assert result.startswith('east/Q turned in its place')
 
 
 def test_a_motion_that_no_single_roller_causes_is_reported():
     moved = {'P': (0.05, 0.0), 'R': (-0.05, 0.0), 'Z': (0.0, 0.05)}
-    told = [judge_roller(ROBOT.home, roller, 0.02, moved, NOISE) for roller in ROLLERS]
-    assert any('no single roller explains' in each for each in told)
+    reported = [judge_roller(ROBOT.home, roller, 0.02, moved, NOISE) for roller in ROLLERS]
+    assert any('no single roller explains' in each for each in reported)
 
 
 def test_a_check_without_joints_is_refused():

@@ -42,8 +42,8 @@ def pulled(scale, pull=PULL):
 
 @pytest.mark.parametrize('scale', [0.3, 1.0, 1.5])
 def test_fitted_scale_agrees_with_the_true_one(scale):
-    found = calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), pulled(scale), 1e-4)
-    assert found.scale == pytest.approx(scale)
+    result = calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), pulled(scale), 1e-4)
+    assert result.scale == pytest.approx(scale)
 
 
 @needs_mujoco
@@ -54,11 +54,11 @@ def test_ten_newtons_at_the_top_determine_the_scale_in_mujoco_within_five_percen
     before = joints(plant.nodes, DEVIATION, 1)
     plant.load_joint('Z', PULL['Z'])
     plant.settle(3.0)
-    found = calibrate_stiffness(
+    result = calibrate_stiffness(
         ROBOT.home, PULL, before, joints(plant.nodes, DEVIATION, 2), DEVIATION
     )
-    assert found.scale == pytest.approx(scale, rel=0.05)
-    assert abs(found.scale - scale) < 3.0 * found.deviation
+    assert result.scale == pytest.approx(scale, rel=0.05)
+    assert abs(result.scale - scale) < 3.0 * result.deviation
 
 
 def test_a_pull_in_kilonewtons_is_refused():

@@ -25,10 +25,10 @@ import pytest
 def begun_workers(count, of=None, deadline=20.0):
     """Return the processes that search once there are so many: a fork is none before its exec."""
     end = time.monotonic() + deadline
-    while len(found := workers(of)) < count:
+    while len(result := workers(of)) < count:
         assert time.monotonic() < end
         time.sleep(0.01)
-    return found
+    return result
 
 
 ROBOT = load_robot('nine_member')
@@ -40,9 +40,9 @@ DEADLINE = 240.0
 
 def written(path):
     """Return the JSON of a plan without its computing time."""
-    found = json.loads(path.read_text())
-    assert found.pop('computing_time') > 0.0
-    return found
+    result = json.loads(path.read_text())
+    assert result.pop('computing_time') > 0.0
+    return result
 
 
 def test_plan_is_the_same_as_in_the_core_with_one_process_or_two(tmp_path, capsys):
@@ -53,18 +53,18 @@ def test_plan_is_the_same_as_in_the_core_with_one_process_or_two(tmp_path, capsy
     assert expected.grasps
     options = ['--friction', '0.6', '--min-slip-margin', '0.5', '--measure', 'total_force']
     options += ['--count', '2', '--seed', '4', '--module', 'north/Z']
-    found = []
+    result = []
     for number in '12':
         file = tmp_path / f'{number}.json'
         assert command.main([*OBJECT, *options, '--workers', number, '--json', str(file)]) == 0
-        found.append(written(file))
-    assert found[0] == found[1]
-    assert found[0]['evaluations'] == expected.evaluations
-    assert found[0]['complete']
-    assert found[0]['closest_violation'] is None
-    assert found[0]['roller_names'] == list(ROBOT.roller_names)
+        result.append(written(file))
+    assert result[0] == result[1]
+    assert result[0]['evaluations'] == expected.evaluations
+    assert result[0]['complete']
+    assert result[0]['closest_violation'] is None
+    assert result[0]['roller_names'] == list(ROBOT.roller_names)
     printed = capsys.readouterr().out
-    for one, other in zip(found[0]['grasps'], expected.grasps, strict=True):
+    for one, other in zip(result[0]['grasps'], expected.grasps, strict=True):
         assert one['path'] == other.path.tolist()
         assert one['score'] == other.score == -other.total_force
         assert one['touch'] == other.touch

@@ -33,9 +33,9 @@ def client(request):
     cluster = distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=request.param, dashboard_address=None
     )
-    with cluster, distributed.Client(cluster) as found:
-        assert len(found.nthreads()) == 2
-        yield found
+    with cluster, distributed.Client(cluster) as result:
+        assert len(result.nthreads()) == 2
+        yield result
 
 
 def test_writes_a_row_for_every_pair(client, tmp_path, capsys):

@@ -72,8 +72,8 @@ def both():
 
 def outputs(notebook, kind):
     """Return the outputs of a kind, cell after cell."""
-    found = [output for cell in notebook['cells'] for output in cell.get('outputs', [])]
-    return [output['data'].get(kind) if 'data' in output else output['text'] for output in found]
+    result = [output for cell in notebook['cells'] for output in cell.get('outputs', [])]
+    return [output['data'].get(kind) if 'data' in output else output['text'] for output in result]
 
 
 @pytest.mark.nightly

@@ -23,7 +23,7 @@ def axes():
     return Figure().add_subplot()
 
 
-def test_a_robot_is_drawn_on_given_axes_whose_limits_stay(axes):
+def test_a_robot_drawn_on_axes_keeps_their_limits(axes):
     axes.set_xlim(-7.0, 7.0)
     assert plot_robot(ROBOT.home, axes) is axes
     assert axes.get_xlim() == (-7.0, 7.0)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is checked before a robot moves: its rollers, and what `preflight` hears."""
+"""Checks before a robot moves: its rollers, and the inputs of `preflight`."""
 
 from pathlib import Path
 import re
@@ -117,18 +117,18 @@ LINES = (
 
 
 def test_a_robot_that_is_ready_passes(tmp_path, capsys):
-    faults, said = fly(write_checked(tmp_path), capsys)
+    faults, printed = fly(write_checked(tmp_path), capsys)
     assert faults == []
-    assert [line.split(':')[0] for line in said.splitlines()] == [
+    assert [line.split(':')[0] for line in printed.splitlines()] == [
         f'ok    {name}' for name in LINES
     ]
-    assert 'ok    roller offsets: standard deviation up to 1.0 mm; marker' in said
+    assert 'ok    roller offsets: standard deviation up to 1.0 mm; marker' in printed
 
 
 def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
-    faults, said = fly('nine_member', capsys, stop=False, mass=0.0)
+    faults, printed = fly('nine_member', capsys, stop=False, mass=0.0)
     assert faults == ['roller offsets', 'emergency stop', 'roller signs', 'masses']
-    assert 'run calibrate_home' in said
+    assert 'run calibrate_home' in printed
 
 
 @pytest.mark.parametrize(
@@ -148,9 +148,9 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
 def test_only_the_faulty_check_is_named(tmp_path, capsys, faulty, name, words):
     faulty, robot = dict(faulty), Path(write_checked(tmp_path))
     robot.write_text(robot.read_text().replace(faulty.pop('unchecked', '') + ']}', ']}'))
-    faults, said = fly(str(robot), capsys, **faulty)
+    faults, printed = fly(str(robot), capsys, **faulty)
     assert faults == [name]
-    assert re.search(f'FAULT {name}: .*{words}', said)
+    assert re.search(f'FAULT {name}: .*{words}', printed)
 
 
 def test_a_member_beyond_its_limits_is_named(tmp_path, capsys):
@@ -160,6 +160,6 @@ def test_a_member_beyond_its_limits_is_named(tmp_path, capsys):
     text = path.read_text()
     assert 'min_length: 0.25, max_length: 2.0' in text
     path.write_text(text.replace('min_length: 0.25, max_length: 2.0', narrow))
-    faults, said = fly(str(path), capsys, speed=0.05)
+    faults, printed = fly(str(path), capsys, speed=0.05)
     assert faults == ['limits']
-    assert re.search(r'FAULT limits: member \S+ is [\d.]+ m long: must be', said)
+    assert re.search(r'FAULT limits: member \S+ is [\d.]+ m long: must be', printed)

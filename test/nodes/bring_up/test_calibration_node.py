@@ -31,7 +31,7 @@ plant = maker(
 
 
 def calibrating(tmp_path):
-    """Return what makes the node."""
+    """Return a function that makes the node."""
     return lambda: Calibration(overrides(output=str(tmp_path / 'mine.yaml')))
 
 
@@ -43,8 +43,8 @@ def test_written_home_agrees_with_the_simulated_robot(tmp_path, kind):
         truth = w.nodes[1].robot.home
     assert answer.success, answer.message
     assert 'roller offsets [mm]: south/P' in answer.message
-    found = load_robot(tmp_path / 'mine.yaml').home
-    off = (found.nodes - truth.nodes)[: len(NAMES)]
+    result = load_robot(tmp_path / 'mine.yaml').home
+    off = (result.nodes - truth.nodes)[: len(NAMES)]
     assert np.hypot.reduce(off, axis=1).max() < 1.5e-3
     assert np.abs((truth.nodes - ROBOT.home.nodes)[: len(NAMES)]).max() > 0.015
 
@@ -55,7 +55,7 @@ def test_a_plant_as_stiff_as_the_model_has_a_stiffness_scale_of_one(tmp_path):
         w.spin(1.5)
         assert w.call('calibrate_home', Trigger.Request()).success
         w.nodes[1]._plant.plant.load_joint('Z', (10.0, 0.0))
-        w.spin(4.0)
+        w.spin(2.5)
         request = CalibrateStiffness.Request(joint='Z', force=Vector3(x=10.0))
         answer = w.call('calibrate_stiffness', request)
     assert answer.success, answer.message

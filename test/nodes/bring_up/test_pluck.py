@@ -31,6 +31,7 @@ def pluck():
     return Pluck(overrides(object_diameter=0.2))
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_frequency_is_that_of_the_oscillation_after_a_released_force():
     with world(plant, manipulation(), pluck) as w:

@@ -97,9 +97,9 @@ def test_markers_are_at_the_joints_that_have_one():
         heard = hear(w)
         truth = places(heard['truth/joint_markers'][-1][1])
         for _, message in heard['joint_markers']:
-            found = places(message)
-            assert found.keys() == {'P', 'R', 'Z'}
-            assert all((found[name] == truth[name]).all() for name in found)
+            result = places(message)
+            assert result.keys() == {'P', 'R', 'Z'}
+            assert all((result[name] == truth[name]).all() for name in result)
 
 
 def test_true_states_are_those_of_the_plant():
@@ -109,12 +109,12 @@ def test_true_states_are_those_of_the_plant():
         members = members_at(ROBOT, MODULE)
         body = place_between(ROBOT.home, members, Disc(DIAMETER), indentation=0.005).body
         held = attach_grip(ROBOT.home, body)
-        found = {
+        result = {
             message.header.frame_id: message.wrench.force.x
             for _, message in heard['truth/contact_forces'][-2:]
         }
         frames = [f'truss_{name.replace("/", "_")}_contact' for name in held.member_names]
-        assert found == pytest.approx(dict(zip(frames, held.normal_forces, strict=True)))
+        assert result == pytest.approx(dict(zip(frames, held.normal_forces, strict=True)))
         position = heard['truth/object_pose'][-1][1].pose.position
         assert (position.x, position.y) == pytest.approx(held.pose[:2])
 
@@ -127,9 +127,9 @@ def arrivals(seed=0, rows=1, **faults):
     """Return (time of arrival, time, values) of a quantity that is the time."""
     channel = SensorChannel((seed,))
     return [
-        (now, *found)
+        (now, *result)
         for now in TIMES
-        for found in channel.measure(now, lambda now=now: np.full((rows, 2), now), **faults)
+        for result in channel.measure(now, lambda now=now: np.full((rows, 2), now), **faults)
     ]
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated time, and clocks that jump, stand still or say what cannot be."""
+"""Simulated time, and clocks that jump, stop or have negative times."""
 
 from builtin_interfaces.msg import Time
 from isotruss_msgs.msg import GraspState
@@ -31,7 +31,7 @@ def moving(w):
 
 
 class SimulatedTime:
-    """A clock that goes on as the test spins, not before everybody has heard what it says."""
+    """A clock that advances as the test spins, once all nodes have received its time."""
 
     def __init__(self, w, now=START):
         self.w, self.now = w, now
@@ -53,13 +53,13 @@ class SimulatedTime:
         return each
 
     def jump(self, to):
-        """Set the clock, and wait until all have heard it."""
+        """Set the clock, and wait until all nodes have received its time."""
         self.now = to
         self.w.until(self.heard, lambda: self.w.probe.tick(to))
 
 
 def made(kind, **values):
-    """Return a node; the joint states that manipulation gets here may be made up."""
+    """Return a node; manipulation detects no failed rollers."""
     extra = {'failure_time': 0.0} if kind is Manipulation else {}
     return kind(overrides(**extra, **values))
 
@@ -137,8 +137,8 @@ def test_halts_when_the_clock_jumps_until_inputs_are_new(by):
         time.jump(begin)
 
         def over():
-            told = since_jump(w, by)
-            return told and read_stamp(told[-1].header) >= begin + 0.1
+            reported = since_jump(w, by)
+            return reported and read_stamp(reported[-1].header) >= begin + 0.1
 
         w.until(over, time.run())
         assert all(m.code >= Status.HALT_NO_TWIST for m in since_jump(w, by))

@@ -23,7 +23,7 @@ COMMANDS = {'service call': 'Request', 'action send_goal': 'Goal'}
 
 def calls():
     """Return type and content of every service call and goal in the documentation."""
-    found = []
+    result = []
     for path in sorted([TOP / 'README.md', *TOP.glob('docs/**/*.md')]):
         if '_build' in path.parts:
             continue
@@ -37,8 +37,8 @@ def calls():
                     package, folder, name = kind.split('/')
                     module = importlib.import_module(f'{package}.{folder}')
                     message = getattr(getattr(module, name), message_name)()
-                    found.append((path.name, message, YAML(typ='safe').load(content)))
-    return found
+                    result.append((path.name, message, YAML(typ='safe').load(content)))
+    return result
 
 
 def fill(message, values):
@@ -78,6 +78,6 @@ def test_documented_grasps_are_held():
 
 def test_documented_search_goals_are_accepted():
     goals = [fill(m, v) for _, m, v in CALLS if isinstance(m, PlanGrasp.Goal) and v]
-    found = [read_goal(goal, ROBOT) for goal in goals]
-    assert any(goal.requirements.members for goal in found)
-    assert any(isinstance(goal.body.shape, Disc) for goal in found)
+    result = [read_goal(goal, ROBOT) for goal in goals]
+    assert any(goal.requirements.members for goal in result)
+    assert any(isinstance(goal.body.shape, Disc) for goal in result)

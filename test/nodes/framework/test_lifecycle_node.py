@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The nodes as managed nodes: silent while inactive, configured anew, and what they report."""
+"""Managed nodes: silent while inactive, reconfigured, and with diagnostics."""
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core import load_robot, Status, tangent_center

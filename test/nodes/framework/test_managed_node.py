@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Managed nodes: their states, what they do in each, and what becomes of errors in between."""
+"""Managed nodes: states, steps of transitions, and errors in them."""
 
 import gc
 
@@ -29,7 +29,7 @@ STEPS = ('configure', 'activate', 'deactivate', 'cleanup')
 
 
 class Toy(ManagedNode):
-    """Does a bit of everything; fails where it is told to."""
+    """A node with entities of every kind, whose steps can fail."""
 
     node_name = 'toy'
     specs = (PLACE, SPEED)
@@ -75,7 +75,7 @@ class Toy(ManagedNode):
         return {'steps': len(self.steps)}
 
     def entities(self):
-        """Count what rclpy holds."""
+        """Return the number of entities of rclpy."""
         kinds = (self.timers, self.subscriptions, self.services, self.publishers, self.waitables)
         return sum(len(list(kind)) for kind in kinds)
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The steps that configure nodes anew, and what is said where one fails."""
+"""The steps that reconfigure nodes, and their reports."""
 
 from types import SimpleNamespace
 
@@ -49,22 +49,22 @@ def w():
 
 
 def test_a_reset_returns_the_robot_to_home_with_the_same_plant(w):
-    said = []
+    reports = []
 
     w.until(lambda: w.probe.last('joints') is not None)
     home = w.travel()
     command = [0.05] * N
     w.until(lambda: np.abs(w.travel() - home).max() > 0.01, lambda: w.probe.send_command(command))
-    NodeRestart(Clients(w), said.append).restart_simulator(0.0)
-    assert said == ['reset: sent', 'reset: active']
+    NodeRestart(Clients(w), reports.append).restart_simulator(0.0)
+    assert reports == ['reset: sent', 'reset: active']
     assert w.nodes[1].get_parameter('plant').value == 'elastic'
     w.until(lambda: np.array_equal(w.travel(), home))
 
 
 def test_a_later_restart_ends_an_earlier_one(w):
-    said, calls = [], []
+    reports, calls = [], []
     clients = Clients(w)
-    restart = NodeRestart(clients, said.append)
+    restart = NodeRestart(clients, reports.append)
 
     def restart_again():
         calls.append(len(calls))
@@ -73,7 +73,7 @@ def test_a_later_restart_ends_an_earlier_one(w):
 
     clients.before = restart_again
     restart.restart_simulator(0.0, 'elastic')
-    assert said == ['plant elastic: sent', 'plant kinematic: sent', 'plant kinematic: active']
+    assert reports == ['plant elastic: sent', 'plant kinematic: sent', 'plant kinematic: active']
     assert w.nodes[1].get_parameter('plant').value == 'kinematic'
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters and codes: what the nodes declare, and what they refuse at start."""
+"""Declared parameters and codes of nodes, and refused values."""
 
 from interfaces import node_classes
 from isotruss_msgs.action import FollowObjectPath, PlanGrasp

@@ -69,8 +69,8 @@ def test_poses_in_any_frame_are_transformed_to_the_robot_frame(turn, shift, x, y
     measured = turn.inv().apply(true - shift)
     seen = turn.inv() * Rotation.from_euler('z', angle)
     frame = RobotFrame(ROBOT, Buffer(turn, shift))
-    found = frame.read_pose(pose(measured, seen))
-    assert found == pytest.approx((x, y, angle), abs=1e-9)
+    result = frame.read_pose(pose(measured, seen))
+    assert result == pytest.approx((x, y, angle), abs=1e-9)
 
 
 @given(rotations, st.tuples(lengths, lengths, lengths))
@@ -78,9 +78,9 @@ def test_markers_in_any_frame_are_transformed_to_the_robot_frame(turn, shift):
     true = {name: np.append(ROBOT.home.nodes[NAMES.index(name)], 0.1) for name in 'PQZ'}
     measured = {name: turn.inv().apply(place - shift) for name, place in true.items()}
     frame = RobotFrame(ROBOT, Buffer(turn, shift))
-    found = frame.read_markers(markers(measured))
+    result = frame.read_markers(markers(measured))
     for name, place in true.items():
-        assert found[name] == pytest.approx(place[:2], abs=1e-9)
+        assert result[name] == pytest.approx(place[:2], abs=1e-9)
 
 
 def test_what_is_in_the_frame_of_the_robot_is_taken_as_it_is_whatever_its_height():
@@ -110,7 +110,7 @@ def test_a_frame_that_tf2_does_not_connect_is_named_with_the_reason():
 
 
 @pytest.mark.skipif(robot_frame.Buffer is not None, reason='tf2 is at hand')
-def test_without_tf2_frames_must_match_and_the_error_says_so():
+def test_without_tf2_frames_must_match():
     frame = RobotFrame.heard_by(None, ROBOT)
     for read, message in (
         (frame.read_pose, pose((0.0, 0.0, 0.0), Rotation.identity())),

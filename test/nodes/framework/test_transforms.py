@@ -17,7 +17,7 @@ ROBOT = load_robot('nine_member')
 
 
 class Node:
-    """A node that keeps what it publishes, as there are no wheels of tf2_msgs."""
+    """A node that stores its messages, as there are no wheels of tf2_msgs."""
 
     def __init__(self):
         self.published, self.logged = [], []
@@ -66,8 +66,8 @@ def test_the_frame_of_a_contact_points_into_the_object(monkeypatch):
     first, _ = contacts
     broadcast(node, contacts=contacts)
     ((_, message),) = node.published
-    found = {each.child_frame_id: each for each in message.transforms}
-    stamped = found[f'truss_{first.replace("/", "_")}_contact']
+    result = {each.child_frame_id: each for each in message.transforms}
+    stamped = result[f'truss_{first.replace("/", "_")}_contact']
     moved, angle = stamped.transform.translation, angle_of(stamped)
     way = body.center - complex(moved.x, moved.y)
     assert abs(way) == pytest.approx(0.15, abs=2e-3)

@@ -33,7 +33,7 @@ node = maker(GraspAnalysisNode)
 
 
 def feed(w, **pose):
-    """Return a call that sends good joint states and a pose, changed as given."""
+    """Return a call that sends valid joint states and a pose, with changes."""
 
     def send():
         w.probe.send_joints()
@@ -64,8 +64,8 @@ def check_analysis(state, expected, settled):
     normals = [complex(c.normal.x, c.normal.y) for c in contacts]
     assert normals == pytest.approx(grip.state.normals.tolist(), rel=1e-6)
     for name in ('lengths', 'widths', 'areas', 'pressures'):
-        said = dict(zip(state.contact_members, getattr(state, f'contact_{name}'), strict=True))
-        assert said == pytest.approx(getattr(settled, f'contact_{name}'), rel=1e-6), name
+        values = dict(zip(state.contact_members, getattr(state, f'contact_{name}'), strict=True))
+        assert values == pytest.approx(getattr(settled, f'contact_{name}'), rel=1e-6), name
     assert list(state.peak_pressures) == pytest.approx(list(settled.peak_pressures.values()))
     used = dict(zip(state.members, state.utilisation, strict=True))
     assert used == pytest.approx(settled.utilisation, rel=1e-6, abs=1e-9)

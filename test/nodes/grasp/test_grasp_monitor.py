@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The monitor answers from samples alone: no middleware, no clock but the one it is told."""
+"""Reports of the monitor for samples, without a middleware and a clock."""
 
 from dataclasses import replace
 import math
@@ -43,13 +43,13 @@ def at(positions, velocities=0.0 * HOME):
 
 
 def question(**changes):
-    """Return a question about the grasp at home, changed as given."""
+    """Return a query about the grasp at home, with changes."""
     body = ConvexObject.disc(CENTER, DIAMETER)
     return GraspQuery((), body, FRICTION, (0.0, 0.0, 0.0), SPACING)._replace(**changes)
 
 
 def monitor(robot=ROBOT, **given):
-    """Return a monitor with good inputs at NOW, or those given."""
+    """Return a monitor with valid inputs at NOW, with changes."""
     made = GraspMonitor(robot, question(), TIMEOUT, LatestInputs())
     made.inputs.rollers = StampedInput(at(HOME), NOW)
     made.inputs.pose = StampedInput(POSE, NOW)
@@ -75,11 +75,11 @@ def test_forces_are_those_of_the_grip_that_the_loop_has():
     report = monitor(held_grip=record, wrench=None).report(NOW)
     assert (report.squeeze_deviation, report.is_squeeze_assumed) == (3.0, True)
     assert math.isnan(monitor().report(NOW).squeeze_deviation)
-    found = report.grasp.settled
-    assert found.slip_margin == pytest.approx(grip.slip_margin(FRICTION), rel=1e-3)
-    assert list(found.normal_forces.values()) == pytest.approx(grip.normal_forces, rel=1e-3)
+    result = report.grasp.settled
+    assert result.slip_margin == pytest.approx(grip.slip_margin(FRICTION), rel=1e-3)
+    assert list(result.normal_forces.values()) == pytest.approx(grip.normal_forces, rel=1e-3)
     without = monitor(wrench=None).report(NOW).grasp.settled
-    assert without.slip_margin != pytest.approx(found.slip_margin, rel=0.05)
+    assert without.slip_margin != pytest.approx(result.slip_margin, rel=0.05)
 
 
 @pytest.mark.parametrize('is_loop', [False, True])
@@ -178,8 +178,8 @@ def test_a_request_does_not_change_the_current_result():
 
 def test_a_complete_request_needs_no_measured_inputs():
     made = monitor(rollers=None, pose=None, wrench=RejectedInput('broken'))
-    told = made.analyze_request(question(roller_positions=tuple(HOME)), NOW)
-    assert told.code is GraspCode.OK
-    assert told.time == NOW
+    reported = made.analyze_request(question(roller_positions=tuple(HOME)), NOW)
+    assert reported.code is GraspCode.OK
+    assert reported.time == NOW
     assert_no_answer(made.analyze_request(question(), NOW), GraspCode.NO_JOINT_STATES)
     assert_no_answer(made.report(NOW), GraspCode.NO_JOINT_STATES)

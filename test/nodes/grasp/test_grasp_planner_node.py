@@ -166,8 +166,8 @@ def test_a_goal_may_be_for_an_uncertain_robot():
 
 def test_the_path_of_a_carry_turns_the_shorter_way():
     poses = ((0.5, 0.3, 3.0), (0.6, 0.3, 3.3), (0.6, 0.4, 3.5))
-    found = read_goal(goal(carry=path(*poses)), ROBOT).requirements.carry
-    assert np.array(found) == pytest.approx(np.array(poses))
+    result = read_goal(goal(carry=path(*poses)), ROBOT).requirements.carry
+    assert np.array(result) == pytest.approx(np.array(poses))
 
 
 def seconds(duration):
@@ -277,16 +277,16 @@ def test_passes_the_goal_on_and_ends_with_the_answer(planner, outcome, status):
     assert tuple(arguments) == read_goal(goal(seed=3, count=2), ROBOT)
     planner.spin(1.0)
     assert len(handle.feedback) == pytest.approx(18, abs=3)
-    told = handle.feedback[-1]
-    assert (told.evaluations, told.found, told.best) == (7, 2, 0.5)
-    assert (told.progress, told.time_left) == (0.25, 1.5)
+    reported = handle.feedback[-1]
+    assert (reported.evaluations, reported.found, reported.best) == (7, 2, 0.5)
+    assert (reported.progress, reported.time_left) == (0.25, 1.5)
     planner.searcher.reply = Answer(outcome, 'the end')
     given, result = ended(planner, handle)
     assert (given, result.code, result.message) == (status, int(outcome), 'the end')
     assert planner.nodes[1].details()['searching'] is False
 
 
-def test_a_cancelled_goal_ends_with_what_was_found(planner):
+def test_a_cancelled_goal_ends_with_the_result_so_far(planner):
     handle = planner.send_goal(goal())
     assert handle.cancel()
     status, result = ended(planner, handle)

@@ -77,10 +77,10 @@ def test_the_time_left_is_no_longer_than_the_limit(told, limit, left, monkeypatc
     searcher.begin(*SEARCH, limit)
     while searcher.progress().evaluations == 0:
         pass
-    found = searcher.progress()
+    result = searcher.progress()
     searcher.close()
-    assert (found.evaluations, found.found, found.best, found.share) == (5, 1, 2.0, 0.5)
-    assert found.time_left == (left if left is None else pytest.approx(left))
+    assert (result.evaluations, result.found, result.best, result.share) == (5, 1, 2.0, 0.5)
+    assert result.time_left == (left if left is None else pytest.approx(left))
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_the_time_left_is_no_longer_than_the_limit(told, limit, left, monkeypatc
         (False, True, SearchOutcome.CANCELLED),
     ],
 )
-def test_a_plan_without_grasps_says_why(complete, requested, outcome):
+def test_a_plan_without_grasps_has_its_reason(complete, requested, outcome):
     plan = GraspPlan((), complete, None, 7, 2, 0.1)
     searcher = Searcher(1, lambda *_, **__: plan)
     searcher.begin(*SEARCH, 0.0)

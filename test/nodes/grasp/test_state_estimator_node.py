@@ -67,13 +67,13 @@ def test_joints_of_a_robot_with_wrong_offsets_are_estimated():
     with world(lambda: Simulator(overrides(**PLANT)), estimator()) as w:
         listen(w)
         w.spin(2.0)
-        found, truth = last_estimate(w), w.nodes[1].robot.home.nodes[: len(NAMES)]
-    joints = np.array([(place.x, place.y) for place in found.joints])
+        result, truth = last_estimate(w), w.nodes[1].robot.home.nodes[: len(NAMES)]
+    joints = np.array([(place.x, place.y) for place in result.joints])
     assert np.abs(truth - ROBOT.home.nodes[: len(NAMES)]).max() > 0.01
     assert joints == pytest.approx(truth, abs=2e-3)
-    assert found.used_joints
-    assert not found.left_out_joints
-    assert found.held == found.HELD_UNKNOWN
+    assert result.used_joints
+    assert not result.left_out_joints
+    assert result.held == result.HELD_UNKNOWN
 
 
 def test_prior_deviation_of_the_offsets_is_the_parameter_and_grows_by_slip():
@@ -108,9 +108,9 @@ def test_estimate_is_robust_to_late_swapped_and_missing_markers():
         assert last_estimate(w).left_out_joints == ['P', 'Q']
         w.spin(0.2, lambda: feed({}))
         w.spin(0.2, lambda: feed(places))
-        found = last_estimate(w)
-    assert np.abs(found.offsets).max() < 2e-4
-    assert found.used_joints == sorted(NAMES)
+        result = last_estimate(w)
+    assert np.abs(result.offsets).max() < 2e-4
+    assert result.used_joints == sorted(NAMES)
 
 
 @pytest.mark.parametrize(('inclination', 'is_admitted'), [(1.57, True), (0.02, False)])
@@ -122,16 +122,16 @@ def test_an_upright_robot_that_three_markers_admit_is_reported(inclination, is_a
         w.spin(0.1, w.probe.send_joints)
         w.spin(1.5, lambda: (w.probe.send_joints(), send_markers(w, markers, three)))
         details = {value.key: value.value for value in w.report('state_estimator').values}
-        found = last_estimate(w)
-    assert found.used_joints == sorted(three)
-    assert found.may_be_upright is is_admitted
+        result = last_estimate(w)
+    assert result.used_joints == sorted(three)
+    assert result.may_be_upright is is_admitted
     assert ('set inclination' in details.get('roller offsets', '')) is is_admitted
 
 
 @pytest.mark.parametrize('ahead', [0.0, 0.9 * CLOCK_SKEW])
 def test_a_repeated_marker_message_is_used_once(ahead):
     """Also if its stamp is in the future, and its age counts from its reception."""
-    found = []
+    result = []
     for repeats in (1, 5):
         with world(estimator()) as w:
             markers = listen(w)
@@ -143,9 +143,9 @@ def test_a_repeated_marker_message_is_used_once(ahead):
                     markers.publish(message)
                 w.spin(0.002)
             w.spin(0.2, w.probe.send_joints)
-            found.append(last_estimate(w).offsets)
-    assert np.abs(found[0]).max() > 1e-4
-    assert found[0].tolist() == pytest.approx(found[1].tolist(), rel=1e-6)
+            result.append(last_estimate(w).offsets)
+    assert np.abs(result[0]).max() > 1e-4
+    assert result[0].tolist() == pytest.approx(result[1].tolist(), rel=1e-6)
 
 
 def test_markers_wait_for_joint_states_of_their_time():
@@ -219,9 +219,9 @@ def test_an_estimate_survives_a_round_trip():
     assert sent.improbable
     assert sent.may_be_upright
     assert (sent.swapped_joints, sent.pose_delay) == (['Q', 'R'], 0.02)
-    found = read_estimate(sent, ROBOT)
-    assert found.offsets == pytest.approx(estimate.offsets)
-    assert found.covariance == pytest.approx(estimate.offset_covariance)
+    result = read_estimate(sent, ROBOT)
+    assert result.offsets == pytest.approx(estimate.offsets)
+    assert result.covariance == pytest.approx(estimate.offset_covariance)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ The node keeps running, the rollers are at rest while an input is unusable, no c
 than the rollers' limit, and good inputs move the object again.
 """
 
+import itertools
 import math
 
 from builtin_interfaces.msg import Time
@@ -56,7 +57,7 @@ FOREVER = 10**5
 
 
 def check_command(command, status):
-    """Check what holds for every command whatever came in."""
+    """Check the bounds of a command, and zero for a halt."""
     assert command.shape == (N,)
     assert np.isfinite(command).all()
     assert np.abs(command).max() <= MAX_SPEED + 1e-9
@@ -118,7 +119,7 @@ def header(w, frame='truss', age=0.0, sec=None, nanosec=0):
 
 
 def of_header(case):
-    """Return what of a case is of the header."""
+    """Return the fields of the header of a case."""
     return {k: case[k] for k in ('age', 'sec', 'nanosec', 'frame') if k in case}
 
 
@@ -293,25 +294,26 @@ def test_the_analysis_has_no_result_for_invalid_inputs(topic):
         w.until_code(GraspState.OK, good, 'state')
 
 
-@pytest.mark.parametrize('value', BAD)
-@pytest.mark.parametrize('name', ['x', 'y', 'diameter', 'friction', 'force', 'roller'])
-def test_invalid_requests_of_an_analysis_get_the_reason(name, value):
-    numbers = {'x': CENTER[0], 'y': CENTER[1], 'diameter': 0.3, 'friction': 0.5}
-    numbers |= {'force': 0.0, 'roller': 0.0} | {name: value}
-    request = AnalyzeGrasp.Request(
-        center=Point(x=numbers['x'], y=numbers['y']),
-        diameter=numbers['diameter'],
-        friction=numbers['friction'],
-        roller_positions=[numbers['roller']] + [0.0] * (N - 1),
-    )
-    request.external_wrench.force.x = numbers['force']
+def test_invalid_requests_of_an_analysis_get_the_reason():
+    good = {'x': CENTER[0], 'y': CENTER[1], 'diameter': 0.3, 'friction': 0.5, 'force': 0.0}
+    good |= {'roller': 0.0}
     with world(lambda: GraspAnalysisNode()) as w:
-        answer = w.call('analyze_grasp', request)
-    assert not answer.success
-    expected = GraspCode.NO_CONFIGURATION if name == 'roller' else GraspCode.INVALID_REQUEST
-    assert answer.state.code == expected
-    assert answer.message
-    assert not answer.state.force_closure
+        for name, value in itertools.product(good, BAD):
+            numbers = good | {name: value}
+            request = AnalyzeGrasp.Request(
+                center=Point(x=numbers['x'], y=numbers['y']),
+                diameter=numbers['diameter'],
+                friction=numbers['friction'],
+                roller_positions=[numbers['roller']] + [0.0] * (N - 1),
+            )
+            request.external_wrench.force.x = numbers['force']
+            answer = w.call('analyze_grasp', request)
+            expected = (
+                GraspCode.NO_CONFIGURATION if name == 'roller' else GraspCode.INVALID_REQUEST
+            )
+            assert (answer.success, answer.state.code) == (False, expected), (name, value)
+            assert answer.message
+            assert not answer.state.force_closure
 
 
 def parameter_values():

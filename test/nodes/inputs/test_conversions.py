@@ -56,7 +56,7 @@ coordinates = st.floats(-100.0, 100.0)
 
 
 def joint_states(**changes):
-    """Return joint states at home, changed as given."""
+    """Return joint states at home, with changes."""
     return JointState(**({'name': NAMES, 'position': [0.0] * N} | changes))
 
 
@@ -87,21 +87,21 @@ def test_selects_the_rollers_in_any_order_among_other_joints(order, travel, spee
         position=[math.nan, *(travel[i] for i in order)],
         velocity=[math.inf, *(speeds[i] for i in order)],
     )
-    found = read_roller_part(message, NAMES)
-    assert [found[i] for i in range(N)] == list(zip(travel, speeds, strict=True))
+    result = read_roller_part(message, NAMES)
+    assert [result[i] for i in range(N)] == list(zip(travel, speeds, strict=True))
 
 
 @pytest.mark.parametrize('velocity', [[], [math.nan] * N])
 def test_velocities_that_are_not_measured_are_zero(velocity):
-    found = read_roller_part(joint_states(velocity=velocity), NAMES)
-    assert found == dict.fromkeys(range(N), (0.0, 0.0))
+    result = read_roller_part(joint_states(velocity=velocity), NAMES)
+    assert result == dict.fromkeys(range(N), (0.0, 0.0))
 
 
 # Poses of the object
 
 
 def object_pose(frame=FRAME, **changes):
-    """Return a pose, changed as given."""
+    """Return a pose, with changes."""
     pose = PoseMessage(position=Point(x=CENTER[0], y=CENTER[1]), orientation=Quaternion(w=1.0))
     for name, value in changes.items():
         setattr(pose, name, value)
@@ -208,8 +208,8 @@ def test_reads_external_wrenches(frame):
 
 def test_a_wrench_in_the_frame_of_the_object_turns_with_it():
     turned = wrench(f'{FRAME}_object', fx=1.0, fy=-2.0, m=3.0)
-    found = read_external_wrench(turned, FRAME, 0.5 * math.pi)
-    assert found == pytest.approx((2.0, 1.0, 3.0))
+    result = read_external_wrench(turned, FRAME, 0.5 * math.pi)
+    assert result == pytest.approx((2.0, 1.0, 3.0))
     with pytest.raises(MessageError, match="must be in 'truss_object_aligned'"):
         read_external_wrench(turned, FRAME)
 
@@ -230,8 +230,8 @@ def pressure(tube, value):
 
 
 def test_ambient_pressure_is_subtracted_from_absolute_pressures():
-    found = read_tube_pressure(pressure('east', 121_325.0), ROBOT, 101_325.0)
-    assert found == ('east', pytest.approx(2e4))
+    result = read_tube_pressure(pressure('east', 121_325.0), ROBOT, 101_325.0)
+    assert result == ('east', pytest.approx(2e4))
 
 
 @pytest.mark.parametrize(

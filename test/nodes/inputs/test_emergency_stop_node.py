@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The emergency stop: heard, obeyed, kept, and released on purpose only."""
+"""The emergency stop: reception, execution, persistence and release."""
 
 from isotruss_ros.core import Status
 from manual_world import Manager, world
@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 
 
 def press(w, pressed=True):
-    """Say on the topic that the stop is pressed, or is not any more."""
+    """Publish the state of the stop button."""
     w.probe.stops.publish(Bool(data=pressed))
 
 
@@ -145,7 +145,7 @@ def test_a_publisher_that_left_after_its_message_is_no_stop(message_first):
         assert w.code() == Status.OK
 
 
-def test_moves_nothing_before_the_first_message_where_that_is_required():
+def test_moves_nothing_before_the_first_message_if_it_is_required():
     with world(node(require_emergency_stop=True)) as w:
         status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
         assert 'no message of emergency_stop yet' in status.message

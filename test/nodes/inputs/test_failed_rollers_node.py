@@ -33,7 +33,7 @@ def until_failed(w, *names, send=None):
 
 
 def say(w, *names):
-    """Return a publisher that has said which rollers have failed."""
+    """Publish the failed rollers; return the publisher."""
     publisher = w.probe.create_publisher(DiagnosticArray, 'failed_rollers', LATCHED)
     publisher.publish(failed(*names))
     return publisher
@@ -123,7 +123,7 @@ def test_a_roller_that_does_not_move_is_detected_and_held_until_reset():
 
 
 def until_found(w):
-    """Let encoders stand still until rollers are found not to move; return which."""
+    """Repeat encoder readings until rollers are detected as failed; return their names."""
 
     def failed():
         status = w.probe.last('status')
@@ -133,7 +133,7 @@ def until_found(w):
     return failed()
 
 
-def found(w):
+def named(w):
     """Return which rollers the next status names."""
     w.probe.seen['status'].clear()
     w.until(lambda: bool(w.probe.seen['status']), w.probe.send_all)
@@ -150,10 +150,10 @@ def test_detected_rollers_persist_while_detection_is_off():
         names = until_found(w)
         for time in (0.0, 0.3, 5.0):
             w.change(failure_time=time)
-            assert found(w) >= names
+            assert named(w) >= names
         w.change(failure_time=0.0)
         assert reset(w).success
-        assert found(w) == set()
+        assert named(w) == set()
 
 
 def test_observations_while_detection_was_off_do_not_count():
@@ -161,7 +161,7 @@ def test_observations_while_detection_was_off_do_not_count():
     with world(node(failure_time=0.0)) as w:
         w.until(lambda: len(w.probe.seen['status']) > 150, w.probe.send_all)
         w.change(failure_time=60.0)
-        assert found(w) == set()
+        assert named(w) == set()
         w.change(failure_time=0.1)
         begin = len(w.probe.seen['status'])
         until_found(w)
@@ -182,7 +182,7 @@ def test_detected_rollers_persist_when_configured_again(how):
         assert not manager.ask(Transition.TRANSITION_CONFIGURE)
         w.change(robot='nine_member')
         assert all(manager.ask(transition) for transition in UP)
-        assert found(w) >= names
+        assert named(w) >= names
 
 
 def test_encoders_that_stand_still_stop_the_rollers():

@@ -27,9 +27,9 @@ def message():
 
 def test_grips_survive_a_round_trip():
     record = read_grip(message(), NINE)
-    found = record.restore(HOME, GRIP.body)
-    assert found.pose == pytest.approx(GRIP.pose, abs=1e-12)
-    assert found.normal_forces == pytest.approx(GRIP.normal_forces, rel=1e-9)
+    result = record.restore(HOME, GRIP.body)
+    assert result.pose == pytest.approx(GRIP.pose, abs=1e-12)
+    assert result.normal_forces == pytest.approx(GRIP.normal_forces, rel=1e-9)
     assert record.estimate.pose.tolist() == ESTIMATE.pose.tolist()
     assert record.estimate.pose_covariance.tolist() == ESTIMATE.pose_covariance.tolist()
     assert record.estimate[2:] == ESTIMATE[2:]

@@ -29,8 +29,8 @@ estimator = maker(StateEstimatorNode)
 
 def codes(w):
     """Return all statuses since the first one that was OK."""
-    told = [message.code for _, message in w.probe.seen['status']]
-    return set(told[told.index(Status.OK) :])  # noqa: E203
+    reported = [message.code for _, message in w.probe.seen['status']]
+    return set(reported[reported.index(Status.OK) :])  # noqa: E203
 
 
 def others(w):
@@ -64,7 +64,7 @@ def test_all_messages_of_a_burst_are_merged():
             for name in NAMES:
                 w.probe.send_joints(name=[name], position=[0.0])
 
-        w.spin(2.0, send)
+        w.spin(0.5, send)
         assert w.probe.last('status').code in MOVING, w.probe.last('status').message
 
 
@@ -180,9 +180,9 @@ def test_an_estimate_of_another_time_is_not_added_to_the_encoders(make, age):
 def test_preflight_and_manipulation_allow_the_same_skew(ahead, right, capsys):
     with world(lambda: Preflight()) as w, pytest.raises(Exception, match='faults'):
         w.spin(5.0, lambda: w.probe.send_joints(age=-ahead))
-    said = capsys.readouterr().out
-    assert ('ok    encoders' in said) is right
-    assert ('FAULT encoders: joint states: stamped 0.02' in said) is not right
+    printed = capsys.readouterr().out
+    assert ('ok    encoders' in printed) is right
+    assert ('FAULT encoders: joint states: stamped 0.02' in printed) is not right
 
 
 # Frames that move
@@ -234,8 +234,8 @@ def test_a_pose_waits_for_its_transform(late, moving_frame):
     with moving_frame(late, manipulation()) as w:
         w.until_code(Status.IDLE, lambda: send_in_camera(w))
         w.spin(0.7, lambda: send_in_camera(w))
-        told = [message.code for _, message in w.probe.seen['status']]
-        assert set(told[told.index(Status.IDLE) :]) == {Status.IDLE}  # noqa: E203
+        reported = [message.code for _, message in w.probe.seen['status']]
+        assert set(reported[reported.index(Status.IDLE) :]) == {Status.IDLE}  # noqa: E203
 
 
 def test_a_pose_waits_no_longer_than_the_timeout(moving_frame):
@@ -248,8 +248,8 @@ def test_rejected_poses_do_not_erase_good_ones():
     with world(manipulation()) as w:
         w.until_code(Status.OK, w.probe.send_all)
         w.spin(1.0, lambda: (w.probe.send_all(), send_in_camera(w, 'elsewhere')))
-        told = {message.code for _, message in w.probe.seen['status'][-50:]}
-        assert told <= {Status.OK, Status.IDLE}
+        reported = {message.code for _, message in w.probe.seen['status'][-50:]}
+        assert reported <= {Status.OK, Status.IDLE}
 
 
 def test_encoders_whose_clock_was_set_back_end_the_estimate_with_the_reason():
@@ -257,7 +257,7 @@ def test_encoders_whose_clock_was_set_back_end_the_estimate_with_the_reason():
         w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
         w.spin(0.3, w.probe.send_joints)
         w.spin(0.5, lambda: w.probe.send_joints(age=3600.0))
-        told = len(w.probe.seen['estimate'])
+        reported = len(w.probe.seen['estimate'])
         w.spin(1.0, lambda: w.probe.send_joints(age=3600.0))
-        assert len(w.probe.seen['estimate']) == told
+        assert len(w.probe.seen['estimate']) == reported
         assert 'joint states: 3600.0' in w.report('state_estimator').message

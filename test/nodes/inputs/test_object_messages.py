@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Objects in messages: what is read is what was written, and a table of what is refused."""
+"""Objects in messages: round trips, and refused messages."""
 
 import math
 
@@ -26,7 +26,7 @@ def points(corners):
 
 
 def box(**fields):
-    """Return a box as a message, changed as given."""
+    """Return a box as a message, with changes."""
     usual = {'shape': ObjectMessage.POLYGON, 'vertices': points(CORNERS)}
     return ObjectMessage(**(usual | fields))
 
@@ -48,9 +48,9 @@ def test_objects_survive_a_round_trip(seed, place, mass, weighted, friction):
     inside = (shape.centroid.real, shape.centroid.imag) if weighted else None
     body = ConvexObject(shape, place, mass, inside, friction)
     sent = deserialize_message(serialize_message(to_object_message(body)), ObjectMessage)
-    found = read(sent, to_pose_message(body.pose))
-    assert found.moved_to(place) == body  # to the last digit
-    assert found.pose == pytest.approx(body.pose, abs=1e-12)
+    result = read(sent, to_pose_message(body.pose))
+    assert result.moved_to(place) == body  # to the last digit
+    assert result.pose == pytest.approx(body.pose, abs=1e-12)
 
 
 DISC = {'shape': ObjectMessage.DISC, 'diameter': 0.3}

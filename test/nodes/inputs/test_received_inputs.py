@@ -36,7 +36,7 @@ def test_an_input_replaces_one_from_before_the_clock_was_set_back():
     assert keep_latest(NEW, LATE, NOW - 0.1) is LATE
 
 
-def test_the_reason_of_a_rejection_is_told_once_the_good_input_is_too_old():
+def test_a_rejection_is_the_reason_after_the_timeout_of_the_valid_input():
     kept = keep_latest(NEW, BAD, NOW)
     with pytest.raises(InputError, match='bad') as caught:
         require_fresh(NOW + 1.01 * TIMEOUT, TIMEOUT, object_pose=kept)
@@ -63,10 +63,10 @@ def test_parts_in_any_order_make_the_state_of_one_time(messages, speed):
     for rollers, time in [({0, 1, 2}, 0.0), *messages]:
         parts.take(part(rollers, time, speed), time, 2.0)
         last |= {number: max(last[number], time) for number in rollers}
-        found = parts.merged()
-        assert found.time == min(last.values())
-        assert found.value.positions == pytest.approx(np.multiply(speed, found.time), abs=1e-9)
-        assert found.value.offsets == 0.0
+        result = parts.merged()
+        assert result.time == min(last.values())
+        assert result.value.positions == pytest.approx(np.multiply(speed, result.time), abs=1e-9)
+        assert result.value.offsets == 0.0
 
 
 def test_rollers_that_were_never_read_are_named():

@@ -147,8 +147,8 @@ def test_status_message_contains_all_fields_of_a_decision(squeeze):
     assert (status.scale, status.reachable_dof) == (0.4, 2)
     assert tuple(status.failed_rollers) == failed
     assert (status.frequency, status.pose_gain, status.pose_delay) == (8.0, 1.5, 0.03)
-    said = (status.squeeze, status.squeeze_deviation)
-    assert said == pytest.approx(squeeze or (math.nan, math.nan), nan_ok=True)
+    published = (status.squeeze, status.squeeze_deviation)
+    assert published == pytest.approx(squeeze or (math.nan, math.nan), nan_ok=True)
 
 
 def test_whole_numbers_are_taken_for_real_parameters():
@@ -239,7 +239,7 @@ class Wall:
         return np.zeros(len(indices))
 
     def names(self, indices):
-        """Return what the value is."""
+        """Return the names of the values."""
         return ['a wall'] * len(indices)
 
 
@@ -252,7 +252,7 @@ class Careful(Manipulation):
 
 
 def slowed(w):
-    """Return by what the twist is slowed."""
+    """Return the message of a slowed twist."""
     status = w.until_code(Status.SLOWED_BARRIER, w.probe.send_all)
     return status.message
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The command topic belongs to one node: what another one publishes there is noticed."""
+"""Detection of another node on the command topic."""
 
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.framework import commands
@@ -21,7 +21,7 @@ class SilentNode:
     """Publishes nothing."""
 
     def advertise(self, *_arguments):
-        """Return what takes messages."""
+        """Return the publisher."""
         return self
 
     def publish(self, _message):

@@ -35,7 +35,7 @@ def kind(request):
 
 @pytest.fixture
 def make(monkeypatch):
-    """Return what makes the simulator, with faults, and the node."""
+    """Return a function that makes the simulator, with faults, and the node."""
     joint_trajectory_action.install(monkeypatch)
     return lambda **faults: world(
         lambda: Simulator(overrides(command_timeout=TIMEOUT, rate=50.0, **faults)),

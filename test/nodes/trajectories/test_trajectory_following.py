@@ -35,7 +35,7 @@ simulator = maker(Simulator, command_timeout=TIMEOUT)
 
 class Rollers:
     """
-    Sends trajectories, and looks at what the rollers are told.
+    Client that sends trajectories, and observer of the commands.
 
     :param still: whether the probe tells joint states, of rollers that stand still at home.
     """
@@ -58,17 +58,17 @@ class Rollers:
         self.w.spin(duration, self.tell)
 
     def send(self, message):
-        """Send a trajectory; forget what the rollers were told before."""
+        """Send a trajectory; discard earlier commands."""
         self.w.probe.seen['command'].clear()
         self._publisher.publish(message)
 
     def commands(self):
-        """Return all that the rollers were told since then, (k, r)."""
-        told = [m.data for _, m in self.w.probe.seen['command']]
-        return np.array(told).reshape(len(told), N)
+        """Return all commands since then, (k, r)."""
+        reported = [m.data for _, m in self.w.probe.seen['command']]
+        return np.array(reported).reshape(len(reported), N)
 
     def moves(self):
-        """Return whether the rollers were told to move last."""
+        """Return whether the last command moves a roller."""
         return bool(len(self.commands())) and self.commands()[-1].any()
 
     def places(self):
@@ -96,7 +96,7 @@ class Rollers:
         return 'time on the trajectory [s]' in self.w.nodes[1].describe()
 
     def said(self):
-        """Return what the node says of itself now."""
+        """Return the present message of the diagnostics."""
         self.w.probe.seen['diagnostics'].clear()
         self.w.nodes[1].diagnostics.report()
         self.until(lambda: self.w.report('manipulation').name)
@@ -170,15 +170,15 @@ def test_an_emergency_stop_ends_the_trajectory_and_rejects_new_ones():
         rollers.until_moving(trajectory(HOME, AWAY))
         w.probe.stops.publish(Bool(data=True))
         rollers.until_still()
-        for said in (True, False):
-            w.probe.stops.publish(Bool(data=said))
-            still = 'its last message is true' if said else 'its last message is false'
+        for pressed in (True, False):
+            w.probe.stops.publish(Bool(data=pressed))
+            still = 'its last message is true' if pressed else 'its last message is false'
             rollers.until(lambda words=still: words in w.nodes[1].describe()['emergency stop'])
             rollers.send(trajectory(HOME, AWAY))
             rollers.until(lambda words=still: f'{STOPPED}; {words}' in rollers.said())
             rollers.spin(0.1)
             assert not rollers.commands().any()
-            assert w.release_stop().success is not said
+            assert w.release_stop().success is not pressed
         assert w.nodes[1].describe()['emergency stop'] == 'no'
         rollers.spin(0.1)
         assert not rollers.commands().any()  # nothing goes on by itself
