@@ -44,6 +44,7 @@ def test_the_elastic_plant_holds_the_box():
         assert start == pytest.approx(np.array(box_between().body.pose), abs=0.005)
         pressing = {message.header.frame_id for _, message in w.probe.seen['forces']}
         assert pressing == {f'truss_{name.replace("/", "_")}_contact' for name in APART}
+        w.until(lambda: 'the object is between' in w.report('simulator').message)
         command = solve_twist(HOME, box_between(), (0.02, 0.0, 0.0)).roller_velocities
         w.until(lambda: w.place()[0] - start[0] > 0.003, lambda: w.probe.send_command(command))
 

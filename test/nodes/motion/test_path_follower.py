@@ -14,6 +14,7 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import place_between, Pose, read_object, Status
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.conversions.path_messages import read_object_path
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.simulator.node import Simulator
@@ -315,3 +316,14 @@ def test_a_path_that_cannot_be_executed_is_refused_with_the_pose_of_its_end(
         w.spin(PATIENT['command_timeout'], fake(w, body.pose, rollers=False))
         client.send(goal(step, begin=body.pose))
         w.until(client.moves, fake(w, body.pose, rollers=False))
+
+
+def test_a_path_of_one_pose_begins_at_the_object():
+    start, end = Pose(*PROBED), Pose(CENTER[0], CENTER[1] + 0.02, 0.3)
+
+    def read(pose):
+        return read_object_path(goal(begin=pose).path, 0.03, 0.3, ROBOT, False, start)
+
+    path = read(end)
+    assert [*path.poses[0], *path.poses[-1]] == pytest.approx([*start, *end])
+    assert read(start) is None
