@@ -125,19 +125,6 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, entities,
     assert missing == (real if path.name.startswith('manipulation') else set())
 
 
-def test_optional_nodes_have_an_argument_of_their_name(entities, nodes):
-    switches = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
-    for node in nodes:
-        if node.executable not in OPTIONAL:
-            assert node.condition is None
-            continue
-        assert node.condition.kind == 'IfCondition'
-        assert node.condition.args[0].args == (node.executable,)
-        started = switches[node.executable].default_value
-        assert started == ('true' if OPTIONAL[node.executable] else 'false')
-        assert node.parameters[1].keys() <= specs_of(node.executable).keys() | {'use_sim_time'}
-
-
 def test_all_nodes_shut_down_when_one_ends(nodes):
     assert [node.on_exit.kind for node in nodes] == ['Shutdown'] * len(nodes)
     assert [node.on_exit.reason for node in nodes] == [f'{n.executable} ended' for n in nodes]

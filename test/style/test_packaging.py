@@ -193,14 +193,6 @@ def test_requirements_pin_the_packages_of_setup(pins, setup_arguments):
     assert {re.split('[<>=!]', name)[0].lower() for name in wanted} <= pinned
 
 
-@pytest.mark.nightly
-def test_sources_need_no_newer_python_than_setup_says(setup_arguments):
-    vermin = pytest.importorskip('vermin', reason='make test brings it')
-    oldest = tuple(map(int, setup_arguments['python_requires'].removeprefix('>=').split('.')))
-    for path in (ROOT / 'isotruss_ros').rglob('*.py'):
-        assert vermin.visit(path.read_text()).minimum_versions()[1] <= oldest, path
-
-
 def test_robot_files_are_installed_where_ros_and_plain_python_look(setup_arguments):
     files = {path.relative_to(ROOT).as_posix() for path in (ROOT / 'config').glob('*.*')}
     data_files = dict(setup_arguments['data_files'])

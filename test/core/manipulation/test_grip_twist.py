@@ -5,18 +5,14 @@
 
 from dataclasses import replace
 
-from grips import disc_grip, surface
+from grips import surface
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
     load_robot,
-    Polygon,
     reachable_twists,
     solve_twist,
     Status,
 )
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 import numpy as np
 import pytest
@@ -151,18 +147,6 @@ def test_an_object_moves_with_the_middle_of_two_contacts(kind, flat, data, rng, 
     ends = contacts.points[turned[0]]
     by_ends = (speeds[turned[0]][1] - speeds[turned[0]][0]) / (ends[1] - ends[0])
     assert turning == pytest.approx(by_ends.imag, abs=100.0 * scale)
-
-
-def test_members_that_touch_one_corner_do_not_hold_it():
-    """Both sides of a corner of the robot at the one vertex of a wedge that is in it."""
-    config = NINE.home
-    corner = disc_grip(config, 'north/Z', 0.15)
-    wedge = Polygon([(0.0, 0.0), (0.3, 0.02), (0.3, -0.02)])
-    ends = [robots.member_ends(config, member) for member in corner.members]
-    inward = np.mean([random_grips.toward(corner.center, *e) for e in ends]) * -1.0
-    grip = Grip(corner.members, ConvexObject(wedge, (*corner.body.pose[:2], np.angle(inward))))
-    with pytest.raises(GraspError, match='touch the object at one point'):
-        solve_twist(config, grip, [0.01, 0.0, 0.0])
 
 
 def test_three_members_open_alike_by_half_of_the_opening_rate():

@@ -3,9 +3,9 @@
 
 """Scaling and sliding at limits: optimality, and reduction of nearly singular directions."""
 
-from grips import surface
+from grips import disc_grip, surface
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import solve_twist, Status
+from isotruss_ros.core import load_robot, solve_twist, Status
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit, stack_rows
@@ -17,6 +17,7 @@ import robots
 from scipy.optimize import linprog
 from walls import Wall
 
+HOME = load_robot('nine_member').home
 SLIDE = LimitHandling(slide_along_limits=True)
 
 
@@ -120,6 +121,29 @@ def test_regularization_keeps_the_direction_and_nearly_the_progress(robot, rng, 
     surface_speed = np.linalg.norm(surface(grasp) * exact.achieved_twist)
     if surface_speed > 0.3 * np.linalg.norm(exact.roller_velocities):
         assert thrifty.scale > 0.9 * exact.scale
+
+
+@pytest.mark.parametrize('slide', [False, True])
+@pytest.mark.parametrize('twist', [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0), (0.0, 0.0, 5.0)])
+def test_regularization_without_redundant_rollers_is_scaling(twist, slide):
+    home = load_robot('triangle').home
+    grip, limits = disc_grip(home, 'main/T'), [RollerSpeedLimit(0.1)]
+    regularized, exact = (
+        solve_twist(home, grip, twist, limits=limits, handling=LimitHandling(slide, regularized))
+        for regularized in (True, False)
+    )
+    assert regularized.roller_velocities == pytest.approx(exact.roller_velocities, rel=1e-6)
+
+
+@pytest.mark.parametrize('slide', [False, True])
+def test_commands_are_continuous_where_a_limit_begins_to_bind(slide):
+    grip, twist = disc_grip(HOME, 'east/Q'), (0.1, 0.0, 0.0)
+    free = solve_twist(HOME, grip, twist, limits=[]).roller_velocities
+    for roller, speed in enumerate(free):
+        wall = Wall(-np.sign(speed) * np.eye(len(free))[[roller]], (1.0 - 1e-6) * np.abs([speed]))
+        handling = LimitHandling(slide, True)
+        command = solve_twist(HOME, grip, twist, limits=[wall], handling=handling)
+        assert command.roller_velocities == pytest.approx(free, abs=1e-4 * np.abs(free).max())
 
 
 @pytest.mark.parametrize('opening', [0.0, 0.3])

@@ -9,7 +9,12 @@ from isotruss_ros.core import load_robot, solve_twist, Status
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
-from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
+from isotruss_ros.core.manipulation.limits import (
+    default_limits,
+    MemberLengthLimit,
+    RollerSpeedLimit,
+    stack_rows,
+)
 import numpy as np
 import pytest
 import robots
@@ -24,7 +29,7 @@ GRIP, SMALL = disc_grip(HOME, 'east/Q', 0.3), disc_grip(TRIANGLE.home, 'main/T',
 
 
 def well_posed(jacobian):
-    """Tell whether four rows are reached without a hint of rank loss."""
+    """Return whether a task is far from singular."""
     gains = np.linalg.svd(jacobian, compute_uv=False)
     return len(gains) == 4 and gains[-1] > 1e-2
 
@@ -49,22 +54,9 @@ def paper_rows(config, grip, ends):
     return np.array([center.real, center.imag, turning + rolling]), side * (turning_back - turning)
 
 
-def limits_of(config, rate=10.0):
-    """Return A and b of the limits A u <= b of the robot file, written out again."""
-    file, lengths = config.robot.description, config.member_lengths
-    incidence = config.robot.topology.incidence
-    speed = np.full(len(config.robot.roller_names), file.max_speed)
-    room = rate * np.maximum(0.0, file.max_length - lengths)
-    spare = rate * np.maximum(0.0, lengths - file.min_length)
-    eye = np.eye(len(speed))
-    return np.vstack([eye, -eye, incidence, -incidence]), np.concatenate(
-        [speed, speed, room, spare]
-    )
-
-
 def largest_scale(config, jacobian, twist):
     """Return the largest share of the twist within the limits, by HiGHS."""
-    matrix, bound = limits_of(config)
+    matrix, bound = stack_rows(config, default_limits(config.robot)).one_sided()
     goal = np.append(twist, 0.0)
     # In units of the quickest roller and of the unlimited solution, so that all is near 1.
     unit = config.robot.description.max_speed
@@ -116,7 +108,7 @@ def test_scale_is_maximal_and_its_cost_minimal(robot, rng, number, decades):
     # Direction kept, grip closed, limits obeyed.
     goal = np.append(command.scale * twist, 0.0)
     assert jacobian @ speeds == pytest.approx(goal, abs=1e-8 * np.abs(goal).max())
-    matrix, bound = limits_of(config)
+    matrix, bound = stack_rows(config, default_limits(config.robot)).one_sided()
     assert (matrix @ speeds <= bound + 1e-9).all()
     # The program gives up a millionth of the scale where that saves much motion of the members.
     assert command.scale == pytest.approx(largest_scale(config, jacobian, twist), rel=1e-5)

@@ -75,18 +75,6 @@ def test_a_free_object_stays_at_its_pose_while_the_planned_grip_closes(squeeze, 
     assert abs(robot.object_pose.angle) < math.radians(0.2)
 
 
-def test_a_closing_grip_leaves_a_reserve_of_friction():
-    path, _, _ = close(squeeze=15.0)
-    simulated, used = ElasticObject(BODY, FRICTION), []
-    robot = SimulatedRobot(path[0], simulated, RollerFaults())
-    for piece in itertools.pairwise(config.roller_positions for config in path):
-        closings.drive(robot, piece, 4)
-        used.append(simulated.grasp.required_friction)
-    _, grip, tally = close(squeeze=15.0, friction=1.1 * max(used))
-    assert (grip, tally.closest.requirement) == (None, 'force_closure')
-    assert close(squeeze=15.0, friction=1.3 * max(used))[1] is not None
-
-
 @pytest.mark.parametrize(
     ('values', 'name', 'bound'),
     [

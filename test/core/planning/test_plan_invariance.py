@@ -79,9 +79,7 @@ def planned(number):
 
 CHANGES = {
     'shifted': {'shift': 3.3 - 1.7j},
-    'shifted a little': {'shift': 0.1 + 0.2j},
     'turned': {'quarters': 1},
-    'turned back': {'quarters': 3},
     'renamed': {'names': NAMES},
     'shifted, turned and renamed': {'shift': 0.1 + 0.2j, 'quarters': 1, 'names': NAMES},
 }

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a grasp must fulfil where nothing else is said, and which bounds it exceeds."""
+"""Invalid requirements of grasps are refused with their names."""
 
 from isotruss_ros.core import GraspRequirements
 from isotruss_ros.core.errors import GraspError
@@ -20,12 +20,9 @@ SIDES = ('south/P-Q', 'north/R-P')
         ({'direction': (0.0, 0.0, 0.0), 'measure': 'stiffness'}, 'direction'),
         ({'measure': 'beauty'}, 'measure'),
         ({'squeeze': 0.0}, 'squeeze'),
-        ({'min_slip_margin': float('nan')}, 'min_slip_margin'),
         ({'count': 0}, 'count'),
         ({'min_length': '1'}, 'min_length'),
         ({'members': 'north/Z-R'}, 'members .*north/Z-R.*: must be two or three different'),
-        ({'members': ('north/Z-R',)}, 'must be two or three different members'),
-        ({'members': ('a', 'b', 'c', 'd')}, 'must be two or three'),
         (
             {'members': SIDES, 'module': 'north/Z'},
             "module: 'north/Z', and members .*: only one of the two",

@@ -276,27 +276,13 @@ def test_bounds_out_of_range_are_refused(name, wrong):
         ShapeBounds(**{name: wrong})
 
 
-def test_without_an_object_all_but_its_barrier_is_watched():
-    guard = ShapeGuard(walks.ROBOT, ShapeBounds(clearance_band=10.0, rigidity_band=10.0))
-    config = walks.ROBOT.home
-    grip = held_at(config, 'north/Z', 0.3).grip
-    held, bare = guard.watch(config, grip).limits, guard.watch(config, None).limits
-    assert [limit.status for limit in held] == [*(x.status for x in bare), Status.SLOWED_OBJECT]
-    for one, other in zip(held, bare, strict=False):
-        assert one.rows(config).matrix == pytest.approx(other.rows(config).matrix, abs=0.0)
-
-
 @pytest.mark.parametrize('turn', some_now(range(12)))
 def test_a_loop_with_the_limits_of_the_guard_has_no_overlap(turn):
-    angle = np.deg2rad(30.0 * turn)
-    held, twist = (
-        held_at(walks.ROBOT.home, 'north/Z'),
-        0.05 * np.array([np.cos(angle), np.sin(angle), 0.0]),
-    )
-    guard, least = ShapeGuard(walks.ROBOT), np.inf
+    held, guard = held_at(walks.ROBOT.home, 'north/Z'), ShapeGuard(walks.ROBOT)
+    heading = np.exp(2j * np.pi * turn / 12)
     for _ in range(200):
         limits = guard.limits(held.config, held.grip)
+        twist = (0.05 * heading.real, 0.05 * heading.imag, 0.0)
         command = solve_twist(held.config, held.grip, twist, limits=limits)
         held = rolled(held, 0.1 * command.roller_velocities)
-        least = min(least, shape_margins(held.config).clearance)
-    assert least > 0.0
+        assert shape_margins(held.config).clearance > 0.0
