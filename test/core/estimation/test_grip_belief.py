@@ -113,6 +113,14 @@ def test_an_assumed_equilibrium_explains_no_part_of_the_measured_pose():
     assert belief.squeeze == MODEL.squeeze
 
 
+def test_the_slip_margin_is_that_of_contacts_before_they_slid():
+    measured = np.add(MODEL.pose, (2e-3, -1e-3, 0.01))
+    belief = GripBelief(MODEL, GRIP.moved_to(measured), EstimatorSettings())
+    margin = MODEL.slip_margin(GRIP.friction)
+    assert abs(belief.grasp.slip_margin(GRIP.friction) - margin) > 0.005 * margin
+    assert belief.slip_margin == pytest.approx(margin, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ('exists', 'hold'), [(True, HoldStatus.HELD), (False, HoldStatus.NO_BALANCE)]
 )
