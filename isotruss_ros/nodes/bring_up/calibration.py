@@ -58,7 +58,7 @@ class Calibration(StoppableNode):
     def _calibrate_home(self) -> str:
         """Add the current posture, and fit the roller offsets to all postures so far."""
         posture, _ = self._measure()
-        kept = [each for each in self._postures if not _is_same(each, posture)]
+        kept = [other for other in self._postures if not _is_same(other, posture)]
         self._postures = [*kept, posture]
         calibrated = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
         write_robot_file(self._robot, self._output, calibrated, self._stiffness)
@@ -74,7 +74,7 @@ class Calibration(StoppableNode):
         """Fit the stiffness to joint positions in one posture, with and without a known force."""
         try:
             under, count = self._measure()
-            before = [each for each in self._postures if _is_same(each, under)]
+            before = [other for other in self._postures if _is_same(other, under)]
             if not before:
                 raise MeasurementError(
                     'this posture was not measured without the force: first call calibrate_home'

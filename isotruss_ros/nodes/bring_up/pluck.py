@@ -142,4 +142,4 @@ class Pluck(StoppableNode):
 
     def _publish_twist(self, share: float) -> None:
         values = self.values
-        self._twists([share * each for each in (values.vx, values.vy, values.omega)])
+        self._twists([share * speed for speed in (values.vx, values.vy, values.omega)])

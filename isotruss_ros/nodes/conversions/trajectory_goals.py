@@ -151,20 +151,20 @@ def _read_tolerance(
     what: str, tolerances: Sequence[Any], names: Sequence[str]
 ) -> Tolerance | None:
     """Return the bounds in a list of tolerances; None if the list is empty."""
-    _check_joints(what, [each.name for each in tolerances], names)
+    _check_joints(what, [tolerance.name for tolerance in tolerances], names)
     bounds = np.full((2, len(names)), math.inf)
-    for each in tolerances:
-        place = list(names).index(each.name)
-        for row, value in enumerate((each.position, each.velocity)):
+    for tolerance in tolerances:
+        place = list(names).index(tolerance.name)
+        for row, value in enumerate((tolerance.position, tolerance.velocity)):
             if not (value >= 0.0 or value == -1.0):  # excludes NaN
                 raise MessageError(
-                    f'trajectory: {what} of {each.name}: {value}: must be positive, 0 or -1'
+                    f'trajectory: {what} of {tolerance.name}: {value}: must be positive, 0 or -1'
                 )
             if value > 0.0:
                 bounds[row, place] = value
-        if each.acceleration not in (0.0, -1.0):
+        if tolerance.acceleration not in (0.0, -1.0):
             raise MessageError(
-                f'trajectory: {what} of {each.name}: acceleration {each.acceleration}: is not '
-                'measured; must be 0 or -1'
+                f'trajectory: {what} of {tolerance.name}: acceleration '
+                f'{tolerance.acceleration}: is not measured; must be 0 or -1'
             )
     return Tolerance(*bounds) if np.isfinite(bounds).any() else None

@@ -55,7 +55,11 @@ class Cycle:
         self.rate = math.inf  #: rate measured last [Hz]
         self.slowness = ''  #: measured rate in words if it is too low; else empty
         self.is_steady = not node.get_parameter('use_sim_time').value
-        self._clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
+        self._clocks = [
+            subscription
+            for subscription in node.subscriptions
+            if subscription.topic_name == '/clock'
+        ]
         # Timers of the system clock would stop for an hour if it is set back by an hour.
         create_timer = node.create_steady_timer if self.is_steady else node.create_timer
         self._timer = create_timer(1.0 / self._values.rate, self._tick)

@@ -65,7 +65,7 @@ class StoppableNode(Node):
             # rclpy itself cannot declare an empty list of a parameter file.
             with self.handle:
                 overrides = self.handle.get_parameters(Parameter)
-            overrides |= {each.name: each for each in parameter_overrides}
+            overrides |= {override.name: override for override in parameter_overrides}
             self.values = Parameters(self, (*self.base_specs, *self.specs), overrides)
             self.start()
         except IsotrussError:

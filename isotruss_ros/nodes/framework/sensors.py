@@ -178,10 +178,10 @@ class Inputs(LatestInputs):
         known = [self._by_tube.get(name) for name in self._robot.description.pressures]
         if not all(known):
             return None
-        time, before = min(each.time for each in known), self.pressures
+        time, before = min(latest.time for latest in known), self.pressures
         # The tube of a rejected message is unknown: possibly the one with the oldest stamp.
         same = isinstance(before, StampedInput) and before.time == time
-        values = tuple(each.value for each in known)
+        values = tuple(latest.value for latest in known)
         return StampedInput(values, time, before.rejected if same else None)
 
     def settle(self) -> None:

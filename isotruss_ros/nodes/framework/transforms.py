@@ -83,11 +83,11 @@ class TransformBroadcaster:
         half: Any = 0.5 * np.angle(directions)
         stamped = []
         for name, origin, angle in zip(names, origins, half.tolist(), strict=True):
-            each = TransformStamped(header=header, child_frame_id=name)
-            move, rotation = each.transform.translation, each.transform.rotation
+            message = TransformStamped(header=header, child_frame_id=name)
+            move, rotation = message.transform.translation, message.transform.rotation
             move.x, move.y = float(origin.real), float(origin.imag)
             rotation.z, rotation.w = math.sin(angle), math.cos(angle)
-            stamped.append(each)
+            stamped.append(message)
         self._transforms.publish(TFMessage(transforms=stamped))
 
 

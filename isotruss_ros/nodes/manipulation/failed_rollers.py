@@ -57,7 +57,9 @@ class FailedRollers:
 
     def _receive(self, messages: list[DiagnosticArray]) -> None:
         works = (DiagnosticStatus.OK, DiagnosticStatus.WARN)
-        named = frozenset(each.name for each in messages[-1].status if each.level not in works)
+        named = frozenset(
+            status.name for status in messages[-1].status if status.level not in works
+        )
         if named != self.named or self._unknown is not None:
             self.named, self._unknown = named, None
             self._changed()

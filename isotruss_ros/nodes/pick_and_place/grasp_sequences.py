@@ -245,7 +245,7 @@ class GraspSequences:
         moved, deviation = first.distance(here)
         if moved <= max(RETURN_TOLERANCE, 2.0 * deviation):
             return ''
-        ends = [self._to_pose_stamped(each.pose) for each in (here, first)]
+        ends = [self._to_pose_stamped(mean.pose) for mean in (here, first)]
         goal = FollowObjectPath.Goal(
             path=Path(header=ends[0].header, poses=ends),
             speed=RETURN_SPEED,

@@ -46,7 +46,7 @@ class AveragePose(NamedTuple):
     def distance(self, other: AveragePose) -> tuple[float, float]:
         """Return the distance to another mean, and its standard deviation [m]."""
         x, y, _ = pose_difference(self.pose, other.pose).tolist()
-        variances = [each.noise**2 / each.number for each in (self, other)]
+        variances = [mean.noise**2 / mean.number for mean in (self, other)]
         return math.hypot(x, y), math.sqrt(sum(variances))
 
 
