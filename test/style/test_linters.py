@@ -20,7 +20,6 @@ MISSING = 'needs it: use make test, or rosdep install'
 @pytest.mark.linter
 def test_flake8():
     pytest.importorskip('ament_flake8.main', reason=MISSING)
-    # In a process of its own: flake8 forks, and a fork of a process with threads of ROS can crash.
     program = 'import sys; from ament_flake8.main import main; sys.exit(main())'
     command = [sys.executable, '-c', program, *SOURCES]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)

@@ -145,7 +145,6 @@ def test_command_line_without_a_known_subcommand_is_refused(arguments, monkeypat
 
 
 def test_every_subcommand_prints_its_help(monkeypatch, capsys):
-    # A node takes over the signals.
     before = {which: signal.getsignal(which) for which in (signal.SIGINT, signal.SIGTERM)}
     for name in (*executables.REQUESTS, *executables.PROGRAMS, *executables.NODES):
         monkeypatch.setattr(sys, 'argv', ['isotruss', name, '--help'])
