@@ -49,15 +49,6 @@ def test_pressure_of_a_disc_is_gas_pressure_plus_wall_tension_over_its_radius(de
         assert grasp.contact_pressures[name] == pytest.approx(pressure, rel=2e-3)
 
 
-def test_span_of_a_disc_is_about_its_contact_point():
-    grasp = settled(Disc(0.4))
-    grip = grasp.equilibrium
-    for name, foot in zip(grip.member_names, grip.state.feet, strict=True):
-        first, last = grip.patches.spans[grip.member_names.index(name)]
-        assert 0.5 * (first + last) == pytest.approx(foot, abs=1e-9)
-        assert last - first == pytest.approx(grasp.contact_lengths[name])
-
-
 @pytest.mark.parametrize(
     ('members', 'angle', 'descends'),
     [(APART, 0.0, False), (('south/P-Q', 'south/Q-X'), -3.1, True)],

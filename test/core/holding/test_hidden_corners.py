@@ -56,13 +56,14 @@ def test_a_hexagon_with_a_corner_in_a_tube_rests_on_this_corner():
 
 @pytest.mark.parametrize(('seed', 'count'), SEEDS)
 def test_settled_and_rolling_polygons_have_no_hidden_corner(seed, count):
-    holds, rolled, rng = [], [], np.random.default_rng(seed)
+    holds, rolled = [], []
     for number, (config, grip) in enumerate(random_grasps(seed, count)):
         settled = settle_grasp(config, grip.body, FRICTION, members=grip.members)
         grasp, hold = settled.equilibrium, settled.hold
         holds.append(hold)
         if grasp is not None and hold is not HoldStatus.OTHER_CONTACT:
             assert hidden_depth(grasp) < TOLERANCE
+        rng = np.random.default_rng(seed)
         step = 3e-3 * rng.uniform(-1.0, 1.0, len(config.roller_positions))
         for _ in range(4 if settled.held and number < count // 2 else 0):
             grasp = roll_grip(grasp, config.moved_to(grasp.config.roller_positions + step))

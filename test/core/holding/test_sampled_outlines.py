@@ -16,7 +16,6 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.depths import member_depths
 from nightly import some_now
 import numpy as np
 import pytest
@@ -76,12 +75,3 @@ def test_gap_to_a_disc_of_24_corners_is_that_of_the_disc(away):
     ]
     assert apart[1].lost.gap == pytest.approx(apart[0].lost.gap, abs=2e-5)
     assert apart[1].slip_margin == pytest.approx(apart[0].slip_margin, rel=2e-3)
-
-
-def test_polygon_with_faces_longer_than_a_tube_radius_is_not_a_disc():
-    center = tangent_center(NINE.home, 'north/Z', 0.6, -0.1)
-    body = ConvexObject(sampled(Disc(0.6), 16, 0.0, 0j), (*center, 0.1))
-    depths = member_depths(NINE.home, body)
-    numbers = [NINE.member_names.index(name) for name in MEMBERS[0]]
-    gap = settle_grasp(NINE.home, body, FRICTION, members=MEMBERS[0]).lost.gap
-    assert gap == pytest.approx(np.sqrt(np.mean(depths[numbers] ** 2)), rel=1e-9)

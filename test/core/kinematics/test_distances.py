@@ -105,12 +105,16 @@ def test_object_distances_are_those_of_points_along_the_parts(robot, rng):
 def test_distance_gradients_agree_with_finite_differences(shape):
     body, rng = ConvexObject(shape, (0.72, 0.48, 0.33)), np.random.default_rng(2)
     model, step, home = collision_model(ROBOT), 1e-6, ROBOT.home
-    by_rollers = model.body_distances(home, body)[1] @ home.node_jacobian
+    _, by_nodes, by_pose = model.body_distances(home, body)
+    by_rollers = by_nodes @ home.node_jacobian
     for _ in range(3):
-        move = rng.normal(size=len(home.roller_positions))
+        move, motion = rng.normal(size=len(home.roller_positions)), rng.normal(size=3)
         ahead, behind = (
-            model.body_distances(home.moved_to(home.roller_positions + sign * step * move), body)
+            model.body_distances(
+                home.moved_to(home.roller_positions + sign * step * move),
+                body.moved_to(np.add(body.pose, sign * step * motion)),
+            )
             for sign in (1, -1)
         )
         change = (ahead[0] - behind[0]) / (2.0 * step)
-        assert by_rollers @ move == pytest.approx(change, abs=1e-4)
+        assert by_rollers @ move + by_pose @ motion == pytest.approx(change, abs=1e-4)

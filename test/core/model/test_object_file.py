@@ -31,8 +31,6 @@ def test_reads_objects_from_text():
     assert read_object('{shape: disc, diameter: 0.2}') == ConvexObject(Disc(0.2))
     ellipse = read_object('{shape: ellipse, semi_axes: [0.2, 0.1], friction: 0}')
     assert ellipse == ConvexObject(Ellipse((0.2, 0.1)), friction=0.0)
-    triangle = read_object('{shape: polygon, vertices: [[0, 0], [1, 0], [0, 1]]}')
-    assert triangle.shape == Polygon([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 
 
 @pytest.mark.parametrize(

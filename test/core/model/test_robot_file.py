@@ -117,7 +117,6 @@ module.rod_length: 1.5 -> does not fit its corner | rod_length 1.5 | smaller mod
 tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.005 to 0.5; if it is in cm, it is 0.102 m
 tube.pressure: 34.5 -> tube.pressure: 34.5: | if it is in kPa, it is 34500 Pa
 joints.Q: [1.0, .nan] -> joints.Q.1: nan: must be a finite coordinate [m]
-joints.Q: [1.0, far] -> joints.Q.1: 'far': must be a finite coordinate [m]
 joints.Q: [1000.0, 0.0] -> joints.Q.0: 1000.0: | if it is in mm, it is 1 m
 joints.X: [2.0, 0.0] -> module south/P does not fit its corner | between 1 and 179 degrees
 tube.pressure: 135825 -> tube.pressure: 135825: | if it is absolute, it is 34500 Pa
@@ -289,7 +288,6 @@ UNIT_MISTAKES = {
         ('end_softening', 732, 'from 0.2 to 200; if it is in percent, it is 7.32'),
     ],
     'section': [
-        ('axial_rigidity', 19.0, 'if it is in kN, it is 19000 N'),
         ('flexural_rigidity', 0.025, 'if it is in kN m^2, it is 25 N m^2'),
         ('flexural_rigidity', 2.5e5, 'if it is in N cm^2, it is 25 N m^2'),
         ('pressure', 34.5, 'if it is in kPa, it is 34500 Pa'),
@@ -298,7 +296,6 @@ UNIT_MISTAKES = {
     'power_law': [
         ('axial', {'C': 8e-3, 'a': 0.6, 'b': 0.0}, 'if it is in kN/m or N/mm, it is'),
         ('axial', {'C': 8.0 * 1e3**0.6, 'a': 0.6, 'b': 0.0}, 'if it is with p in kPa, it is'),
-        ('rotary', {'C': 3e-3, 'a': 0.6, 'b': 0.5}, 'if it is in N m/degree, it is'),
     ],
 }
 VALID_BLOCKS = {

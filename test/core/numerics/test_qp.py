@@ -18,7 +18,7 @@ from scipy.optimize import lsq_linear
 
 
 def random_program(rng, n, degenerate=False):
-    """Return a program that x = 0 is admissible for; many limits may meet there."""
+    """Return a program with an admissible point at which many limits may meet."""
     root = rng.standard_normal((n, n)) + np.eye(n)
     k, count = int(rng.integers(0, n)), int(rng.integers(0, 30))
     rows = rng.standard_normal((count, n))
@@ -28,14 +28,16 @@ def random_program(rng, n, degenerate=False):
         bounds[rng.random(count) < 0.7] = 0.0
         upper[rng.random(n) < 0.3] = 0.0
         rows[: count // 2] = rows[::-1][: count // 2]
-    equality = rng.standard_normal((k, n)) if k else None
+    equality, shift = rng.standard_normal((k, n)) if k else None, rng.standard_normal(n)
+    hessian = root.T @ root + 1e-3 * np.eye(n)
+    limits = np.concatenate([rows, np.eye(n), -np.eye(n)])
     return QuadraticProgram(
-        root.T @ root + 1e-3 * np.eye(n),
-        10.0 * rng.standard_normal(n),
-        np.concatenate([rows, np.eye(n), -np.eye(n)]),
-        np.concatenate([bounds, upper, -lower]),
+        hessian,
+        10.0 * rng.standard_normal(n) - hessian @ shift,
+        limits,
+        np.concatenate([bounds, upper, -lower]) + limits @ shift,
         equality,
-        np.zeros(k) if k else None,
+        equality @ shift if k else None,
     )
 
 
@@ -124,6 +126,7 @@ def test_nearly_dependent_planes_far_from_the_minimum_have_a_vertex(n, flat, far
     for _ in range(30):
         program = corner_program(rng, n, flat, far, int(rng.integers(0, 15)))
         solution = solve_qp(program)
+        assert (program.rows @ solution).max() <= 1e-8
         assert np.abs(solution[:-1]).max() <= 1e-12 * far + 1e-10
         assert flat * abs(solution[-1]) <= 1e-12 * far + 1e-10
 

@@ -15,14 +15,15 @@ import robots
 
 TRIANGLE = load_robot('triangle').home
 LEG = 'main/R-T'
+LENGTH = float(TRIANGLE.member_lengths[TRIANGLE.robot.member_names.index(LEG)])
 
 
 def test_beyond_the_limit_load_the_error_names_it():
     assert deform(TRIANGLE, {'T': (0.0, 0.1)}).limit_factor() == np.inf
     limit = deform(TRIANGLE, {'T': (0.0, -100.0)}).limit_factor()
     assert deform(TRIANGLE, {'T': (0.0, -99.0 * limit)}).displacement('T')[1] < 0.0
-    with pytest.raises(StructureError, match=r'unstable at 0\.5\d* times these loads'):
-        deform(TRIANGLE, {'T': (0.0, -190.0 * limit)})
+    with pytest.raises(StructureError, match=r'unstable at 0\.9[78]\d* times these loads'):
+        deform(TRIANGLE, {'T': (0.0, -102.0 * limit)})
 
 
 def near_the_end_of_the_shapes(seed):
@@ -71,8 +72,7 @@ def test_a_force_on_a_module_acts_in_the_middle_of_its_pinch_points():
 
 @pytest.mark.parametrize('paper_model', [False, True])
 def test_utilisation_is_the_largest_moment_over_the_wrinkling_moment_of_the_wall(paper_model):
-    length = TRIANGLE.member_lengths[TRIANGLE.robot.member_names.index(LEG)]
-    places = [(place, 0.0, 0.0, 0.0) for place in np.linspace(0.02, 0.98, 49) * length]
+    places = [(place, 0.0, 0.0, 0.0) for place in np.linspace(0.02, 0.98, 49) * LENGTH]
     load = {'T': (0.0, -150.0)}
     used = deform(TRIANGLE, load, paper_model=paper_model).utilisation[LEG]
     cut = deform(TRIANGLE, load, tube_loads={LEG: places}, paper_model=paper_model)
@@ -101,7 +101,7 @@ def test_loads_at_one_place_of_a_tube_act_as_their_sum(apart):
         ({'joint_loads': {'T': (1.7e308, 0.0)}}, r'joint T: .*at most 1e\+06'),
         ({'module_loads': {'main/W': (0.0, 0.0, 1.0)}}, "module 'main/W'.*main/L, main/R, main/T"),
         ({'tube_loads': {'main/W': [(0.1, 0.0, 0.0, 1.0)]}}, "member 'main/W'.*main/R-T"),
-        ({'tube_loads': {LEG: [(9.0, 0.0, 0.0, 1.0)]}}, 'at 9 m of member .*must be between'),
+        ({'tube_loads': {LEG: [(LENGTH + 1e-3, 0.0, 0.0, 1.0)]}}, 'of member .*must be between'),
     ],
 )
 def test_invalid_loads_are_refused(loads, complaint):
