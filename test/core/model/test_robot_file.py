@@ -288,7 +288,6 @@ UNIT_MISTAKES = {
         ('end_softening', 732, 'from 0.2 to 200; if it is in percent, it is 7.32'),
     ],
     'section': [
-        ('flexural_rigidity', 0.025, 'if it is in kN m^2, it is 25 N m^2'),
         ('flexural_rigidity', 2.5e5, 'if it is in N cm^2, it is 25 N m^2'),
         ('pressure', 34.5, 'if it is in kPa, it is 34500 Pa'),
         ('pressure', 135825, 'if it is absolute, it is 34500 Pa'),
