@@ -42,13 +42,16 @@ from isotruss_ros.core.safety.shape_guard import ShapeGuard
 import numpy as np
 
 #: Length of a step, with rotations times the characteristic radius [m], and its longest time [s].
-#: The loop has shorter cycles; at 0.2 s, errors of the nine-member robot near a singularity exceed
-#: the tolerances where those of the loop do not.
-STEP, MAX_STEP_TIME = 0.005, 0.1
+#: At 20 mm/s on paths of seven random robots and of a disc near a singularity, the predicted share
+#: differs by at most 0.005 from the one with steps of 0.03 s. With 0.1 s it differs by 0.004, in
+#: twice the time; without a bound, by 0.005. The bound is for slower paths, on which a step would
+#: be about as long as the progress timeout.
+STEP, MAX_STEP_TIME = 0.005, 0.3
 #: Largest number of steps of a path at its full speed, and of its prediction [-]; long paths have
 #: longer steps.
 MAX_PATH_STEPS, MAX_STEPS = 1000, 4000
-#: Time in which a deviation of the squeeze decays [s].
+#: Time in which a deviation of the squeeze decays [s]. On these paths, a third and three times of
+#: it change the share by less than 0.001, and the smallest slip margin by at most 0.1 N.
 SQUEEZE_TIME = 0.5
 #: Largest turn between two poses of which the direction is plain [rad].
 MAX_TURN = 2.0
