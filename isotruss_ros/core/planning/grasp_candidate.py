@@ -69,7 +69,7 @@ def close_grip(
 
 
 def _check_carry(grip: ClosedGrip, closing: Closing) -> ClosedGrip:
-    """Return the grip with its chance on the path `carry`; raise RequirementError for slip."""
+    """Return the grip with its chance on `carry`; raise RequirementError if it ends early."""
     held, needs = grip.equilibrium, closing.needs
     foresight = foresee_grip(held.config, held.body, needs.friction, np.array(needs.carry))
     if foresight is None or foresight.why:

@@ -35,7 +35,7 @@ class GraspRequirements(Record):
     Requirements that a grasp of a free object must fulfil.
 
     The path `carry` is shifted so that it begins at the pose in which the object is held. A grasp
-    is rejected if the object would slip on this path, see `foresee_path`.
+    is rejected if the object would slip on this path or not follow it, see `foresee_path`.
 
     :ivar friction: coefficient of friction, not negative [-].
     :ivar external_wrench: external wrench (fx, fy, m) on the object [N, N m].

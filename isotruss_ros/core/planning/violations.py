@@ -38,7 +38,7 @@ BOUNDS = {
     'max_contact_force': 'one member presses with {value} N; must be at most {bound} N',
     'max_total_force': 'all members press with {value} N; must be at most {bound} N',
     'max_utilisation': 'the utilisation of a tube is {value}; must be at most {bound}',
-    'carry': 'the object slips after {share:.0%} of its path',
+    'carry': 'the object slips or is out of reach after {share:.0%} of its path',
 }
 
 
