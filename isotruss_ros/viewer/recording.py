@@ -47,6 +47,7 @@ UNKNOWN_VALUES: dict[str, dict[str, Any]] = {
         'scale': math.nan,
         'squeeze': math.nan,
         'squeeze_deviation': math.nan,
+        'squeeze_assumed': False,
     },
 }
 #: Largest size of a record [bytes]; a larger size in a file shows that the file is damaged.
