@@ -8,7 +8,13 @@ import contextlib
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import ManipulationStatus, StateEstimate
 from isotruss_ros.core import load_robot, Status
-from isotruss_ros.demo.client import DemoClient, DemoError, FINAL_HALTS, measure_rates
+from isotruss_ros.demo.client import (
+    DemoClient,
+    DemoError,
+    FINAL_HALTS,
+    measure_rates,
+    REST_TIME,
+)
 from isotruss_ros.demo.gripping import find_unknown_offsets
 from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.framework.topics import RELIABLE
@@ -16,6 +22,7 @@ import numpy as np
 from probe import begin_context
 import pytest
 import rclpy
+from sensor_msgs.msg import JointState
 
 ROBOT = load_robot('triangle')
 
@@ -37,11 +44,8 @@ def test_a_full_queue_of_one_topic_does_not_delay_other_topics(other):
     client = DemoClient(ROBOT.roller_names)
     poses = other.create_publisher(PoseStamped, 'object_pose', 200)
     statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)
-    client.wait(
-        until(lambda: poses.get_subscription_count() and statuses.get_subscription_count()),
-        lambda: None,
-        'discovery',
-    )
+    both = until(lambda: poses.get_subscription_count() and statuses.get_subscription_count())
+    client.wait(both, lambda: None, 'discovery')
     rounds = []
 
     def publish():
@@ -54,6 +58,27 @@ def test_a_full_queue_of_one_topic_does_not_delay_other_topics(other):
 
     record = client.begin('flood')
     client.wait(until(lambda: record.statuses), lambda: None, 'a status', meanwhile=publish)
+
+
+def test_rest_begins_anew_with_each_motion_of_object_or_rollers(other):
+    client = DemoClient(ROBOT.roller_names)
+    poses = other.create_publisher(PoseStamped, 'object_pose', 10)
+    joints = other.create_publisher(JointState, 'joint_states', 10)
+    both = until(lambda: poses.get_subscription_count() and joints.get_subscription_count())
+    client.wait(both, lambda: None, 'discovery')
+    names = list(ROBOT.roller_names)
+    sent = JointState(name=names, position=[0.0] * len(names))
+    known = until(lambda: client.rollers is not None)
+    client.wait(known, lambda: None, 'rollers', 20.0, lambda: joints.publish(sent))
+    record, rests = client.begin('rest'), []
+    for count, x in enumerate([0.0] * 4 + [0.1] * 4):
+        message = PoseStamped(header=make_header(1.0 + 0.6 * REST_TIME * count))
+        message.pose.position.x, message.pose.orientation.w = x, 1.0
+        poses.publish(message)
+        received = until(lambda count=count: len(record.snapshots) > count)
+        client.wait(received, lambda: None, 'a pose', 20.0)
+        rests.append(not list(client.find_motion()))
+    assert rests == [False, False, True, True, False, False, True, True]
 
 
 def test_a_wait_that_fails_names_each_unmet_condition_with_value_and_bound(other):

@@ -9,7 +9,6 @@ import subprocess
 import sys
 
 from isotruss_ros.demo import domains
-import pytest
 
 HOLD = """
 import sys
@@ -27,39 +26,18 @@ def test_the_domain_of_this_run_is_locked():
         assert other.number != own
 
 
-@pytest.fixture
-def own_locks(monkeypatch):
-    """Leave the locks of the runs on this machine alone."""
-    monkeypatch.setattr(domains, 'LOCK_NAME', f'\0isotruss_ros_test_{os.getpid()}_{{}}')
-
-
-@contextlib.contextmanager
-def other_run(first):
-    """Run a process that locks a domain; yield it and the number."""
-    name = domains.LOCK_NAME.replace('\0', '@')
-    process = subprocess.Popen(
-        [sys.executable, '-c', HOLD, str(first), name],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        yield process, int(process.stdout.readline())
-    finally:
-        process.kill()
-        process.communicate()
-
-
-@pytest.mark.usefixtures('own_locks')
-def test_a_domain_locked_by_another_process_is_skipped():
-    with other_run(40) as (_, taken), contextlib.closing(domains.lock_domain(40)) as own:
-        assert (taken, own.number) == (40, 41)
-
-
-@pytest.mark.usefixtures('own_locks')
-def test_a_domain_is_free_again_after_its_process_was_killed():
-    with other_run(40) as (process, taken):
+def test_a_domain_locked_by_another_process_is_skipped_until_the_process_is_killed(monkeypatch):
+    # The locks of the runs on this machine are left alone.
+    name = f'isotruss_ros_test_{os.getpid()}_{{}}'
+    monkeypatch.setattr(domains, 'LOCK_NAME', '\0' + name)
+    command = [sys.executable, '-c', HOLD, '40', '@' + name]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert int(process.stdout.readline()) == 40
+        with contextlib.closing(domains.lock_domain(40)) as own:
+            assert own.number == 41
         process.kill()
         process.wait()
         with contextlib.closing(domains.lock_domain(40)) as own:
-            assert own.number == taken
+            assert own.number == 40
