@@ -69,11 +69,6 @@ def count_green(colors: np.ndarray) -> int:
     return int(((green > red + 50) & (green > last + 40)).sum())
 
 
-def count_tubes(colors: np.ndarray) -> int:
-    """Return how many pixels have the colour of a tube."""
-    return int((colors[..., 2] > colors[..., 0] + 25).sum())
-
-
 def polite_browser(folder: Path) -> Path:
     """Return a browser that leaves the processors to the nodes: it draws in software."""
     script = folder / 'chromium'

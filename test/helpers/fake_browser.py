@@ -80,9 +80,16 @@ class FakeBrowser:
         """Return whether a changed element of the page contains words."""
         return any(words in text for text in list(self._texts.values()))
 
-    def drag(self, handle: str, phase: str, x: float, y: float) -> None:
-        """Send a phase of a drag of `handle` or `turner`."""
-        place = {'start_position': [0.0, 0.0, 0.0], 'end_position': [x, y, 0.0]}
+    def drag(
+        self,
+        handle: str,
+        phase: str,
+        x: float,
+        y: float,
+        grabbed: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Send a phase of a drag of `handle` or `turner`, which was grabbed at a point."""
+        place = {'start_position': [*grabbed, 0.0], 'end_position': [x, y, 0.0]}
         screen = {'start_screen_pos': [0.5, 0.5], 'end_screen_pos': [0.5, 0.5]}
         drag = {'type': 'SceneNodeDragMessage', 'phase': phase, 'name': f'/{handle}'}
         how = {'instance_index': None, 'button': 'left', 'modifier': None, 'owner': ''}

@@ -187,18 +187,14 @@ class Client:
         raise AssertionError(ended.result().result.message)
 
     def cancel_in_stage(self, goal, stage, back, progress):
-        """Cancel a goal in a stage, in which others are refused; again where that was over."""
+        """Cancel a goal in a stage; again where that was over."""
         for _ in range(10):
             handle = self.until_stage(goal, stage, progress)
-            other = self.begin(goal)
             handle.cancel_goal_async()
             status, result = self.end(handle)
             if status == GoalStatus.STATUS_CANCELED:
-                assert 'cancelled' in result.message
-                assert 'has been executed for ' in self.end(other)[1].message
                 return
             assert status == GoalStatus.STATUS_SUCCEEDED, result.message
-            self.end(other)
             assert self.execute(back)[1].code == 0
         raise AssertionError(f'stage {stage} was always over before the goal was cancelled')
 

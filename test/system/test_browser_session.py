@@ -24,12 +24,14 @@ from browser import (
     SERVED,
     SOME,
     switch_control,
+    VIEWPORT,
 )
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import Twist, WrenchStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.demo.processes import running_nodes
 from isotruss_ros.demo.view import DIAMETER, FRICTION, list_nodes
 from probe import world
+import psutil
 import pytest
 from robots import quick_robot
 
@@ -48,7 +50,9 @@ class Session:
     def __init__(self, w, processes, browser):
         self.world, self._processes, self._browser = w, processes, browser
         self._address, self.errors = read_address(processes[-1]), []
+        self.log = processes[-1].log
         w.probe.listen(WrenchStamped, 'pull', 'external_wrench')
+        w.probe.listen(Twist, 'twist', 'cmd_vel')
         self.until(lambda: w.probe.last('pose') and w.probe.last('status'), 'a pose')
         self._home = w.place()
 
@@ -59,7 +63,7 @@ class Session:
             self.world.spin(0.2)
             for process in self._processes:
                 process.require_running()
-            log = self._processes[-1].log.read_text()
+            log = self.log.read_text()
             assert 'control ended' not in log, log
             assert 'error of the viewer' not in log, log
             assert time.monotonic() < end, f'{words}: not within {DEADLINE} s'
@@ -83,6 +87,17 @@ class Session:
         switch_control(page)
         self.until(lambda: len(blue(pixels(page))[0]) > SOME, 'control')
 
+    def grab(self, page, way):
+        """Take the handle and move it right and down, by so many pixels each."""
+        y, x = middle(blue(pixels(page)))
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + way, y + way, steps=DRAG)
+
+    def is_commanded(self):
+        """Return whether the last twist moves."""
+        return self.world.probe.last('twist') not in (None, Twist())
+
     def drag(self, page):
         """Drag the object right and down, or left and up if it was, and await its motion."""
         begin = self.world.place()
@@ -92,11 +107,7 @@ class Session:
             x, y, _ = sign * (self.world.place() - begin)
             return min(x, -y) > ANSWER
 
-        y, x = middle(blue(pixels(page)))
-        page.mouse.move(x, y)
-        page.mouse.down()
-        for step in range(DRAG + 1):
-            page.mouse.move(x + sign * step, y + sign * step)
+        self.grab(page, sign * DRAG)
         page.mouse.up()
         self.until(moved, 'a drag')
 
@@ -197,3 +208,59 @@ def test_a_session_ends_neither_a_node_nor_a_control(tmp_path):
             s.take_control(other)
             s.drag(other)
             other.close()
+
+
+def find_processes(word):
+    """Return the processes of the browser whose command contains a word."""
+    children = psutil.Process().children(recursive=True)
+    return [each for each in children if 'chrom' in each.name() and word in each.cmdline()]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize('word', ['--no-sandbox', '--type=gpu-process'], ids=['whole', 'drawing'])
+def test_a_browser_that_freezes_in_mid_drag_commands_nothing_more(tmp_path, word):
+    shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
+    # So slow that the drag does not end by itself.
+    viewer = ('viewer', shown | SERVED | {'max_speed': 0.002})
+    with session(tmp_path, [*list_nodes('elastic', shown), viewer]) as s:
+        page = s.open()
+        s.take_control(page)
+        s.grab(page, 50)
+        s.until(s.is_commanded, 'a twist')
+        frozen = find_processes(word)
+        assert frozen
+        begin = time.monotonic()
+        try:
+            for each in frozen:
+                each.suspend()
+            s.world.until(lambda: not s.is_commanded())
+        finally:
+            for each in frozen:
+                each.resume()
+        assert time.monotonic() - begin < 2.0 * SERVED['browser_timeout']
+        log = s.log.read_text()
+        assert 'has drawn no new picture for' in log
+        assert 'drag aborted' not in log
+        page.get_by_text('nobody has control').wait_for()
+        page.mouse.up()
+        assert not find_switch(page).is_checked()
+
+
+@pytest.mark.nightly
+def test_a_page_whose_server_has_ended_says_so_across_the_picture(tmp_path):
+    from playwright.sync_api import sync_playwright
+
+    with (
+        running_nodes([('viewer', SERVED)], tmp_path) as (viewer,),
+        sync_playwright() as playwright,
+    ):
+        browser = launch(playwright, polite_browser(tmp_path))
+        page = open_page(browser, 0.3)
+        page.goto(read_address(viewer))
+        page.get_by_text('nobody has control').wait_for()
+        assert viewer.stop() == 0
+        notice = page.get_by_text('No connection: ')
+        notice.wait_for()
+        box = notice.bounding_box()
+        browser.close()
+    assert (box['width'], box['height']) == (VIEWPORT['width'], VIEWPORT['height'])

@@ -45,22 +45,26 @@ def nodes_of(folder):
     return found
 
 
-@pytest.mark.parametrize('times', some_now([2, 1]))
-def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path, times):
-    demo = begin(tmp_path)
-    printed = demo.stdout.readline()
-    assert 'nodes simulator' in printed
-    # The nodes are on their way; their logs are there before they are.
-    while not (tmp_path / 'grasp_planner.log').exists():
-        time.sleep(0.01)
+def check_interrupt(demo, folder, times):
+    """Interrupt a demonstration as a terminal does; check that it ends with its nodes."""
     for _ in range(times):
-        os.killpg(demo.pid, signal.SIGINT)  # as a terminal does it
+        os.killpg(demo.pid, signal.SIGINT)
     printed, _ = demo.communicate(timeout=3.0 * DEADLINE)
-    # Where a signal interrupts code that is being made, Python itself reports it as well.
+    # Where a signal interrupts code that is compiled, Python itself reports it as well.
     assert demo.returncode in (130, -signal.SIGINT), printed
     assert 'demo stopped' in printed
     assert 'Traceback' not in printed
-    assert not nodes_of(tmp_path)
+    assert not nodes_of(folder)
+
+
+@pytest.mark.parametrize('times', some_now([2, 1]))
+def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path, times):
+    demo = begin(tmp_path)
+    assert 'nodes simulator' in demo.stdout.readline()
+    # The logs of the nodes exist before the nodes.
+    while not (tmp_path / 'grasp_planner.log').exists():
+        time.sleep(0.01)
+    check_interrupt(demo, tmp_path, times)
 
 
 def test_with_real_sensors_it_plans_a_grasp(tmp_path):
@@ -71,12 +75,7 @@ def test_with_real_sensors_it_plans_a_grasp(tmp_path):
         assert demo.poll() is None, demo.stdout.read()
         assert time.monotonic() < end, log.read_text()
         time.sleep(0.1)
-    os.killpg(demo.pid, signal.SIGINT)
-    printed, _ = demo.communicate(timeout=DEADLINE)
-    assert demo.returncode == 130, printed
-    assert 'demo stopped' in printed
-    assert 'Traceback' not in printed
-    assert not nodes_of(tmp_path)
+    check_interrupt(demo, tmp_path, 1)
 
 
 def test_beside_another_simulation_it_says_so(tmp_path):

@@ -7,68 +7,16 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 from action_msgs.msg import GoalStatus
 from isotruss_msgs.action import PlanGrasp
-from lifecycle_msgs.msg import Transition
 from nightly import some_now
 from planning import goal, NO_MARGIN, node, workers
-from probe import DEADLINE, Manager, world
+from probe import DEADLINE, world
 import psutil
 import pytest
 from rclpy.action import ActionClient
 from robot_processes import UNSHARED
-
-
-class Client:
-    """
-    Asks as any action client does, while joint states come all the time.
-
-    :param w: the world.
-    """
-
-    def __init__(self, w, positions=None):
-        self.feedback = []
-        self._world = w
-        self._joints = {} if positions is None else {'position': list(positions)}
-        self._client = ActionClient(w.probe, PlanGrasp, 'plan_grasp')
-        self.until(self._client.server_is_ready)
-        # The node has heard of the rollers when it says so.
-        self.until(lambda: w.nodes[1].inputs.rollers is not None)
-
-    def until(self, what):
-        """Spin until something holds."""
-        self._world.until(what, lambda: self._world.probe.send_joints(**self._joints), 0.02)
-
-    def send(self, asked):
-        """Send a goal and return its handle."""
-        self.feedback = []
-        future = self._client.send_goal_async(
-            asked, lambda message: self.feedback.append((time.monotonic(), message.feedback))
-        )
-        self.until(future.done)
-        return future.result()
-
-    def begin(self, asked):
-        """Send a goal and wait until candidates are looked at."""
-        handle = self.send(asked)
-        assert handle.accepted
-        self.until(lambda: self.feedback and self.feedback[-1][1].evaluations > 0)
-        return handle
-
-    def result(self, handle):
-        """Return how it ended: status of the action, result."""
-        future = handle.get_result_async()
-        self.until(future.done)
-        return future.result().status, future.result().result
-
-    def plan(self, asked):
-        """Send a goal and wait for its end."""
-        handle = self.send(asked)
-        assert handle.accepted
-        return self.result(handle)
-
 
 pytestmark = pytest.mark.system
 
@@ -77,35 +25,33 @@ Result = PlanGrasp.Result
 
 def test_survives_the_death_of_a_process():
     with world(node(workers=2)) as w:
-        client = Client(w)
-        handle = client.begin(goal(min_slip_margin=NO_MARGIN))
-        client.until(lambda: len(workers()) == 2)
+        client = ActionClient(w.probe, PlanGrasp, 'plan_grasp')
+
+        def until(what):
+            w.until(what, w.probe.send_joints, 0.02)
+
+        def begin(asked):
+            sent = client.send_goal_async(asked)
+            until(sent.done)
+            assert sent.result().accepted
+            return sent.result().get_result_async()
+
+        def end(result):
+            until(result.done)
+            return result.result().status, result.result().result
+
+        until(client.server_is_ready)
+        until(lambda: w.nodes[1].inputs.rollers is not None)
+        searched = begin(goal(min_slip_margin=NO_MARGIN))
+        until(lambda: len(workers()) == 2)
         before = workers()
         before[0].kill()
-        status, result = client.result(handle)
+        status, result = end(searched)
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.FAILED)
         assert 'a process of the search died' in result.message
-        status, result = client.plan(goal(count=1))
+        status, result = end(begin(goal(count=1)))
         assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.FOUND)
         assert not set(before) & set(workers())
-
-
-@pytest.mark.nightly
-def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
-    with world(node(workers=2)) as w:
-        client, manager = Client(w), Manager(w, 'grasp_planner')
-        handle = client.begin(goal(min_slip_margin=NO_MARGIN))
-        client.until(lambda: len(workers()) == 2)
-        assert manager.ask(Transition.TRANSITION_DEACTIVATE)
-        status, result = client.result(handle)
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.FAILED)
-        assert result.message == 'the node was deactivated'
-        assert not workers()
-        assert not client.send(goal()).accepted
-        assert manager.ask(Transition.TRANSITION_ACTIVATE)
-        client.begin(goal(min_slip_margin=NO_MARGIN))
-        client.until(workers)
-    assert not workers()
 
 
 @pytest.mark.parametrize('how', some_now([signal.SIGKILL, signal.SIGINT]))

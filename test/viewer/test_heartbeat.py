@@ -36,18 +36,19 @@ class Page:
 
     def draw(self, duration):
         """Draw a picture, and return whether the page lost control meanwhile."""
-        drawn, lost = self.wait(0.0)[0], self.wait(duration)[1]
+        self.wait(0.0)
+        drawn, lost = self.now, self.wait(duration)
         self.heartbeats.note(BROWSER, str(drawn), self.now)
         return lost
 
     def wait(self, duration):
-        """Draw nothing; return the time of the last picture, and whether the page lost control."""
+        """Draw nothing; return whether the page lost control."""
         lost = False
         for _ in range(max(1, round(duration / PERIOD))):
             self.now += PERIOD
             self.heartbeats.mark(self.now)
             lost = lost or self.is_lost
-        return self.now, lost
+        return lost
 
     @property
     def is_lost(self):
@@ -73,26 +74,24 @@ def test_a_frozen_page_loses_control_after_two_seconds_at_most(page, duration):
     for _ in range(20):
         page.draw(duration)
     fast = duration == PERIOD
-    assert page.wait((LEAST if fast else LONGEST_TIMEOUT) + 2.0 * PERIOD)[1]
+    assert page.wait((LEAST if fast else LONGEST_TIMEOUT) + 2.0 * PERIOD)
 
 
-def test_a_page_that_has_become_fast_has_the_least_timeout_again(page):
+def test_a_page_that_has_become_fast_loses_control_as_early_as_a_fast_one(page):
     page.draw(1.0)
-    assert page.heartbeats.timeout(BROWSER, LEAST) > LEAST
     for _ in range(60):
         page.draw(PERIOD)
-    assert page.heartbeats.timeout(BROWSER, LEAST) == LEAST
+    assert page.wait(LEAST + 2.0 * PERIOD)
 
 
 def test_a_pause_of_the_sender_is_no_delay_of_a_page(page):
-    page.draw(PERIOD)
     page.draw(PERIOD)
     page.heartbeats.note(BROWSER, str(page.now), page.now)
     page.now += 30.0
     assert not page.is_lost
 
 
-@pytest.mark.parametrize('value', [None, '', 'nan', 'inf', '-1.0', 1, math.nan, '1e400', '٣.٣'])
+@pytest.mark.parametrize('value', [None, '', 'nan', '-1.0', 1, math.inf, '1e400', '٣.٣'])
 def test_a_heartbeat_without_a_picture_does_not_count(page, value):
     page.wait(LEAST + 2.0 * PERIOD)
     page.heartbeats.note(BROWSER, value, page.now)
@@ -103,4 +102,4 @@ def test_a_picture_from_the_future_counts_as_the_present_one(page):
     page.wait(1.0)
     page.heartbeats.note(BROWSER, '1000.0', page.now)
     assert not page.is_lost
-    assert page.wait(LONGEST_TIMEOUT + 2.0 * PERIOD)[1]
+    assert page.wait(LONGEST_TIMEOUT + 2.0 * PERIOD)

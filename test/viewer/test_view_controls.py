@@ -3,16 +3,17 @@
 
 """Requests of browsers: which of them have an effect, and for how long."""
 
-import asyncio
+import cmath
 import contextlib
 import math
 import sys
 import threading
 import time
 
-from fake_browser import CAMERA, FakeBrowser
+from fake_browser import CAMERA, FakeBrowser, HEARTBEAT
 from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.viewer.control import Control
+from isotruss_ros.viewer.drag import LEVER_LENGTH
 from isotruss_ros.viewer.picture import Picture
 import pytest
 
@@ -20,7 +21,6 @@ pytest.importorskip('viser')
 from isotruss_ros.viewer.controls import Controls  # noqa: E402,I100
 from isotruss_ros.viewer.requests import check_request, list_choices, RequestError  # noqa: E402
 from isotruss_ros.viewer.view import View  # noqa: E402
-from viser._messages import LocalStorageGetItemResponseMessage  # noqa: E402
 
 ROBOT = load_robot('nine_member')
 CHOICES = list_choices(['P', 'Q'])
@@ -30,6 +30,7 @@ DEADLINE = 60.0
 CYCLES = 300
 #: Interval between switches of threads [s].
 SWITCH_INTERVAL = sys.getswitchinterval()
+OBJECT_POSE = Pose(0.5, 0.2, 0.3)
 
 
 class Session:
@@ -60,7 +61,7 @@ class Session:
         now = time.monotonic()
         self.stops += self.controls.hear(now)
         self.taken += self.controls.take(now, now)
-        self.controls.update(Pose(0.0, 0.0, 0.0))
+        self.controls.update(OBJECT_POSE)
         self.view.update(now)
         self.controls.mark(now)
 
@@ -71,6 +72,16 @@ class Session:
             assert time.monotonic() < end, (self.control, self.refused, self.taken)
             self.step()
             time.sleep(0.01)
+
+    def grab(self):
+        """Begin a drag of the object."""
+        self.browser.drag('handle', 'start', 0.1, 0.0)
+        self.until(lambda: self.control.drag is not None)
+
+    def press_stop(self):
+        """Press the stop, after which all earlier messages have been read."""
+        self.set('stop', True)
+        self.until(lambda: self.stops)
 
     def close(self):
         """End browser and server."""
@@ -85,44 +96,92 @@ def session():
         yield opened
 
 
-@pytest.fixture
-def frozen():
-    """Return a session whose browser froze in a drag, and has lost control."""
-    with contextlib.closing(Session(2.0)) as s:
-        s.browser.drag('handle', 'start', 0.1, 0.0)
-        s.until(lambda: s.control.drag is not None)
-        s.browser.frozen = True
-        s.until(lambda: s.control.browser is None)
-        yield s
+def test_the_target_of_a_drag_is_the_pointer_less_the_offset_at_which_the_handle_was_grabbed(
+    session,
+):
+    def drag(phase, x, y, grabbed, target):
+        session.browser.drag('handle', phase, x, y, grabbed)
+        there = pytest.approx(target)
+        session.until(lambda: session.control.drag and session.control.drag.target == there)
+
+    drag('start', 0.62, 0.33, (0.52, 0.23), (0.6, 0.3))
+    drag('update', 0.72, 0.13, (0.52, 0.23), (0.7, 0.1))
+    drag('start', 0.7, 0.2, (0.72, 0.23), (0.68, 0.07))
 
 
-def test_a_browser_that_freezes_during_a_drag_loses_control_and_target(frozen):
-    assert frozen.control == Control()
-    (words,) = frozen.refused
-    assert words.endswith('has drawn no new picture for 2 s')
+def test_the_object_is_turned_by_the_angle_of_the_pointer_around_it(session):
+    center = complex(*OBJECT_POSE[:2])
+
+    def turn(phase, angle, target):
+        start, pointer = (center + cmath.rect(0.3, value) for value in (0.25, angle))
+        place = (start.real, start.imag)
+        session.browser.drag('turner', phase, pointer.real, pointer.imag, place)
+        there = pytest.approx((LEVER_LENGTH * target, 0.0))
+        session.until(lambda: session.control.drag and session.control.drag.target == there)
+
+    # Grabbed 0.05 rad beside the middle of the handle, which is at the angle of the object.
+    turn('start', 0.25, 0.3)
+    for angle in (2.25, 4.25, 7.25, 5.25):
+        turn('update', angle, angle + 0.05)
+    assert session.control.drag.turns
 
 
-def test_a_late_drag_of_a_frozen_browser_is_ignored(frozen):
-    frozen.browser.frozen = False
-    frozen.browser.drag('handle', 'start', 0.2, 0.0)
-    frozen.set('stop', True)
-    frozen.until(lambda: frozen.stops)
-    assert frozen.control == Control()
+@pytest.mark.parametrize(
+    ('label', 'value', 'ends'),
+    [
+        ('drag', 'P', True),
+        ('pick', True, True),
+        ('place', True, True),
+        ('object', 'box', True),
+        ('plant', 'mujoco', True),
+        ('reset', True, True),
+        ('resume', True, False),
+        ('friction', 0.7, False),
+    ],
+)
+def test_a_request_that_replaces_a_motion_ends_the_drag(session, label, value, ends):
+    session.grab()
+    session.set(label, value)
+    session.until(lambda: session.taken)
+    assert (session.control.drag is None) == ends
 
 
-def flood(session, done):
-    """Receive heartbeats in this thread, as viser receives them in its own, until the end."""
-    loop, server = asyncio.new_event_loop(), session.view.server._websock_server
-    browser, received = session.control.browser, server._handle_incoming_message
-    beat = LocalStorageGetItemResponseMessage(value='1.0', error=None, request_uuid='')
-    while not done.is_set():
-        loop.run_until_complete(received(browser, beat))
-    loop.close()
+def test_a_browser_that_freezes_during_a_drag_loses_control_and_target():
+    with contextlib.closing(Session(2.0)) as session:
+        session.grab()
+        session.browser.frozen = True
+        session.until(lambda: session.control.browser is None)
+        assert session.control == Control()
+        assert session.refused[0].endswith('has drawn no new picture for 2 s')
+        session.browser.frozen = False
+        session.browser.drag('handle', 'start', 0.2, 0.0)
+        session.press_stop()
+        assert session.control == Control()
+
+
+def test_a_browser_that_leaves_in_mid_drag_loses_control_and_target(session):
+    session.grab()
+    session.browser.close()
+    session.until(lambda: session.control == Control())
+
+
+def test_a_browser_without_control_commands_nothing(session):
+    with contextlib.closing(FakeBrowser(session.view.address)) as other:
+        session.until(lambda: 'control' in other.controls)
+        other.drag('handle', 'start', 0.1, 0.0)
+    session.until(lambda: len(session.view.server.get_clients()) == 1)
+    session.step()
+    assert session.control.drag is None
 
 
 def test_a_flood_of_messages_from_other_threads_ends_nothing(session):
     done = threading.Event()
-    threads = [threading.Thread(target=flood, args=(session, done)) for _ in range(2)]
+
+    def flood():
+        while not done.is_set():
+            session.browser.send(HEARTBEAT | {'value': '1.0'})
+
+    threads = [threading.Thread(target=flood) for _ in range(2)]
     for thread in threads:
         thread.start()
     sys.setswitchinterval(1e-5)
@@ -136,15 +195,12 @@ def test_a_flood_of_messages_from_other_threads_ends_nothing(session):
         done.set()
         for thread in threads:
             thread.join()
-    session.browser.drag('handle', 'start', 0.1, 0.0)
-    session.until(lambda: session.control.drag is not None)
+    session.grab()
 
 
 def test_a_stop_ends_control_until_the_switch_is_switched_on_again(session):
-    session.browser.drag('handle', 'start', 0.1, 0.0)
-    session.until(lambda: session.control.drag is not None)
-    session.set('stop', True)
-    session.until(lambda: session.stops)
+    session.grab()
+    session.press_stop()
     session.step()
     assert session.control == Control()
     session.set('control', True)
@@ -161,13 +217,12 @@ def test_an_error_ends_control_and_is_shown_until_the_next_picture(session):
 
 
 def test_a_drag_during_a_latched_stop_is_ignored(session):
-    session.browser.drag('handle', 'start', 0.1, 0.0)
-    session.until(lambda: session.control.drag is not None)
+    session.grab()
     session.control.latch(True)
     assert session.control.drag is None
     session.browser.drag('handle', 'start', 0.2, 0.0)
-    session.set('pick', True)
-    session.until(lambda: ('pick', 0.0) in session.taken)
+    session.set('friction', 0.7)
+    session.until(lambda: ('friction', 0.7) in session.taken)
     assert session.control.drag is None
 
 
@@ -179,6 +234,9 @@ def test_a_force_beyond_the_range_of_its_slider_is_ignored(session, value):
     assert session.refused[0].startswith(f"fx: '{value}' from a browser: must be from -20 to 20")
 
 
+STOP_OFF = {'type': 'GuiUpdateMessage', 'updates': {'removed': True}}
+
+
 @pytest.mark.parametrize('value', ['much\n', None, [1.0, 2.0], {}])
 def test_a_malformed_value_of_a_control_is_reported_in_one_line(session, capfd, value):
     session.set('force x [N]', value)
@@ -186,9 +244,6 @@ def test_a_malformed_value_of_a_control_is_reported_in_one_line(session, capfd, 
     session.until(lambda: session.control.wrench[0] == 3.0)
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith('viewer: message of a page ignored: ')
-
-
-STOP_OFF = {'type': 'GuiUpdateMessage', 'updates': {'removed': True}}
 
 
 @pytest.mark.parametrize(
@@ -205,31 +260,28 @@ STOP_OFF = {'type': 'GuiUpdateMessage', 'updates': {'removed': True}}
         {'type': 'ViewerCameraMessage'},
         {},
         [],
+        b'',
+        b'\xc1',
+        'text',
     ],
     ids=str,
 )
 def test_a_message_that_no_page_sends_is_reported_and_ignored(session, capfd, message):
     session.until(lambda: 'stop' in session.browser.controls)
-    if message and 'updates' in message:
-        message = message | {'uuid': session.browser.controls['stop']}
-    session.browser.send(message)
-    session.set('stop', True)
-    session.until(lambda: session.stops)
+    if isinstance(message, (bytes, str)):
+        session.browser.send_packed(message)
+    elif 'updates' in message:
+        session.browser.send(message | {'uuid': session.browser.controls['stop']})
+    else:
+        session.browser.send(message)
+    session.press_stop()
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith('viewer: message of a page ignored: ')
 
 
-@pytest.mark.parametrize('packed', [b'', b'\xc1', b'\xff' * 20, 'text'])
-def test_bytes_that_are_no_message_are_reported_and_ignored(session, capfd, packed):
-    session.browser.send_packed(packed)
-    session.set('stop', True)
-    session.until(lambda: session.stops)
-    assert capfd.readouterr().err.count('viewer: message of a page ignored: ') == 1
-
-
-@pytest.mark.parametrize('size', [(0, 0), (0, 100), (100, 0)])
-def test_a_page_without_an_area_is_served(session, size):
-    session.browser.send(CAMERA | dict(zip(('image_width', 'image_height'), size, strict=True)))
+@pytest.mark.parametrize(('width', 'height'), [(0, 0), (0, 100), (100, 0)])
+def test_a_page_without_an_area_is_served(session, width, height):
+    session.browser.send(CAMERA | {'image_width': width, 'image_height': height})
     session.set('force x [N]', 3.0)
     session.until(lambda: session.control.wrench[0] == 3.0)
 

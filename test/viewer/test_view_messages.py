@@ -6,12 +6,14 @@
 import contextlib
 import math
 
-from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot
+from isotruss_ros.core import Pose as PlanarPose
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.picture import Picture
 import pytest
@@ -24,7 +26,9 @@ NAMES = list(ROBOT.roller_names)
 NUMBERS = st.one_of(
     st.floats(), st.floats(-0.1, 0.1), st.sampled_from([math.nan, math.inf, -math.inf, 1e308])
 )
-TEXTS = st.text(max_size=8)
+TEXTS, CODES = st.text(max_size=8), st.integers(0, 255)
+POINTS = st.builds(Point, x=NUMBERS, y=NUMBERS, z=NUMBERS)
+TURNS = st.builds(Quaternion, x=NUMBERS, y=NUMBERS, z=NUMBERS, w=NUMBERS)
 
 
 def some(strategy, longest=12):
@@ -32,72 +36,41 @@ def some(strategy, longest=12):
     return st.lists(strategy, max_size=longest)
 
 
-@st.composite
-def joint_states(draw):
-    """Return joint states of rollers and other joints."""
-    return JointState(
-        name=draw(some(st.one_of(st.sampled_from(NAMES), TEXTS))), position=draw(some(NUMBERS))
-    )
-
-
-@st.composite
-def poses(draw):
-    """Return poses, of which few are planar."""
-    message = PoseStamped()
-    for part, fields in ((message.pose.position, 'xyz'), (message.pose.orientation, 'xyzw')):
-        for name in fields:
-            setattr(part, name, draw(NUMBERS))
-    return message
-
-
-@st.composite
-def states(draw):
-    """Return analyses of grasps."""
-    members = some(NUMBERS) | st.lists(NUMBERS, min_size=9, max_size=9)
-    return GraspState(
-        code=draw(st.integers(0, 255)),
-        held=draw(st.booleans()),
-        slip_margin=draw(NUMBERS),
-        slip_direction=draw(st.lists(NUMBERS, min_size=3, max_size=3)),
-        utilisation=draw(members),
-        squeeze=draw(some(NUMBERS, 3)),
-        message=draw(TEXTS),
-        hold_message=draw(TEXTS),
-    )
-
-
-@st.composite
-def statuses(draw):
-    """Return statuses of the manipulation."""
-    return ManipulationStatus(
-        code=draw(st.integers(0, 255)),
-        message=draw(TEXTS),
-        squeeze=draw(NUMBERS),
-        squeeze_deviation=draw(NUMBERS),
-    )
-
-
-@st.composite
-def marker_arrays(draw):
-    """Return markers of the analysis and others."""
-    names = st.sampled_from(['deformed', 'contact_regions', 'contact_forces', 'other'])
-    points = st.builds(Point, x=NUMBERS, y=NUMBERS, z=NUMBERS)
-    marker = st.builds(
-        Marker,
-        ns=names,
-        id=st.integers(0, 9),
-        action=st.sampled_from([0, 2, 3]),
-        points=some(points, 8),
-    )
-    return MarkerArray(markers=draw(some(marker, 10)))
-
-
+MARKERS = st.builds(
+    Marker,
+    ns=st.sampled_from(['deformed', 'contact_regions', 'contact_forces', 'other']),
+    id=st.integers(0, 9),
+    action=st.sampled_from([0, 2, 3]),
+    points=some(POINTS, 8),
+)
 RECEIVED = {
-    'joint_states': joint_states(),
-    'object_pose': poses(),
-    'state': states(),
-    'status': statuses(),
-    'markers': marker_arrays(),
+    'joint_states': st.builds(
+        JointState,
+        name=some(st.one_of(st.sampled_from(NAMES), TEXTS)),
+        position=some(NUMBERS),
+    ),
+    'object_pose': st.builds(
+        PoseStamped, pose=st.builds(Pose, position=POINTS, orientation=TURNS)
+    ),
+    'state': st.builds(
+        GraspState,
+        code=CODES,
+        held=st.integers(0, 2),
+        slip_margin=NUMBERS,
+        slip_direction=st.lists(NUMBERS, min_size=3, max_size=3),
+        utilisation=some(NUMBERS) | st.lists(NUMBERS, min_size=9, max_size=9),
+        squeeze=some(NUMBERS, 3),
+        message=TEXTS,
+        hold_message=TEXTS,
+    ),
+    'status': st.builds(
+        ManipulationStatus,
+        code=CODES,
+        message=TEXTS,
+        squeeze=NUMBERS,
+        squeeze_deviation=NUMBERS,
+    ),
+    'markers': st.builds(MarkerArray, markers=some(MARKERS, 10)),
 }
 
 
@@ -116,7 +89,7 @@ def test_every_message_is_shown_or_refused(view, name):
     @examples(200)
     @given(st.lists(RECEIVED[name], min_size=1, max_size=3))
     def show(messages):
-        view.picture.__init__(ROBOT, 0.3)
+        view.picture = Picture(ROBOT, 0.3)
         for message in messages:
             with contextlib.suppress(PictureError, ConfigurationError):
                 getattr(view.picture, f'receive_{name}')(message, 0.0)
@@ -125,31 +98,36 @@ def test_every_message_is_shown_or_refused(view, name):
     show()
 
 
+def receive_joints(picture, names, now=0.0):
+    """Give a picture positions of 10 mm."""
+    picture.receive_joint_states(JointState(name=names, position=[0.01] * len(names)), now)
+
+
 def test_joint_states_of_parts_of_the_robot_are_merged():
     picture = Picture(ROBOT, 0.3)
     for names in (NAMES[:3], ['gripper'], NAMES[3:]):
-        picture.receive_joint_states(JointState(name=names, position=[0.01] * len(names)), 0.0)
+        assert not picture.is_fresh('joint_states', 0.0)
+        receive_joints(picture, names)
+    assert picture.is_fresh('joint_states', 0.0)
     assert picture.config.roller_positions == pytest.approx([0.01] * 6)
 
 
-def test_joint_states_of_other_joints_do_not_make_a_picture_fresh():
+def test_a_picture_is_stale_while_some_rollers_are_missing():
     picture = Picture(ROBOT, 0.3)
-    picture.receive_joint_states(JointState(name=['gripper'], position=[1.0]), 0.0)
-    assert not picture.is_fresh('joint_states', 0.0)
-
-
-def test_missing_joint_states_of_some_rollers_make_the_picture_stale():
-    picture = Picture(ROBOT, 0.3)
-    picture.receive_joint_states(JointState(name=NAMES[:3], position=[0.0] * 3), 0.0)
-    picture.receive_joint_states(JointState(name=NAMES[3:], position=[0.0] * 3), 2.0)
+    receive_joints(picture, NAMES[:3])
+    receive_joints(picture, NAMES[3:], 2.0)
     assert not picture.is_fresh('joint_states', 2.0)
 
 
-def far_pose():
-    """Return a pose that is none."""
-    message = PoseStamped()
-    message.pose.position.x = math.inf
-    return message
+def test_a_picture_has_position_and_angle_of_the_object():
+    picture, place = Picture(ROBOT, 0.3), (0.5, -0.2, 2.5)
+    picture.receive_object_pose(PoseStamped(pose=to_pose_message(PlanarPose(*place))), 0.0)
+    assert picture.pose == pytest.approx(place)
+
+
+def marker(name, *points):
+    """Return a message with one marker."""
+    return MarkerArray(markers=[Marker(ns=name, points=points)])
 
 
 @pytest.mark.parametrize(
@@ -157,19 +135,15 @@ def far_pose():
     [
         ('joint_states', JointState(name=NAMES), '0 positions for 6 names'),
         ('joint_states', JointState(name=NAMES[:1], position=[math.nan]), 'nan m'),
-        ('object_pose', far_pose(), 'object pose'),
+        (
+            'object_pose',
+            PoseStamped(pose=Pose(position=Point(x=math.inf))),
+            'object pose .* at most',
+        ),
         ('state', GraspState(code=0, utilisation=[0.1]), 'utilisation of 1 members: must be 9'),
         ('status', ManipulationStatus(code=255), 'code 255'),
-        (
-            'markers',
-            MarkerArray(markers=[Marker(ns='contact_regions', points=[Point()] * 7)]),
-            '7 points: must be a multiple of 6',
-        ),
-        (
-            'markers',
-            MarkerArray(markers=[Marker(ns='deformed', points=[Point()] * 4)]),
-            'all points are equal; must be a line',
-        ),
+        ('markers', marker('contact_regions', *[Point()] * 7), '7 points: must be a multiple of'),
+        ('markers', marker('deformed', *[Point()] * 4), 'all points are equal; must be a line'),
     ],
 )
 def test_a_message_that_cannot_be_shown_is_refused_with_the_reason(receive, message, words):

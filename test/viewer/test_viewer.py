@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live view without a browser: meshes, drags, recordings."""
+"""The live view without a browser: meshes, drags, control, texts and camera."""
 
 import math
 
@@ -28,7 +28,7 @@ import pytest
 from visualization_msgs.msg import Marker, MarkerArray
 
 ROBOT = load_robot('nine_member')
-DURATION = 10.0
+DURATION, STEP = 10.0, 0.05
 
 
 @pytest.fixture
@@ -37,12 +37,17 @@ def panels():
     return pytest.importorskip('isotruss_ros.viewer.panels')
 
 
+@pytest.fixture
+def picture():
+    """Return a picture without messages."""
+    return Picture(ROBOT, 0.3)
+
+
 def test_a_prism_is_closed_and_shows_its_faces_outward():
     outline = Polygon([(-0.2, -0.1), (0.3, -0.1), (0.3, 0.1), (-0.2, 0.1)], 0.05).outline(0.01)
     vertices, faces = prism(outline, 0.2)
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    _, count = np.unique(edges, axis=0, return_counts=True)
-    assert set(count) == {2}
+    assert set(np.unique(edges, axis=0, return_counts=True)[1]) == {2}
     a, b, c = vertices[faces].transpose(1, 0, 2)
     # Six times the volume, by the divergence theorem.
     volume = (a * np.cross(b, c)).sum() / 6.0
@@ -61,19 +66,14 @@ def test_a_drag_is_straight_and_within_the_speed_limit():
     assert (vx, vy) == (0.0, 0.0)
 
 
-def drag_along(drag, share, speed=0.05, duration=DURATION, step=0.05):
-    """Return the time at which a drag is stuck, where that share of each twist is carried out."""
-    x, y, now = 0.0, 0.0, 0.0
-    while now < duration and not drag.is_stuck(now):
-        vx, vy = drag.follow((x, y), speed, now)
-        x, y, now = x + share * step * vx, y + share * step * vy, now + step
-    return now
-
-
 @pytest.mark.parametrize(('ratio', 'end'), [(0.5, PROGRESS_TIME), (2.0, DURATION)])
 def test_a_drag_is_stuck_after_the_timeout_only_with_little_progress(ratio, end):
-    drag = Drag((3.0, 4.0), 0.0)
-    assert drag_along(drag, ratio * MIN_PROGRESS_RATIO) == pytest.approx(end, abs=0.06)
+    drag, x, y, now = Drag((3.0, 4.0), 0.0), 0.0, 0.0, 0.0
+    while now < DURATION and not drag.is_stuck(now):
+        vx, vy = drag.follow((x, y), 0.05, now)
+        way = ratio * MIN_PROGRESS_RATIO * STEP
+        x, y, now = x + way * vx, y + way * vy, now + STEP
+    assert now == pytest.approx(end, abs=STEP + 0.01)
 
 
 @pytest.mark.parametrize(
@@ -86,23 +86,15 @@ def test_a_drag_without_pose_is_stuck_after_the_timeout_or_a_jump_of_the_clock(t
 @pytest.mark.parametrize(('begin', 'end'), [(0.0, 2.5), (3.0, -3.0), (-3.1, 3.1), (1.0, -1.0)])
 def test_a_rotation_is_the_shorter_one_and_within_the_speed_limit(begin, end):
     angle, drag = begin, Drag(place_on_circle(end, place_on_circle(begin)[0]), 0.0)
-    for step in range(2000):
+    for _ in range(2000):
         position = place_on_circle(angle, drag.target[0])
-        way, across = drag.follow(position, 0.05, 0.05 * step)
+        way, across = drag.follow(position, 0.05, 0.0)
         assert abs(way) <= 0.05 + 1e-12
         assert across == 0.0
-        angle += 0.05 * way / LEVER_LENGTH
-    assert math.remainder(angle - end, 2.0 * math.pi) == pytest.approx(
-        0.0, abs=ARRIVAL_DISTANCE / LEVER_LENGTH
-    )
+        angle += STEP * way / LEVER_LENGTH
+    left = math.remainder(angle - end, 2.0 * math.pi)
+    assert left == pytest.approx(0.0, abs=ARRIVAL_DISTANCE / LEVER_LENGTH)
     assert abs(angle - begin) <= math.pi
-
-
-def test_the_handle_that_was_not_grabbed_does_not_move_the_target():
-    control = Control(1)
-    control.drag_to((0.5, 0.0), True, 0.0, turns=True)
-    control.drag_to((2.0, 2.0), False, 0.1)
-    assert (control.drag.target, control.drag.turns) == ((0.5, 0.0), True)
 
 
 def test_one_browser_has_control_and_the_others_show_which():
@@ -120,17 +112,18 @@ def test_commands_of_a_browser_end_with_its_control(wishes):
     assert control == Control(3 if wishes.get(3) else None, None, ZERO)
 
 
-def test_an_aborted_drag_resumes_only_after_a_new_grab():
+def test_only_the_grabbed_handle_moves_the_target_until_the_drag_ends():
     control = Control(2)
     control.drag_to((1.0, 0.0), False, 0.0)
     assert control.drag is None
-    control.drag_to((1.0, 0.0), True, 0.0)
-    control.drag_to((2.0, 0.0), False, 1.0)
+    control.drag_to((0.5, 0.0), True, 0.0, turns=True)
+    control.drag_to((2.0, 2.0), False, 0.1)
+    assert (control.drag.target, control.drag.turns) == ((0.5, 0.0), True)
+    control.drag_to((2.0, 0.0), False, 1.0, turns=True)
     assert control.drag.target == (2.0, 0.0)
 
 
-def test_stale_state_is_not_shown_as_held():
-    picture = Picture(ROBOT, 0.3)
+def test_stale_state_is_not_shown_as_held(picture):
     assert picture.hold(0.0) is Hold.UNKNOWN
     picture.receive_state(GraspState(code=0, held=True, utilisation=[0.1] * 9), 1.0)
     assert picture.hold(1.0) is Hold.HELD
@@ -146,30 +139,21 @@ def test_stale_state_is_not_shown_as_held():
         (tangent_center(ROBOT.home, 'north/Z', 0.295), Hold.NOT_HELD, '<b>not held</b>: '),
     ],
 )
-def test_an_object_without_contact_is_shown_as_free(panels, place, hold, words):
+def test_an_object_without_contact_is_shown_as_free(panels, picture, place, hold, words):
     body = ConvexObject.disc(place, 0.3)
     query = GraspQuery((0.0,) * 6, body, 0.01, (0.0, 0.0, 0.0), 0.02)
     report = GraspMonitor(ROBOT, query, 1.0, LatestInputs()).analyze_request(query, 0.0)
-    picture = Picture(ROBOT, 0.3)
     picture.receive_state(to_state_message(report, 'truss'), 0.0)
     assert picture.hold(0.0) is hold
     assert panels.describe_state(picture, 0.0).partition('>')[2].startswith(words)
 
 
-def line(number):
-    """Return a marker of a bent tube."""
-    return Marker(ns='deformed', id=number, points=[Point(), Point(x=1.0)])
-
-
-def test_deleted_markers_of_the_analysis_are_not_drawn():
-    picture, shown = Picture(ROBOT, 0.3), [line(i) for i in range(2)]
-    picture.receive_markers(MarkerArray(markers=shown), 0.0)
-    deletions = (
-        Marker(ns='deformed', id=1, action=Marker.DELETE),
-        Marker(action=Marker.DELETEALL),
-    )
-    for left, deletion in zip((1, 0), deletions, strict=True):
-        picture.receive_markers(MarkerArray(markers=[deletion]), 0.0)
+def test_deleted_markers_of_the_analysis_are_not_drawn(picture):
+    line = [Point(), Point(x=1.0)]
+    shown = [Marker(ns='deformed', id=number, points=line) for number in range(3)]
+    one, all_of_them = Marker(ns='deformed', action=Marker.DELETE), Marker(action=Marker.DELETEALL)
+    for markers, left in ((shown, 3), ([one], 2), ([all_of_them], 0)):
+        picture.receive_markers(MarkerArray(markers=markers), 0.0)
         assert len(picture.select_lines('deformed', 0.0)) == left
 
 
@@ -182,15 +166,13 @@ def tell(picture, code, now=0.0, **values):
     ('goal', 'words'),
     [(None, 'at rest, nothing is commanded'), ((1.0, 0.0), 'halt no twist: twist: 0.3 s old')],
 )
-def test_a_missing_twist_is_a_halt_only_during_a_drag(goal, words):
-    picture = Picture(ROBOT, 0.3)
+def test_a_missing_twist_is_a_halt_only_during_a_drag(picture, goal, words):
     picture.goal = goal
     tell(picture, Status.HALT_NO_TWIST, message='twist: 0.3 s old')
     assert picture.describe_manipulation(0.0) == f'manipulation: {words}'
 
 
-def test_the_named_limit_of_a_motion_is_the_most_frequent_one():
-    picture = Picture(ROBOT, 0.3)
+def test_the_named_limit_of_a_motion_is_the_most_frequent_one(picture):
     tell(picture, Status.HALT_NO_GRASP, 0.0)
     for step in range(8):
         tell(picture, Status.SLOWED_RIGIDITY, 3.0 + 0.1 * step, scale=0.1, message=f'{step}')
@@ -200,8 +182,7 @@ def test_the_named_limit_of_a_motion_is_the_most_frequent_one():
     assert picture.describe_hindrance(4.0, 2.0) == 'manipulation: slowed rigidity: slowest'
 
 
-def test_texts_of_other_nodes_are_not_rendered_as_markup(panels):
-    picture = Picture(ROBOT, 0.3)
+def test_texts_of_other_nodes_are_not_rendered_as_markup(panels, picture):
     picture.goal_report = '<img src=x onerror=alert(1)> [a](b) *c*'
     shown = panels.describe(picture, 0.0)
     assert r'\<img src\=x onerror\=alert\(1\)\> \[a\]\(b\) \*c\*' in shown
@@ -215,36 +196,29 @@ LATCHED = (
 )
 
 
+@pytest.mark.parametrize('chance', [0.93, math.nan])
 @pytest.mark.parametrize('code', [Status.OK, *LATCHED])
-def test_state_line_has_hold_margin_squeeze_and_the_next_step_of_a_halt(panels, code):
-    picture = Picture(ROBOT, 0.3)
-    picture.receive_state(GraspState(held=True, slip_margin=3.2, utilisation=[0.1] * 9), 0.0)
+def test_state_line_has_hold_chance_margin_squeeze_and_next_step(panels, picture, code, chance):
+    state = GraspState(held=True, slip_margin=3.2, chance=chance, utilisation=[0.1] * 9)
+    state.slip_direction = [0.0, 2.0, -1.0]
+    picture.receive_state(state, 0.0)
     status = ManipulationStatus(code=code, squeeze=10.0, squeeze_deviation=1.0)
     picture.receive_status(status, 0.0)
     shown = panels.describe_state(picture, 0.0)
-    assert all(words in shown for words in ('held', 'slip margin 3.2 N', 'squeeze 10.0 N'))
+    known = '' if math.isnan(chance) else ' with a chance of 0.93'
+    assert f'held</b>{known}, slip margin 3.2 N ↑' in shown
+    assert 'squeeze 10.0 N' in shown
     assert ('<strong>' in shown) == (code in LATCHED)
 
 
 @pytest.mark.parametrize(('message', 'is_free'), [(NO_CONTACT, True), ('', False)])
-def test_a_free_object_is_not_described_as_lost(panels, message, is_free):
-    picture = Picture(ROBOT, 0.3)
+def test_a_free_object_is_not_described_as_lost(panels, picture, message, is_free):
     state = GraspState(held=False, message=message, hold_message='not held: no equilibrium')
     picture.receive_state(state, 0.0)
     tell(picture, Status.HALT_NOT_HELD, message='not held: no equilibrium')
     shown = panels.describe_state(picture, 0.0) + panels.describe(picture, 0.0)
     assert ('not held' not in shown) == is_free
     assert '“pick”' in shown
-
-
-@pytest.mark.parametrize(
-    ('chance', 'words'), [(0.93, 'held</b> with a chance of 0.93'), (math.nan, 'held</b>,')]
-)
-def test_chance_is_shown_beside_held_if_known(panels, chance, words):
-    picture = Picture(ROBOT, 0.3)
-    state = GraspState(held=True, slip_margin=3.2, chance=chance, utilisation=[0.1] * 9)
-    picture.receive_state(state, 0.0)
-    assert words in panels.describe_state(picture, 0.0)
 
 
 @pytest.mark.parametrize('aspect', [0.46, 0.7, 1.0, 1.6, 2.4])
