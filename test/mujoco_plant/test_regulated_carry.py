@@ -1,14 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-The squeeze control carries in MuJoCo, which has masses of its own.
-
-Grasps, masses, errors of the model, delays and noise are those of the table in docs/safety.md.
-"""
+"""Carries with squeeze control in MuJoCo, by the table of cases in docs/safety.md."""
 
 from dataclasses import replace
-from itertools import product
 
 from carries import FRICTION, GRASPS, make_robot, place
 from isotruss_ros.calibration.oscillation import fit_oscillation
@@ -35,28 +30,31 @@ ROBOTS = [
     ((5.0, 0.2), 3.0, 0.6),
     ((5.0, 5.0), 1.0 / 3.0, 1.5),
 ]
+#: Grasps and robots whose pushes are tested.
+PUSHED = [*zip(GRASPS, ROBOTS, strict=True), ('disc 0.1 m', ROBOTS[5]), ('box', ROBOTS[0])]
+#: Seeds of paths, and grasps.
+NOISY = [*list(enumerate(GRASPS))[:5], (5, 'disc 0.3 m')]
 PUSH, NOISE = (1.0, 0.0, 0.0), (1e-3, np.radians(0.5))
-#: Grasp, forced gain [1/s] and masses that make a push grow.
+#: Grasps, and settings of carries in which a push grows: a forced gain, or unknown masses.
 GROWING = [
-    ('disc 0.3 m', 12.0, (3.0, 0.5)),
-    ('disc 0.1 m', 12.0, (3.0, 0.5)),
-    ('disc 0.2 m', 10.0, (5.0, 0.5)),
-    ('disc 0.3 m', 15.0, (3.0, 0.5)),
+    ('disc 0.3 m', {'masses': (3.0, 0.5), 'pose_gain': 12.0}),
+    ('disc 0.2 m', {'masses': (5.0, 0.5), 'pose_gain': 10.0}),
+    ('disc 0.2 m', {'masses': (5.0, 4.2), 'mass_ratio': 0.06, 'stiffness': 0.6, 'late': 3}),
 ]
 
 
 class Carry(Regulated):
     """
-    An object in MuJoCo, and the servo that carries it by late and noisy measurements.
+    An object in MuJoCo, and the servo that carries it.
 
-    :ivar errors: (n, 3) of the object against its twists, turns times its arm [m].
+    :ivar errors: (n, 3) pose errors of the object on its path, rotations times its arm [m].
     """
 
     def __init__(
         self,
         grasp,
         masses=(1.0, 0.5),
-        told=1.0,
+        mass_ratio=1.0,
         stiffness=1.0,
         late=0,
         noise=(0.0, 0.0),
@@ -64,66 +62,55 @@ class Carry(Regulated):
         **settings,
     ):
         """
-        Put the object between the members, and regulate how hard they press.
+        Hold an object of `GRASPS` with its squeeze as the desired one.
 
-        :param grasp: name of one of `GRASPS`.
         :param masses: of module and object in the plant [kg].
-        :param told: masses in the model over those of the plant.
+        :param mass_ratio: masses in the model over those of the plant.
         :param stiffness: of the plant's tubes over those of the model.
-        :param late: cycles by which poses are late.
+        :param late: delay of the poses [cycles].
         :param noise: standard deviation of the poses [m, rad].
         """
-        robot = make_robot(told * masses[0])
-        body, members = place(robot, grasp, told * masses[1])
-        made = hold_at_home(
-            make_robot(masses[0], stiffness),
-            replace(body, mass=masses[1]),
-            members,
-            PlantOptions(friction=FRICTION),
-        )
+        robot = make_robot(mass_ratio * masses[0])
+        body, members = place(robot, grasp, mass_ratio * masses[1])
+        real, heavy = make_robot(masses[0], stiffness), replace(body, mass=masses[1])
+        plant = hold_at_home(real, heavy, members, PlantOptions(friction=FRICTION))
         numbers = np.array([robot.member_names.index(name) for name in members])
-        there = body.moved_to(made.object_pose())
+        there = body.moved_to(plant.object_pose())
         squeeze = SqueezeSettings(attach_grip(robot.home, there, numbers).squeeze, **settings)
         grip = Grip(members, body, FRICTION)
-        super().__init__(made, robot, grip, squeeze, (*noise, seed), late)
+        super().__init__(plant, robot, grip, squeeze, (*noise, seed), late)
         self.even = np.array([1.0, 1.0, body.arm])
-        self.goal = np.array(made.object_pose())
-        self.errors, self._told = [], None
+        self.goal = np.array(plant.object_pose())
+        self.errors, self._pose = [], None
 
     def measure(self):
-        """Return what is measured; a pose that is told counts in its place."""
+        """Return the measurements, with the pose of `step` if there is one."""
         rollers, pose = super().measure()
-        return rollers, pose if self._told is None else Pose(*self._told)
+        return rollers, pose if self._pose is None else Pose(*self._pose)
 
     def step(self, twist=(0.0, 0.0, 0.0), pose=None):
-        """Carry for one cycle; a pose is told in place of the measured one."""
-        self._told = pose
+        """Carry for one cycle, optionally with a pose in place of the measured one."""
+        self._pose = pose
         super().step(twist)
         self.goal = self.goal + self.scale * np.array(twist) / RATE
         self.errors.append(self.even * (np.array(self.plant.object_pose()) - self.goal))
 
     def push(self, wrench, duration=0.1):
-        """Push the object for a while, which nobody tells the servo."""
+        """Push the object for a while."""
         self.plant.pull(wrench)
         self.run(duration)
         self.plant.pull((0.0, 0.0, 0.0))
 
 
-def swings(carry, seconds):
-    """Return how far the object was from where it came to rest, in each second [m]."""
-    count, rest = round(seconds * RATE), round(0.5 * RATE)
-    errors = np.array(carry.errors[-count:])
-    away = np.hypot.reduce(errors - errors[-rest:].mean(axis=0), axis=1)
-    return away.reshape(seconds, -1).max(axis=1)
-
-
-@pytest.mark.parametrize(('grasp', 'robot'), some_now(list(product(GRASPS, ROBOTS)), now=0))
+@pytest.mark.parametrize(('grasp', 'robot'), some_now(PUSHED, now=0))
 def test_a_push_decays(grasp, robot):
     carry = Carry(grasp, *robot, late=3)
     carry.run(1.0)
     carry.push(PUSH)
     carry.run(4.0)
-    first, *_, last = swings(carry, 4)
+    errors = np.array(carry.errors)
+    swings = np.hypot.reduce(errors - errors[-round(0.5 * RATE) :].mean(axis=0), axis=1)
+    first, last = (swings[span].max() for span in (slice(-400, -300), slice(-100, None)))
     assert last < 0.2 * first
     assert max(carry.statuses) < Status.HALT_NO_TWIST
 
@@ -134,11 +121,9 @@ def test_a_push_decays(grasp, robot):
         [
             ('brick', (0.3, 5.0)),
             ('three members', (5.0, 0.5)),
-            ('disc 0.2 m', (0.3, 5.0)),
             ('disc 0.2 m', (5.0, 0.5)),
-            ('brick', (5.0, 0.5)),
         ],
-        2,
+        1,
     ),
 )
 def test_the_frequency_is_that_of_a_plucked_object(grasp, masses):
@@ -159,36 +144,24 @@ def test_the_frequency_is_that_of_a_plucked_object(grasp, masses):
     assert 0.02 < damping < 0.6
 
 
-@pytest.mark.parametrize(('grasp', 'gain', 'masses'), some_now(GROWING, now=0))
-def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, gain, masses):
-    forced = {'pose_gain': gain, 'load': 5.0}
-    carry = Carry(grasp, masses, **forced)
-    carry.run(1.0)
-    carry.push(PUSH)
-    carry.run(5.0)
-    assert Status.HALT_OSCILLATES in carry.statuses
-    assert f'the pose gain is reduced to {0.5 * gain:g} 1/s' in ' '.join(carry.messages)
-    assert carry.statuses[-1] is Status.OK
-    assert np.abs(carry.errors[-1]).max() < 2e-3
-
-
-@pytest.mark.nightly
-def test_an_object_that_swings_because_its_masses_are_unknown_is_stopped_and_goes_on():
-    carry = Carry('disc 0.2 m', (5.0, 4.2), told=0.06, stiffness=0.6, late=3, load=5.0)
+@pytest.mark.parametrize(('grasp', 'settings'), some_now(GROWING, now=0))
+def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, settings):
+    carry = Carry(grasp, load=5.0, **settings)
     carry.run(1.0)
     carry.push(PUSH)
     carry.run(5.0)
     halts = {status for status in carry.statuses if status > Status.HALT_NO_TWIST}
     assert halts == {Status.HALT_OSCILLATES}
+    assert 'the pose gain is reduced to' in ' '.join(carry.messages)
     assert carry.statuses[-1] is Status.OK
     assert np.abs(carry.errors[-1]).max() < 2e-3
 
 
-@pytest.mark.parametrize('seed', some_now(range(20), now=0))
-def test_noise_halts_no_object_on_a_path(seed):
-    carry, rng = Carry('disc 0.3 m', noise=NOISE, seed=seed), np.random.default_rng(seed)
-    for _ in range(1 if seed == 0 else 2):
-        carry.run(3.0 if seed == 0 else 6.0, rng.uniform(-1.0, 1.0, 3) * (0.025, 0.025, 0.1))
+@pytest.mark.parametrize(('seed', 'grasp'), some_now(NOISY, now=0))
+def test_noise_halts_no_object_on_a_path(seed, grasp):
+    carry, rng = Carry(grasp, noise=NOISE, seed=seed), np.random.default_rng(seed)
+    for _ in range(2):
+        carry.run(6.0, rng.uniform(-1.0, 1.0, 3) * (0.025, 0.025, 0.1))
     carry.run(1.0)
     assert max(carry.statuses) < Status.HALT_NO_TWIST
     assert np.abs(carry.errors).max() < 8e-3
@@ -207,7 +180,7 @@ def halted(carry, twist, pose):
     return np.hypot(*(np.array(carry.plant.object_pose()) - given)[:2])
 
 
-@pytest.mark.parametrize('grasp', some_now(['box', 'disc 0.3 m', 'disc 0.1 m', 'brick']))
+@pytest.mark.parametrize('grasp', some_now(['box', 'disc 0.1 m'], 0))
 def test_a_pose_frozen_within_rounding_halts_within_seventeen_millimetres(grasp):
     """A pose that is equal to the last bit is no measurement, and is stale after the timeout."""
     assert halted(Carry(grasp), lambda k: (0.03, 0.02, 0.0), lambda k: 1e-12 * (-1) ** k) < 0.017
@@ -223,9 +196,9 @@ def test_a_load_during_the_motion_is_no_slip():
     carry = Carry('disc 0.3 m')
     carry.run(0.5)
     carry.plant.pull((0.0, -1.5, 0.0))
-    carry.run(1.5, (0.02, 0.0, 0.0))
+    carry.run(1.0, (0.02, 0.0, 0.0))
     carry.plant.pull((0.0, 0.0, 0.0))
-    carry.run(1.0, (0.0, 0.02, 0.0))
+    carry.run(0.5, (0.0, 0.02, 0.0))
     assert max(carry.statuses) < Status.HALT_NO_TWIST
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""States that are recorded are read as they were, and drawn where they are."""
+"""Recorded states survive a round trip, and pictures agree with the geometry."""
 
 from isotruss_ros.mujoco_plant import rendering
 from isotruss_ros.mujoco_plant.options import PlantError
@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 SIZE = WIDTH, HEIGHT = 240, 200
-RED = (1.0, 0.0, 0.0, 1.0)
 
 
 def orange(picture):
@@ -66,9 +65,7 @@ def test_a_folder_that_does_not_exist_is_refused(tmp_path):
 
 @needs_mujoco
 @needs_egl
-def test_a_picture_shows_robot_and_object_where_they_are(tmp_path, monkeypatch):
-    monkeypatch.setattr(rendering, 'LINE_COLOR', RED)
-    monkeypatch.setattr(rendering, 'ARROW_COLOR', RED)
+def test_a_picture_shows_robot_and_object_where_they_are(tmp_path):
     record(tmp_path / 'states', seconds=0.1)
     with PlantRenderer(read_recording(tmp_path / 'states'), *SIZE) as renderer:
         picture = renderer.draw(0.0)
@@ -86,9 +83,7 @@ def test_a_picture_shows_robot_and_object_where_they_are(tmp_path, monkeypatch):
     blue = (b > r + 60).sum()
     tubes = 3.0 * 1.02 * ROBOT.description.tube_diameter * scale**2
     assert blue == pytest.approx(tubes, rel=0.3)
-    r, g, b = np.moveaxis(marked.astype(int), -1, 0)
-    red = r - np.maximum(g, b) > 80
-    rows = np.nonzero(red.sum(axis=1) > 30)[0]
+    rows = np.nonzero((marked != picture).any(axis=2).sum(axis=1) > 30)[0]
     assert rows.min() < 0.5 * HEIGHT < rows.max()
 
 
