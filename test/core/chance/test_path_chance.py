@@ -12,7 +12,6 @@ from isotruss_ros.core.chance.probability import changed_grip, find_chance
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.planning import motion_in_place
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.core.planning.grasp_plan import export_figures, plan_in_words
 from nightly import some_now
@@ -69,22 +68,6 @@ def test_rates_of_carried_criteria_are_those_of_rolled_equilibria(name):
         assert (errors * spread[k] / scale).max() < 2e-3
 
 
-def test_chance_along_a_path_is_the_frequency_of_held_draws():
-    passed, rng = carried(), np.random.default_rng(0)
-    friction = 0.03 + max(grip.required_friction for grip in passed)
-    chance = find_chance(passed, friction, UNCERTAIN.covariance(passed[0]))
-    columns, held = GraspParameters.of(HOME), []
-    spread = np.sqrt(np.diag(UNCERTAIN.covariance(passed[0])))
-    for _ in range(40):
-        change = spread * rng.standard_normal(len(spread))
-        grips = rolled(passed, change)
-        drawn = friction + change[columns.friction]
-        used = max(float(grip.sections.used.max()) for grip in grips)
-        held.append(max(grip.required_friction for grip in grips) <= drawn and used <= 1.0)
-    noise = np.std(held) / np.sqrt(len(held))
-    assert chance.probability == pytest.approx(np.mean(held), abs=0.05 + 2.0 * noise)
-
-
 def test_a_longer_path_has_a_smaller_chance():
     passed = carried()
     friction = 0.05 + passed[0].required_friction
@@ -120,20 +103,11 @@ def test_the_best_grasp_has_a_larger_chance_than_the_nominal_one(plans):
     assert plans[1][0].chance.reliability > nominal.reliability
 
 
-def test_words_and_figures_have_the_chance(plans):
+def test_the_chance_is_stated_only_with_an_uncertainty(plans):
     assert 'held with a chance of 0.9' in plan_in_words(plans[1])
     assert export_figures(plans[1][0])['chance'] == plans[1][0].chance.probability
     assert 'chance' not in plan_in_words(plans[0])
     assert 'chance' not in export_figures(plans[0][0])
-
-
-def test_without_uncertainty_no_chance_is_computed(monkeypatch):
-    calls = []
-    monkeypatch.setattr(motion_in_place, '_find_chance', lambda *given: calls.append(given))
-    plan = core.plan_grasps(HOME, DISC, thorough=False, max_rounds=1)
-    assert plan.grasps
-    assert plan[0].chance is None
-    assert not calls
 
 
 def test_the_chance_is_that_under_the_required_wrench():
