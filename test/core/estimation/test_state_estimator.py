@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The state estimator against robots that are drawn from what it expects, and sensors that lie."""
+"""Estimated offsets, pose and squeeze of random robots, and inconsistent measurements."""
 
 import cmath
 from copy import deepcopy
@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cache
 
 from carries import FRICTION, make_robot, place
-from isotruss_ros.core import deform, place_between, Pose, Robot
+from isotruss_ros.core import deform, place_between, Pose
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
 from isotruss_ros.core.estimation.marker_gate import FALSE_ALARM_PROBABILITY, SlipWatch
 from isotruss_ros.core.estimation.offset_filter import IMPROBABLE, MAX_OFFSET_DEVIATION
@@ -49,23 +49,17 @@ TURNED = replace(EXACT, zero_deviation=0.01, marker_shift=5e-3, marker_turn=0.03
 
 class DrawnRobot:
     """
-    A robot in the model itself, and the estimator that is told of it.
+    A random robot that agrees with the model, and its estimator.
 
-    :ivar offsets: (r,) the true ones [m].
-    :ivar readings: (r,) of the encoders [m].
-    :ivar grip: how the object is held; None without one.
+    :ivar offsets: (r,) true roller offsets [m].
+    :ivar readings: (r,) encoder readings [m].
+    :ivar grip: equilibrium of the object; None without one.
     :ivar away: common shift of the markers (x, y) [m].
     :ivar turn: their common rotation about the origin, as a complex number.
     """
 
     def __init__(self, seed=0, held=False, settings=EXACT, speed=0.03, random_slip=True):
-        """
-        Draw zeros, speeds and load.
-
-        :param held: whether the robot holds a disc.
-        :param speed: of the rollers, at most [m/s].
-        :param random_slip: whether rollers slip as is expected of them.
-        """
+        """Draw offsets, roller speeds up to `speed` [m/s] and the load on a held disc."""
         self.rng = rng = np.random.default_rng(seed)
         self.settings, self.random_slip = settings, random_slip
         self.offsets, self.readings = settings.zero_deviation * rng.normal(size=6), np.zeros(6)
@@ -205,21 +199,16 @@ def test_offsets_of_a_robot_without_object_agree_with_least_squares(encoders):
     assert np.sqrt(np.diag(found.offset_covariance)) == pytest.approx(deviations, rel=0.01)
 
 
-@pytest.fixture(scope='module')
-def runs_without_object():
-    """Return of 60 runs: are offsets improbable after 0.5 s, and the surprise after 1 s."""
-    runs = []
-    for seed in range(60):
+def test_errors_of_a_robot_without_object_agree_with_stated_deviations():
+    """Offsets that are drawn from their prior are rarely improbable."""
+    improbable, surprises, count = 0, [], 60
+    for seed in range(count):
         drawn = DrawnRobot(seed)
-        is_improbable = drawn.run(0.5).is_improbable
-        runs.append((is_improbable, drawn.surprise(drawn.run(0.5))))
-    return runs
-
-
-def test_errors_of_a_robot_without_object_agree_with_stated_deviations(runs_without_object):
-    count = len(runs_without_object)
+        improbable += drawn.run(0.5).is_improbable
+        surprises.append(drawn.surprise(drawn.run(0.5)))
     low, high = scipy.stats.chi2.ppf([0.025, 0.975], 6 * count) / count
-    assert low < np.mean([surprise for _, surprise in runs_without_object]) < high
+    assert low < np.mean(surprises) < high
+    assert improbable <= scipy.stats.binom.ppf(0.999, count, IMPROBABLE)
 
 
 @pytest.mark.parametrize('names', [THREE, ALL])
@@ -290,25 +279,6 @@ def test_squeeze_is_unknown_while_three_markers_admit_an_upright_robot(inclinati
     assert is_squeeze_known(found.squeeze, found.squeeze_deviation) is known
 
 
-def test_modules_of_unknown_mass_sag_like_those_of_a_kilogram():
-    found = []
-    for mass in (None, 1.0):
-        description = ROBOT.description
-        robot = Robot(replace(description, module=replace(description.module, mass=mass)))
-        estimator = StateEstimator(robot)
-        estimator.take_encoders(0.0, np.zeros(6))
-        home = dict(zip(NAMES, robot.home.nodes[: len(NAMES)], strict=True))
-        estimator.take_markers(0.0, {name: home[name] for name in THREE}, MARKER)
-        found.append(estimator.estimate())
-    assert all(one.may_be_upright for one in found)
-    assert found[0].offset_covariance == pytest.approx(found[1].offset_covariance)
-
-
-def test_few_offsets_as_drawn_from_their_prior_are_improbable(runs_without_object):
-    improbable = [is_improbable for is_improbable, _ in runs_without_object]
-    assert sum(improbable) <= scipy.stats.binom.ppf(0.999, len(improbable), IMPROBABLE)
-
-
 @pytest.mark.nightly
 def test_errors_of_a_held_object_are_no_larger_than_stated():
     surprises, squeezes, poses = [], [], []
@@ -337,13 +307,11 @@ def test_squeeze_is_estimated_from_markers_within_five_percent():
 
 def test_squeeze_after_markers_is_that_of_the_next_equilibrium():
     drawn = estimated((), duration=0.2)
-    before, grasp = drawn.estimator.estimate(), drawn.estimator.belief.grasp
+    before = drawn.estimator.estimate()
     drawn.estimator.take_markers(drawn.time, drawn.markers(ALL), 1e-4)
     found = drawn.estimator.estimate()
-    assert drawn.estimator.belief.grasp is grasp
     drawn.estimator.take_encoders(drawn.time + PERIOD, drawn.readings)
     following = drawn.estimator.estimate()
-    assert drawn.estimator.belief.grasp is not grasp
     corrected = following.squeeze - before.squeeze
     assert abs(corrected) > 0.1
     assert found.squeeze - before.squeeze == pytest.approx(corrected, rel=0.2)
@@ -415,16 +383,6 @@ def test_slip_is_a_lag_of_the_tube_by_a_millimetre_and_a_hundredth(change, trave
     assert not watch.slipping.any()
     watch.add(11.0, np.array([0.2 + travel]), offset + change, np.array([1e-8]))
     assert watch.slipping.tolist() == [slips]
-
-
-def test_a_slip_is_told_for_four_seconds():
-    watch, flags = SlipWatch(1), []
-    for k in range(100):
-        slipped = -5e-3 if k > 20 else 0.0
-        watch.add(5.0 + 0.1 * k, np.array([0.01 * k]), np.array([slipped]), np.array([1e-8]))
-        flags.append(bool(watch.slipping[0]))
-    assert flags.index(True) == 21
-    assert sum(flags) == pytest.approx(40, abs=1)
 
 
 def test_noise_of_offsets_is_rarely_detected_as_slip():
@@ -513,15 +471,6 @@ def test_repeated_measurements_are_used_once():
         assert getattr(found, name) == pytest.approx(getattr(expected, name), abs=1e-12)
 
 
-def test_markers_of_one_stamp_may_come_in_parts():
-    drawn = DrawnRobot(2)
-    drawn.move()
-    markers = drawn.markers()
-    for name in THREE:
-        assert drawn.estimator.take_markers(drawn.time, {name: markers[name]}, MARKER)
-    assert not drawn.estimator.take_markers(drawn.time, markers, MARKER)
-
-
 def test_poses_are_used_with_a_grip_and_with_encoder_readings_of_their_time():
     free, drawn = DrawnRobot(1), estimated()
     free.move()
@@ -571,10 +520,6 @@ def test_an_absent_object_is_not_held():
     found = drawn.estimator.estimate()
     assert found.pose is None
     assert np.isnan(found.squeeze)
-
-
-def test_without_an_object_no_delay_is_told():
-    assert DrawnRobot().estimator.estimate().delay == 0.0
 
 
 def test_estimate_without_measurements_is_that_of_the_encoders():

@@ -1,0 +1,221 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Estimated pose, squeeze, delay and slip of a held object against equilibria of the model."""
+
+from dataclasses import replace
+from functools import cache
+import math
+
+from carries import make_robot
+from grips import gripped, MASSLESS
+from isotruss_ros.core import Grip, place_between, Polygon, Pose, Status
+from isotruss_ros.core.estimation.contact_walk import PoseNoise
+from isotruss_ros.core.estimation.grip_belief import GripBelief
+from isotruss_ros.core.estimation.grip_model import attach_model
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
+from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+import numpy as np
+import pytest
+
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
+GRIP = Grip.at_module(CONFIG.robot, 'north/Z', CYLINDER)
+MODEL = attach_model(CONFIG, GRIP)
+ARM = np.array([1.0, 1.0, MODEL.arm])
+DEVIATIONS = np.array([1e-3, 1e-3, 0.009])
+#: Amplitude of the roller speeds [m/s], which change with a period of 1 s.
+SPEED = np.array([8e-3, -5e-3, 4e-3, -6e-3, 3e-3, -7e-3])
+
+
+@cache
+def rolled(count, period, scale):
+    """Return the equilibrium after a count of periods of travel there and back."""
+    if count == 0:
+        return MODEL
+    travel = np.sin(2.0 * np.pi * count * period) * scale * SPEED
+    config = CONFIG.moved_to(CONFIG.roller_positions + travel)
+    return roll_grip(rolled(count - 1, period, scale), config)
+
+
+def start(offsets=0.0, grip=GRIP, config=CONFIG, pose=MODEL.pose, **settings):
+    """Return an estimator after encoders with wrong offsets and one pose."""
+    estimator = StateEstimator(config.robot, EstimatorSettings(**settings))
+    estimator.set_grip(grip)
+    estimator.take_encoders(0.0, config.roller_positions + offsets)
+    assert estimator.take_pose(0.0, Pose(*pose), DEVIATIONS)
+    return estimator
+
+
+class Carry:
+    """
+    Estimator of an object that moves there and back.
+
+    :ivar grasp: equilibrium of the object.
+    """
+
+    def __init__(self, scale=1.0, noise=0.0, encoders=0.0, period=0.05, delay=0.0, age=0.0):
+        """
+        Start at the equilibrium.
+
+        :param scale: factor on `SPEED`.
+        :param noise: standard deviation of the poses, rotations times the arm [m].
+        :param encoders: standard deviation of the readings [m].
+        :param delay: time by which poses are older than their stamps [s].
+        :param age: time by which stamps are older than the readings [s].
+        """
+        self.estimator, self.rng, self.number = start(), np.random.default_rng(0), 0
+        self.scale, self.noise, self.encoders, self.period = scale, noise, encoders, period
+        self.delay, self.age, self.poses, self.grasp = delay, age, [np.array(MODEL.pose)], MODEL
+
+    def run(self, duration, offset=(0.0, 0.0, 0.0)):
+        """Move and measure, with a constant offset of the pose; return the estimate."""
+        for _ in range(round(duration / self.period)):
+            self.number += 1
+            count = self.number % round(1.0 / self.period)
+            grasp = self.grasp = rolled(count, self.period, self.scale)
+            self.poses.append(np.array(grasp.pose))
+            time = self.number * self.period
+            readings = grasp.config.roller_positions + self.encoders * self.rng.normal(size=6)
+            self.estimator.take_encoders(time, readings)
+            before = round((self.age + self.delay) / self.period)
+            pose = self.poses[max(self.number - before, 0)] + offset
+            pose = pose + self.noise * self.rng.normal(size=3) / ARM
+            self.estimator.take_pose(max(time - self.age, 0.0), Pose(*pose), DEVIATIONS)
+        return self.estimator.estimate()
+
+
+@pytest.mark.parametrize(
+    ('duration', 'settings', 'delay'),
+    [
+        (4.0, {'scale': 4.0, 'delay': 0.05}, 0.05),
+        (0.5, {'noise': 1e-3, 'delay': 0.05}, 0.05),
+        (3.0, {'scale': 4.0}, 0.0),
+        (3.0, {'scale': 4.0, 'delay': -0.05, 'age': 0.05}, 0.0),  # newer than their stamps
+        (3.0, {'noise': 2e-4, 'encoders': 1e-4, 'period': 0.02}, 0.0),
+    ],
+)
+def test_the_delay_of_poses_is_estimated_and_not_negative(duration, settings, delay):
+    found = Carry(**{'noise': 1e-4} | settings).run(duration).delay
+    assert 0.0 <= found == pytest.approx(delay, abs=0.02 if delay else 0.01)
+
+
+@pytest.mark.parametrize('age', [0.1, 0.25])
+def test_a_late_pose_is_compared_with_the_motion_up_to_its_stamp(age):
+    carry = Carry(scale=2.0, age=age)
+    found = carry.run(1.2)
+    assert np.linalg.norm(carry.poses[-1] - carry.poses[-1 - round(age / 0.05)]) > 2e-3
+    assert found.pose == pytest.approx(carry.poses[-1], abs=2e-4)
+
+
+@pytest.mark.parametrize('noise', [2e-4, 2e-3])
+def test_errors_of_the_pose_in_white_noise_agree_with_stated_deviations(noise):
+    carry, squares = Carry(noise=noise), []
+    carry.run(3.0)
+    for _ in range(60):
+        found = carry.run(0.1)
+        error = found.pose - carry.poses[-1]
+        squares.append(error @ np.linalg.solve(found.pose_covariance, error) / 3.0)
+    assert np.mean(squares) < 1.5
+
+
+def test_noise_of_poses_is_estimated_from_their_steps():
+    deviation, rng = 2e-3, np.random.default_rng(0)
+    noise = PoseNoise(np.full(60, 1e-3))
+    for k in range(300):
+        noise.add(1e-4 * k + deviation * rng.normal(size=60))
+    assert np.mean(noise.variances) == pytest.approx(deviation**2, rel=0.1)
+
+
+def test_a_constant_offset_of_the_pose_is_no_squeeze():
+    carry, offset = Carry(scale=0.0, noise=1e-4), (3e-3, 0.0, 0.0)
+    before = carry.run(3.0).squeeze
+    after = carry.run(3.0, offset)
+    assert after.squeeze == pytest.approx(before, rel=0.03)
+    assert after.pose == pytest.approx(np.add(carry.poses[-1], offset), abs=5e-4)
+
+
+def test_pose_and_squeeze_between_equilibria_are_extrapolated_from_the_last_motion():
+    estimator, grasp, poses, squeezes = start(), MODEL, [], []
+    for k in range(1, 41):
+        travel = np.sin(2.0 * np.pi * 0.005 * k) * 2.0 * SPEED
+        grasp = roll_grip(grasp, CONFIG.moved_to(CONFIG.roller_positions + travel))
+        estimator.take_encoders(0.005 * k, grasp.config.roller_positions)
+        found = estimator.estimate()
+        poses.append(ARM * (found.pose - grasp.pose))
+        squeezes.append(found.squeeze / grasp.squeeze - 1.0)
+    # Before the second equilibrium there is no motion to extrapolate.
+    assert np.abs(poses[8:]).max() < 2e-5
+    assert np.abs(squeezes[8:]).max() < 2e-3
+
+
+def test_the_slip_margin_is_that_of_contacts_before_they_slid():
+    measured = np.add(MODEL.pose, (2e-3, -1e-3, 0.01))
+    belief = GripBelief(MODEL, GRIP.moved_to(measured), EstimatorSettings())
+    margin = MODEL.slip_margin(GRIP.friction)
+    assert abs(belief.grasp.slip_margin(GRIP.friction) - margin) > 0.005 * margin
+    assert belief.slip_margin == pytest.approx(margin, rel=1e-6)
+
+
+def test_error_of_the_squeeze_with_wrong_offsets_agrees_with_stated_deviations():
+    ratios = []
+    for seed in range(12):
+        offsets = 0.005 * np.random.default_rng(seed).normal(size=6)
+        found = start(offsets, zero_deviation=0.005, stiffness=0.0).estimate()
+        ratios.append((found.squeeze - MODEL.squeeze) / found.squeeze_deviation)
+    assert np.abs(ratios).max() < 3.0
+    assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
+def test_the_deviation_of_the_squeeze_contains_that_of_the_stiffness():
+    exact, found = (start(stiffness=stiffness).estimate() for stiffness in (0.0, 0.3))
+    expected = math.hypot(exact.squeeze_deviation, 0.3 * found.squeeze)
+    assert found.squeeze_deviation == pytest.approx(expected)
+
+
+def test_calibrations_of_the_robot_file_state_the_deviations_of_stiffness_and_offsets():
+    zeros = {'south/P': 1e-3, 'south/Q': 2e-3}
+    calibration = {'stiffness_deviation': 0.02, 'zero_deviations': zeros}
+    known = replace(CONFIG.robot.description, calibration=calibration)
+    found = EstimatorSettings().calibrated(known)
+    assert (found.stiffness, found.zero_deviation) == (0.02, 2e-3)
+    assert EstimatorSettings().calibrated(known, 0.005).zero_deviation == 0.005
+    assert EstimatorSettings().calibrated(replace(known, calibration={})) == EstimatorSettings()
+
+
+@pytest.mark.parametrize('shifts', [(-2.7e-3, -2.9e-3), (-2e-3, -2e-3)])
+def test_a_box_tilted_off_its_face_has_the_squeeze_of_its_contacts(shifts):
+    x, y = 0.093, 0.111
+    box = Polygon([(-x, -y), (x, -y), (x, y), (-x, y)], corner_radius=0.02)
+    home, members = make_robot().home, ('north/Z-R', 'north/P-Z')
+    grip = Grip(members, place_between(home, members, box, 0.995, 0.01).body, 0.8)
+    tilted = attach_model(home, grip)
+    for _ in range(4):
+        moved = 0.25 * np.array(shifts)[tilted.contacts.owners]
+        tilted = roll_grip(replace(tilted, anchors=tilted.anchors + moved), home)
+    found = start(grip=grip, config=home, pose=tilted.pose).estimate()
+    assert found.squeeze == pytest.approx(tilted.squeeze, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ('direction', 'least', 'most'),
+    [
+        ((1.0, 0.0, 0.0), 0.009, 0.015),
+        ((0.0, 1.0, 0.0), 0.0045, 0.007),
+        ((0.0, 0.0, 1.0), 0.0025, 0.006),
+    ],
+)
+def test_a_drift_at_rest_is_a_slip_if_load_and_model_error_do_not_explain_it(
+    direction, least, most
+):
+    control = SqueezeControl(SqueezeSettings(0.0, **MASSLESS | {'load': 0.5}))
+    control.follow(CONFIG, GRIP.moved_to(MODEL.pose), 0.0)
+    away = np.array(direction) / ARM
+    for k in range(120):
+        moved = max(0.02 * k - 0.4, 0.0) * 0.01
+        control.follow(CONFIG, GRIP.moved_to(Pose(*MODEL.pose + moved * away)), 0.02)
+        if control.fault is not None:
+            break
+    assert control.fault is Status.HALT_SLIPPED
+    assert least < moved < most
