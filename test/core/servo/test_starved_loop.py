@@ -90,14 +90,19 @@ def starve(held, twist, duration, mean, noise, seed=0):
     return servo, messages
 
 
-CASES = [(TURNED, turn), (FACE, rest), (DISC, sway), (ELLIPSE, sway), (CORNERS, turn)]
-MORE = [(held, twist) for held in (DISC, ELLIPSE, CORNERS, TURNED) for twist in (rest, sway, turn)]
+MOTIONS = [(TURNED, turn), (FACE, rest), (DISC, sway), (ELLIPSE, sway), (CORNERS, turn)]
+#: Duration [s], mean time between two cycles [s] and noise of the poses [m].
+LATENESS = [*product((2.5,), (0.033, 0.1), (0.0, 1e-3))]
 
 
-@pytest.mark.parametrize(('held', 'twist'), some_now([*CASES, *MORE]))
 @pytest.mark.parametrize(
-    ('duration', 'mean', 'noise'),
-    some_now([(1.0, 0.033, 0.0), *product((2.5,), (0.033, 0.1), (0.0, 1e-3))]),
+    ('held', 'twist', 'duration', 'mean', 'noise'),
+    some_now(
+        [
+            (TURNED, turn, 1.0, 0.033, 0.0),
+            *((*motion, *late) for motion, late in product(MOTIONS, LATENESS)),
+        ]
+    ),
 )
 def test_a_loop_starved_of_processor_time_states_no_fault_of_the_grip(
     held, twist, duration, mean, noise
