@@ -1,29 +1,32 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The squeeze control and the elastic plant, in step."""
+"""Twist servo and elastic plant, in step."""
 
 import math
 
 from grips import MASSLESS
-from isotruss_ros.core import (
-    ElasticObject,
-    HoldStatus,
-    Pose,
-    RollerFaults,
-    SimulatedRobot,
-    solve_twist,
-)
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core import ElasticObject, Pose, RollerFaults, SimulatedRobot, Status, TwistServo
+from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 import numpy as np
+
+TIMEOUT = 0.2
 
 
 class SqueezeLoop:
     """
-    A controller and a plant, in step.
+    A twist servo that controls the squeeze of an object in the elastic plant.
 
-    :ivar errors: of the place of the object in each cycle [m]; `turned` of its angle [rad].
+    :ivar reference: (3,) initial pose of the object plus the integral of the twists [m, rad].
+    :ivar decisions: decisions of all cycles.
+    :ivar errors: (3,) errors of the mid-cycle poses to the desired ones [m, rad].
+    :param force: desired squeeze [N]; None: `more` times the initial one.
+    :param scale: stiffness of the plant over that of the model [-].
+    :param noise: standard deviation of the measured poses [m, rad].
+    :param follows: False if the rollers stand still whatever is commanded.
+    :param servo: further settings of the servo.
+    :param settings: further settings of the squeeze control.
     """
 
     def __init__(
@@ -35,62 +38,81 @@ class SqueezeLoop:
         scale=1.0,
         noise=0.0,
         period=0.02,
+        follows=True,
+        friction=None,
+        servo=None,
         **settings,
     ):
-        """
-        Put the object between the members.
-
-        :param force: to squeeze with [N]; so many times `more` as it is squeezed if None.
-        :param scale: stiffness of the plant over that of the model.
-        :param noise: standard deviation of the poses [m, rad].
-        """
-        self.grip, self.period = grip, period
-        self.object = ElasticObject(grip.body, grip.friction, stiffness_scale=scale)
+        self.period, self.noise, self.follows, self.now = period, noise, follows, 100.0
+        self.object = ElasticObject(grip.body, friction or grip.friction, stiffness_scale=scale)
         self.plant = SimulatedRobot(config, self.object, RollerFaults())
         self.plant.advance(0.0)
         self.target = more * self.squeeze / scale if force is None else force
-        settings = {'max_utilisation': math.inf} | MASSLESS | settings
-        self.control = SqueezeControl(SqueezeSettings(self.target, **settings))
-        self.noise, self.rng = noise, np.random.default_rng(0)
-        self.reference = np.array(self.plant.object_pose)
-        self.statuses, self.errors, self.turned = [], [], []
-        #: Covariance of the zeros by an estimator before each cycle; None without one.
-        self.told = None
-
-    def error(self):
-        """Return how far the object is from its reference: x, y [m], angle [rad]."""
-        error = self.reference - np.array(self.plant.object_pose)
-        error[2] = math.remainder(error[2], 2.0 * math.pi)
-        return error
-
-    def run(self, twist, duration):
-        """Follow a twist that begins and ends at rest."""
-        count = round(duration / self.period)
-        for k in range(count):
-            wanted = (1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count)) * np.array(twist)
-            config = self.plant.config
-            pose = Pose(*self.plant.object_pose + self.noise * self.rng.standard_normal(3))
-
-            def solve(twist, opening_rate, config=config):
-                held = self.control.belief.cache.grip
-                return solve_twist(config, held, twist, opening_rate=opening_rate)
-
-            if self.told is not None:
-                self.control.take_offsets(np.zeros(6), self.told())
-            grip = self.grip.moved_to(pose)
-            assert self.control.follow(config, grip, self.period) is HoldStatus.HELD
-            command = self.control.solve(wanted, self.period, solve)
-            self.control.advance(wanted, command)
-            self.statuses.append(command.status)
-            self.plant.command(command.roller_velocities)
-            self.plant.advance(self.period)
-            self.reference = self.reference + self.period * wanted
-            assert isinstance(self.object.grasp, HeldGrip)
-            x, y, turned = self.error()
-            self.errors.append(math.hypot(x, y))
-            self.turned.append(abs(turned))
+        squeeze = SqueezeSettings(
+            self.target, **{'max_utilisation': math.inf} | MASSLESS | settings
+        )
+        options = {'bounds': None, 'timeout': TIMEOUT} | (servo or {})
+        self.servo = TwistServo(
+            config.robot, ServoSettings(grip, period, squeeze=squeeze, **options)
+        )
+        self.reference, self.rng = np.array(self.plant.object_pose), np.random.default_rng(0)
+        self.decisions, self.errors = [], []
 
     @property
     def squeeze(self):
         """Return the mean normal force in the plant [N]."""
         return self.object.grasp.squeeze
+
+    @property
+    def statuses(self):
+        """Return the statuses of all cycles."""
+        return [decision.command.status for decision in self.decisions]
+
+    def cycle(self, twist=(0.0, 0.0, 0.0), elapsed=None, away=(0.0, 0.0, 0.0), **inputs):
+        """
+        Return the decision of a cycle, whose command is executed until the next one.
+
+        :param elapsed: time until the next cycle [s]; None: the period.
+        :param away: (3,) measured minus true pose of the object [m, rad].
+        :param inputs: inputs that replace the measured ones.
+        """
+        elapsed = elapsed or self.period
+        state = RollerState(self.plant.roller_positions, self.plant.roller_velocities)
+        error = np.add(away, self.noise * self.rng.standard_normal(3))
+        measured = {
+            'twist': None if twist is None else StampedInput(np.asarray(twist), self.now),
+            'rollers': StampedInput(state, self.now),
+            'pose': StampedInput(Pose(*np.add(self.plant.object_pose, error)), self.now),
+        }
+        self.servo.receive(**measured | inputs)
+        decision = self.servo.decide(self.now)
+        before = np.array(self.plant.object_pose)
+        if self.follows:
+            self.plant.command(decision.command.roller_velocities)
+            self.plant.advance(elapsed)
+        self.now += elapsed
+        if twist is not None:
+            self.reference = self.reference + elapsed * np.asarray(twist)
+        if decision.desired_pose is not None:
+            middle = 0.5 * (before + np.array(self.plant.object_pose))
+            self.errors.append(np.subtract(decision.desired_pose, middle))
+        self.decisions.append(decision)
+        return decision
+
+    def run(self, twist, duration):
+        """Execute a twist that begins and ends at rest; no cycle may halt."""
+        count = round(duration / self.period)
+        for k in range(count):
+            share = 1.0 - math.cos(2.0 * math.pi * (k + 0.5) / count)
+            decision = self.cycle(share * np.array(twist))
+            assert decision.command.status < Status.HALT_NO_TWIST, decision.message
+            assert self.object.grasp is not None
+
+    def largest_error(self):
+        """Return the largest errors of position [m] and angle [rad]."""
+        errors = np.array(self.errors)
+        return np.hypot(*errors[:, :2].T).max(), np.abs(errors[:, 2]).max()
+
+    def final_error(self):
+        """Return the distance of the object from the end of the commanded motion [m]."""
+        return math.dist(self.reference[:2], self.plant.object_pose[:2])

@@ -1,145 +1,181 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of a grip that the squeeze control detects from measured poses."""
+"""Faults of a grip that the servo detects from the poses of a robot at rest."""
+
+from dataclasses import replace
+import math
 
 from grips import gripped
-from isotruss_ros.core import Grip, HoldStatus, Pose, Status
+from isotruss_ros.core import Grip, Pose, Status
+from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import StampedInput
-from isotruss_ros.core.servo.servo_settings import SqueezeSettings
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 import pytest
+from squeeze_loop import SqueezeLoop
 
 CONFIG, BODY = gripped(35.0, squeeze=0.1)
 MODEL = attach_grip(CONFIG, BODY)
-GRIP = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body)
-PERIOD, FREQUENCY = 0.02, 12.0
+GRIP = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body, 0.5)
+FREQUENCY = 12.0
+ROLLERS = np.zeros(len(CONFIG.robot.roller_names))
+CLOSED, GONE = (0.0, 0.0, 0.0), (5.0, 5.0, 0.0)
 
 
-class Hold:
-    """Squeeze control of an object at rest, whose measured pose is displaced along y."""
-
-    def __init__(self, load=0.0):
-        """Start with an expected load [N]; 0: that of the estimator."""
-        settings = SqueezeSettings(MODEL.squeeze, 4.0, frequency=FREQUENCY, load=load)
-        self.control, self.time = SqueezeControl(settings), 0.0
-        for number in range(6):
-            self.measure(1e-5 * (-1) ** number)
-
-    def measure(self, displacement, elapsed=PERIOD):
-        """Measure the displaced pose [m]; return the fault of the grip."""
-        self.time += elapsed
-        pose = Pose(*np.add(MODEL.pose, (0.0, displacement, 0.0)))
-        sample = StampedInput(pose, self.time), 0.0
-        self.control.follow(
-            CONFIG, GRIP, elapsed, sample, rollers=(MODEL.config.roller_positions, 0.0)
-        )
-        return self.control.fault
-
-    def shake(self, duration, height=0.006):
-        """Shake the object until an oscillation is detected; return whether it is."""
-        for number in range(round(duration / PERIOD)):
-            if self.measure(height * np.sin(FREQUENCY * number * PERIOD)) is not None:
-                return True
-        return False
+def held(load=0.0, **settings):
+    """Return a loop after six poses, with an expected load [N]; 0: that of the estimator."""
+    options = {'pose_gain': 4.0, 'frequency': FREQUENCY, 'load': load} | settings
+    loop = SqueezeLoop(CONFIG, GRIP, follows=False, **options)
+    for number in range(6):
+        loop.cycle(away=(0.0, 1e-5 * (-1) ** number, 0.0))
+    return loop
 
 
-def test_an_oscillation_halves_the_gain_and_is_a_fault_for_one_second():
-    hold = Hold(load=40.0)
+def shake(loop, twist=CLOSED):
+    """Shake the object until it is said to oscillate; return the decision."""
+    for number in range(125):
+        displacement = 6e-3 * math.sin(FREQUENCY * number * loop.period)
+        decision = loop.cycle(twist, away=(0.0, displacement, 0.0))
+        if decision.command.status is Status.HALT_OSCILLATES:
+            return decision
+    raise AssertionError('no oscillation')
+
+
+def slip(speed=0.03, **settings):
+    """Return a loop whose object moves along the members until a fault, and the decision."""
+    loop = held(**settings)
+    for number in range(100):
+        away = (0.0, speed * loop.period * number, 0.0)
+        decision = loop.cycle(away=away)
+        if decision.command.status >= Status.HALT_NO_TWIST:
+            return loop, decision, away
+    raise AssertionError('no slip')
+
+
+def test_an_oscillation_stops_the_rollers_for_one_second_and_halves_the_gain():
+    loop = held(load=40.0, more=1.1)
     for gain in (2.0, 1.0):
-        assert hold.shake(2.5)
-        assert hold.control.fault is Status.HALT_OSCILLATES
+        command = shake(loop, (0.02, 0.0, 0.0)).command
+        assert not command.roller_velocities.any()
+        assert (command.achieved_twist.any(), command.scale) == (False, 0.0)
         # Without noise, the poses of an object at rest are equal.
-        faults = [hold.measure(0.0) for _ in range(60)]
-        assert faults.count(Status.HALT_OSCILLATES) in (49, 50)
-        assert faults[-1] is None
-        assert hold.control.gain == gain
-    hold.control.acknowledge()
-    hold.measure(0.0)
-    assert hold.control.gain == 4.0
+        decisions = [loop.cycle() for _ in range(60)]
+        assert loop.statuses[-60:].count(Status.HALT_OSCILLATES) in (49, 50)
+        reduced = f'the object oscillates: the pose gain is reduced to {gain:.0f} 1/s'
+        assert decisions[0].message == reduced
+        assert decisions[-1].command.status < Status.HALT_NO_TWIST
+        assert decisions[-1].pose_gain == gain
 
 
-def test_the_note_of_an_oscillation_states_the_reduced_gain():
-    hold = Hold(load=40.0)
-    assert hold.shake(2.5)
-    hold.measure(0.0)
-    assert hold.control.note() == 'the object oscillates: the pose gain is reduced to 2 1/s'
+def test_roller_commands_acknowledge_faults_and_restore_the_gain():
+    for loop in (held(load=40.0), slip()[0]):
+        if loop.statuses[-1] is not Status.HALT_SLIPPED:
+            shake(loop)
+        loop.servo.command(ROLLERS, loop.now)
+        loop.now += loop.period
+        decision = loop.cycle()
+        assert decision.command.status < Status.HALT_NO_TWIST
+        assert decision.pose_gain == 4.0
+
+
+def test_new_settings_of_the_squeeze_acknowledge_a_fault():
+    loop, _, _ = slip()
+    settings = loop.servo.settings
+    loop.servo.apply(replace(settings, squeeze=replace(settings.squeeze, force=31.0)))
+    assert loop.cycle().command.status < Status.HALT_NO_TWIST
 
 
 @pytest.mark.parametrize(
-    ('jump', 'fault'), [(0.019, Status.HALT_SLIPPED), (0.023, Status.HALT_NOT_HELD)]
+    ('jump', 'fault'),
+    [
+        ((0.0, 0.019, 0.0), Status.HALT_SLIPPED),
+        ((0.0, 0.023, 0.0), Status.HALT_NOT_HELD),
+        ((0.012, 0.012, 0.0), Status.HALT_SLIPPED),
+        ((0.017, -0.017, 0.0), Status.HALT_NOT_HELD),
+        ((0.0, 0.0, 0.023 / MODEL.arm), Status.HALT_NOT_HELD),
+    ],
 )
 def test_a_jump_by_more_than_20_mm_is_a_loss(jump, fault):
-    assert Hold().measure(jump) is fault
+    assert held().cycle(away=jump).command.status is fault
 
 
-def slipped():
-    hold = Hold()
-    for number in range(60):
-        if hold.measure(6e-4 * number) is not None:
-            break
-    return hold
+def test_a_slipped_object_is_not_moved_while_its_squeeze_is_controlled():
+    loop, _, away = slip(more=1.05)
+    command = loop.cycle((0.02, 0.0, 0.1), away=away).command
+    assert (command.status, command.scale) == (Status.HALT_SLIPPED, 0.0)
+    assert np.abs(command.achieved_twist).max() < 2e-3
+    assert command.roller_velocities.any()
 
 
-def test_the_note_of_a_slip_has_its_length_possible_causes_and_the_next_step():
-    hold = slipped()
-    assert hold.control.fault is Status.HALT_SLIPPED
-    moved, causes = hold.control.note().split(' mm against the members, or ')
+def test_the_message_of_a_slip_has_its_length_causes_and_the_next_step():
+    _, decision, _ = slip()
+    assert decision.command.status is Status.HALT_SLIPPED
+    moved, causes = decision.message.split(' mm against the members, or ')
     assert 2 <= int(moved.removeprefix('the object moved by ')) <= 25
-    assert causes == (
-        'the tracker turned or jumped; next step: resume the grip (service resume_grip)'
-    )
+    assert causes.startswith('the tracker turned or jumped; next step: resume the grip')
+    assert 'service resume_grip' in causes
+    assert not is_squeeze_known(*decision.squeeze)
 
 
-def test_the_first_fault_remains_until_a_client_acknowledges_it():
-    hold = slipped()
-    note = hold.control.note()
-    hold.measure(0.1)
-    assert (hold.control.fault, hold.control.note()) == (Status.HALT_SLIPPED, note)
-    hold.control.acknowledge()
-    assert (hold.control.fault, hold.control.note()) == (None, '')
+def test_the_first_fault_remains_when_the_object_is_lost_or_returns():
+    loop, decision, _ = slip()
+    first = decision.command.status, decision.message
+    for away in ((0.0, 0.1, 0.0), CLOSED, CLOSED):
+        later = loop.cycle(away=away)
+        assert (later.command.status, later.message.split('; held')[0]) == first
 
 
 def test_a_loss_during_an_oscillation_is_a_fault_that_remains():
-    hold = Hold(load=40.0)
-    assert hold.shake(2.5)
-    hold.measure(0.1)
+    loop = held(load=40.0)
+    shake(loop)
     for _ in range(100):
-        hold.measure(0.1)
-    assert hold.control.fault is Status.HALT_NOT_HELD
+        decision = loop.cycle(away=(0.0, 0.1, 0.0))
+    assert decision.command.status is Status.HALT_NOT_HELD
+    assert 'next step: pick up the object' in decision.message
 
 
 def test_a_short_slip_is_noted_for_three_seconds():
-    hold, notes = Hold(), []
-    hold.measure(6e-3)
-    for number in range(35):
-        assert hold.measure(6e-3 + 1e-5 * (-1) ** number, 0.1) is None
-        notes.append(hold.control.note())
-    assert notes[:25] == 25 * ['slipped by 6 mm, held']
-    assert notes[-1] == ''
-
-
-def test_an_unknown_squeeze_is_noted_with_a_slip():
-    hold = Hold()
-    assert hold.control.note((10.0, 4.9)) == ''
-    hold.measure(0.006)
-    note = hold.control.note((10.0, 5.1))
-    assert note.startswith('slipped by 6 mm, held; held, squeeze unknown: 10.')
+    loop = held(servo={'timeout': 0.5})
+    messages = [
+        loop.cycle(away=(0.0, 6e-3 + 1e-5 * (-1) ** number, 0.0), elapsed=0.1).message
+        for number in range(36)
+    ]
+    assert max(loop.statuses) < Status.HALT_NO_TWIST
+    assert all('slipped by 6 mm, held' in message for message in messages[:25])
+    assert 'slipped' not in messages[-1]
 
 
 @pytest.mark.parametrize('mode', ['same value', 'same stamp'])
-@pytest.mark.parametrize('seed', range(2))
-def test_a_repeated_pose_is_no_slip(mode, seed):
-    hold, rng = Hold(), np.random.default_rng(seed)
+def test_a_repeated_pose_is_no_slip(mode):
+    loop, rng = held(), np.random.default_rng(0)
     for number in range(120):
         if number % 5 == 0:
-            seen, stamp = MODEL.pose + rng.normal(size=3) * (1e-3, 1e-3, 9e-3), number * PERIOD
+            seen, stamp = MODEL.pose + rng.normal(size=3) * (1e-3, 1e-3, 9e-3), loop.now
         if mode == 'same value':
-            stamp = number * PERIOD
+            stamp = loop.now
         else:
             seen = seen + 1e-12 * rng.normal(size=3)
-        sample = StampedInput(Pose(*seen), stamp), number * PERIOD - stamp
-        assert hold.control.follow(CONFIG, GRIP, PERIOD, sample) is HoldStatus.HELD
-        assert hold.control.fault is None
+        decision = loop.cycle(pose=StampedInput(Pose(*seen), stamp))
+        assert decision.command.status < Status.HALT_NO_TWIST
+        assert 'slipped' not in decision.message
+
+
+def test_a_lost_object_stays_not_held_after_it_returns():
+    loop = held()
+    loop.cycle((0.0, 0.01, 0.0))
+    for away in (GONE, GONE, CLOSED, CLOSED):
+        decision = loop.cycle((0.0, 0.01, 0.0), away=away)
+    assert decision.command.status is Status.HALT_NOT_HELD
+    loop.servo.command(ROLLERS, loop.now)
+    assert loop.cycle().command.status < Status.HALT_NO_TWIST
+
+
+def test_an_object_that_is_taken_away_at_rest_is_no_fault():
+    loop = held()
+    for _ in range(60):
+        decision = loop.cycle(None, away=GONE)
+    assert decision.command.status is Status.HALT_NO_TWIST
+    assert decision.squeeze is None
+    loop.cycle(None)
+    assert loop.cycle().command.status < Status.HALT_NO_TWIST

@@ -45,27 +45,6 @@ def test_corrected_offsets_are_no_roller_travel(monkeypatch):
     assert seen == [pytest.approx((0.02 + HOME).tolist())]
 
 
-def test_measured_travel_is_compared_every_20_ms(monkeypatch):
-    made, times = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
-    monkeypatch.setattr(made.detector, 'update', lambda _, time, __: times.append(time))
-    for number in range(20):
-        now = NOW + number * PERIOD
-        made.receive(rollers=StampedInput(RollerState(HOME, HOME), now))
-        made.decide(now + 1e-9)
-    assert np.diff(times) == pytest.approx([0.02] * 4, abs=PERIOD + 1e-9)
-    assert len(times) in (4, 5)
-
-
-@pytest.mark.parametrize(('elapsed', 'count'), [(0.0, 1), (0.019, 1), (0.02, 2), (-0.01, 2)])
-def test_measurements_of_the_same_20_ms_are_compared_once(elapsed, count, monkeypatch):
-    made, times = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
-    monkeypatch.setattr(made.detector, 'update', lambda _, time, __: times.append(time))
-    for stamp in (0.0, elapsed):
-        made.receive(rollers=StampedInput(RollerState(HOME, HOME), stamp))
-        made.decide(0.1)
-    assert len(times) == count
-
-
 def test_commanded_travel_is_compared_from_measurement_to_measurement(monkeypatch):
     made, seen = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
     monkeypatch.setattr(made.detector, 'update', lambda *given: seen.append(given[2][0]))
@@ -127,20 +106,6 @@ def test_ages_of_measurements_count_to_the_middle_of_the_cycle(monkeypatch):
     assert ages == [pytest.approx((age + middle, age + middle)) for age in (0.0, 0.03)]
 
 
-def test_reference_of_an_accelerating_object_moves_as_the_command_does():
-    made, positions, pose = held_servo()
-    twist = (0.0, 0.05, 0.0)
-    decide(made, positions, pose, NOW, twist)
-    made.receive(twist=StampedInput(twist, NOW), pose=StampedInput(pose, NOW))
-    command = made.decide(NOW + PERIOD).command
-    assert command.status is Status.ACCELERATING
-    then = made.squeeze.reference
-    decide(made, positions, pose, NOW + 2.0 * PERIOD, twist)
-    moved = (made.squeeze.reference - then)[1] / PERIOD
-    assert 0.0 < command.achieved_twist[1] < 0.5 * twist[1]
-    assert moved == pytest.approx(command.achieved_twist[1], rel=0.1)
-
-
 def test_belief_of_a_held_object_is_kept_without_twists():
     made, positions, pose = held_servo()
     decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
@@ -150,20 +115,6 @@ def test_belief_of_a_held_object_is_kept_without_twists():
         assert status is Status.HALT_NO_TWIST
     assert made.squeeze.belief is belief
     assert made.squeeze.reference is None
-
-
-def test_belief_of_an_object_at_rest_is_updated_ten_times_a_second(monkeypatch):
-    made, positions, pose = held_servo()
-    follow, times = made.squeeze.follow, []
-    monkeypatch.setattr(
-        made.squeeze, 'follow', lambda *given: times.append(given[2]) or follow(*given)
-    )
-    for number in range(80):
-        decide(made, positions, pose, NOW + number * PERIOD)
-    assert times == pytest.approx([0.0, 0.1, 0.1, 0.1], abs=1.01 * PERIOD)
-    # The clock is set back.
-    decide(made, positions, pose, NOW - 0.1)
-    assert len(times) == 5
 
 
 @pytest.mark.parametrize(
@@ -205,17 +156,6 @@ def test_a_grip_that_the_solver_refuses_is_a_loss(monkeypatch):
     status = decide(made, positions, pose, NOW + PERIOD, (0.0, 0.01, 0.0))
     assert status is Status.HALT_NO_GRASP
     assert made.squeeze.fault is Status.HALT_NOT_HELD
-
-
-def test_a_squeeze_with_a_fault_is_replaced_with_the_settings():
-    made, _, _ = held_servo()
-    before, settings = made.squeeze, made.settings
-    before.fail(Status.HALT_SLIPPED, 'it was drawn')
-    made.apply(replace(settings, squeeze=SqueezeSettings(31.0)))
-    assert made.squeeze is not before
-    assert made.squeeze.fault is None
-    made.apply(replace(settings, squeeze=None))
-    assert made.squeeze is None
 
 
 def test_a_change_of_the_moved_joint_ends_the_belief():
@@ -289,14 +229,6 @@ def test_a_lost_object_without_contacts_is_reported_by_the_belief():
     status = decide(made, positions, Pose(5.0, 5.0, 0.0), NOW + 2 * PERIOD, (0.0, 0.01, 0.0))
     assert status is Status.HALT_NOT_HELD
     assert made.squeeze.fault is Status.HALT_NOT_HELD
-
-
-def test_an_object_that_is_taken_away_at_rest_is_no_fault():
-    made, positions, pose = held_servo()
-    decide(made, positions, pose, NOW)
-    for number in range(1, 60):
-        decide(made, positions, Pose(5.0, 5.0, 0.0), NOW + number * PERIOD)
-    assert made.squeeze.fault is made.squeeze.belief is None
 
 
 @pytest.mark.parametrize(('repeats', 'stopped'), [(1, False), (20, False), (60, True)])

@@ -3,16 +3,12 @@
 
 """What the control of the squeeze asks for in a single cycle, and what that leads to."""
 
-from copy import deepcopy
 from dataclasses import replace
-from functools import cache
 import math
 
 from grips import gripped, MASSLESS
 from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
-from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -77,16 +73,6 @@ def test_corrections_pass_two_filters_with_the_inverse_gain_as_time_constant():
     assert held_back[-1] == pytest.approx(2.0 / math.e * held_back[0], rel=0.05)
 
 
-def test_pose_correction_of_a_late_loop_takes_at_most_half_of_the_error_in_the_last_interval():
-    control, late = controlled(), 0.1
-    error = np.array([1e-3, -2e-3, 3e-2])
-    asked_of(control, np.zeros(3), 0.01)
-    assert control.follow(CONFIG, GRASP, late) is HoldStatus.HELD
-    here = control.belief.regulated[:3]
-    control.reference = here + error
-    assert asked_of(control, np.zeros(3), 0.01)[0] == pytest.approx(0.5 / late * error, rel=1e-4)
-
-
 @pytest.mark.parametrize('status', [Status.SLIDING, Status.UNREACHABLE])
 def test_pose_error_ends_only_along_the_directions_of_an_unreachable_twist(status):
     control, twist, elapsed = controlled(), np.array([0.01, -0.02, 0.1]), 0.01
@@ -99,27 +85,6 @@ def test_pose_error_ends_only_along_the_directions_of_an_unreachable_twist(statu
     assert control.follow(CONFIG, GRASP, elapsed) is HoldStatus.HELD
     decay = (1.0 - reachable) * control.gain * error
     assert control.reference - before == pytest.approx(elapsed * (reachable * twist - decay))
-
-
-def test_reference_moves_by_the_twist_without_the_part_that_limits_took_away():
-    control, twist = controlled(), np.array([0.01, -0.02, 0.1])
-    asked_of(control, twist, 0.01)
-    before, missing = control.reference, np.array([0.004, -0.002, 0.03])
-    still = np.zeros(len(CONFIG.roller_positions))
-    control.advance(twist, RollerCommand(still, np.zeros(3), 0.5, Status.OK), missing)
-    assert control.follow(CONFIG, GRASP, 0.1) is HoldStatus.HELD
-    assert control.reference - before == pytest.approx(0.1 * (0.5 * twist - missing))
-
-
-@pytest.mark.parametrize(
-    ('missing', 'rate'), [(1.0, 5.0), (-1.5, -7.5), (3.0, 10.0), (-9.0, -10.0)]
-)
-def test_opening_rate_follows_from_the_squeeze_error(missing, rate):
-    """Five times what is missing in a second, at most 10 N/s, by the slope of the model."""
-    control = controlled(missing)
-    slope = control.belief.grasp.squeeze_stiffness()
-    _, opening_rate = asked_of(control, np.zeros(3), 0.02)
-    assert opening_rate * slope == pytest.approx(rate, rel=1e-6)
 
 
 AT_REST = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body)
@@ -183,91 +148,6 @@ def test_drift_beyond_the_contact_rows_is_fed_forward():
     first, second, third = np.abs(moved - twist).max(axis=1)
     assert second < 0.2 * first
     assert third < 0.1 * first
-
-
-@pytest.mark.parametrize('missing', [0.5, -0.8])
-def test_squeeze_changes_by_the_commanded_rate(missing):
-    """But for the first one, in which nothing is known but the slope."""
-    squeezes = [model.squeeze for model in cycles(at_rest(missing), np.zeros(3), 3)]
-    left = MODEL.squeeze + missing - squeezes[1]
-    assert squeezes[2] - squeezes[1] == pytest.approx(5.0 * 0.02 * left, rel=0.02)
-
-
-def slipped(away, speed=np.inf):
-    """Return a control whose object leaves its contacts by so much [m], at a speed [m/s]."""
-    return deepcopy(_slipped(away, speed))
-
-
-@cache
-def _slipped(away, speed):
-    control = at_rest(1.0, load=0.0)
-    for k in range(45):
-        off = np.array([0.0, min(away, speed * max(0.02 * k - 0.4, 0.0)), 0.0])
-        control.solve(np.zeros(3), 0.02, solve_at_rest)
-        grip = replace(AT_REST, body=MODEL.body.moved_to(np.array(MODEL.pose) + off))
-        control.follow(CONFIG, grip, 0.02)
-        if control.fault is not None:
-            break
-    return control, grip
-
-
-def test_a_short_slip_is_reported_and_the_object_goes_on_as_held():
-    control, _ = slipped(0.004)
-    assert control.fault is None
-    assert control.belief.pose[:2] - MODEL.pose[:2] == pytest.approx([0.0, 0.004], abs=5e-4)
-
-
-def test_accumulated_correction_beyond_its_noise_is_a_slip():
-    assert slipped(0.04, 0.03)[0].fault is Status.HALT_SLIPPED
-
-
-def test_a_long_jump_of_the_pose_is_a_loss():
-    assert slipped(0.1)[0].fault is Status.HALT_NOT_HELD
-
-
-def test_the_squeeze_of_a_slipped_object_is_unknown():
-    belief = slipped(0.04, 0.03)[0].belief
-    assert not is_squeeze_known(belief.squeeze, belief.squeeze_deviation)
-
-
-def test_a_slip_stays_until_a_client_acts():
-    control, off = slipped(0.04, 0.03)
-    for _ in range(10):
-        control.follow(CONFIG, AT_REST, 0.02)
-    control.reset()
-    control.follow(CONFIG, off, 0.02)
-    assert control.fault is Status.HALT_SLIPPED
-    assert 'next step: resume the grip' in control.note()
-    control.acknowledge()
-    assert control.fault is None
-
-
-def test_slipped_object_is_not_moved_while_the_squeeze_is_regulated():
-    control, _ = slipped(0.04, 0.03)
-    asked = []
-
-    def solve(twist, opening_rate):
-        asked.append((twist, opening_rate))
-        return solve_at_rest(twist, opening_rate)
-
-    command = control.solve(np.array([0.02, 0.0, 0.1]), 0.02, solve)
-    ((twist, opening_rate),) = asked
-    assert not twist.any()
-    belief = control.belief
-    missing = MODEL.squeeze + 1.0 - belief.regulated[3]
-    rate = np.clip(5.0 * missing, -10.0, 10.0)
-    assert opening_rate * belief.grasp.squeeze_stiffness() == pytest.approx(rate, rel=0.05)
-    assert (command.status, command.scale) == (Status.HALT_SLIPPED, 0.0)
-    assert command.roller_velocities.any()
-
-
-def test_an_object_that_is_lost_stays_not_held_until_a_client_acts():
-    control = at_rest()
-    control.lose()
-    assert control.fault is Status.HALT_NOT_HELD
-    assert control.follow(CONFIG, AT_REST, 0.02) is HoldStatus.HELD
-    command = control.solve(np.array([0.02, 0.0, 0.0]), 0.02, solve_at_rest)
-    assert command.status is Status.HALT_NOT_HELD
 
 
 def opened():
@@ -367,12 +247,6 @@ def test_a_limit_that_admits_no_twist_leaves_the_squeeze():
     assert command.roller_velocities.any()
 
 
-def test_an_unknown_squeeze_below_the_setting_is_increased():
-    control = at_rest(1.0, zero_deviation=4e-2)
-    _, opening_rate = asked_of(control, np.zeros(3), 0.02)
-    assert opening_rate * MODEL.squeeze_stiffness() == pytest.approx(5.0, rel=1e-6)
-
-
 def moved(left, error=0.0, solve=solve_at_rest):
     """Return the command for a twist where so much of the squeeze is margin."""
     friction = brentq(lambda mu: MODEL.slip_margin(mu) / MODEL.squeeze - left, 0.01, 2.0)
@@ -413,35 +287,6 @@ def test_a_low_slip_margin_slows_the_twist_and_not_the_correction_of_the_pose():
         assert command.achieved_twist == pytest.approx(expected, abs=1e-6)
 
 
-def test_an_oscillating_object_stops_the_rollers_and_halves_the_gain():
-    control = at_rest(pose_gain=4.0, frequency=12.0)
-    for number in range(80):
-        away = 0.006 * math.sin(8.0 * 0.02 * number)
-        pose = Pose(*np.add(MODEL.pose, (0.0, away, 0.0)))
-        control.follow(CONFIG, AT_REST.moved_to(pose), 0.02)
-        if control.fault is not None:
-            break
-    command = control.solve(np.array([0.02, 0.0, 0.0]), 0.02, solve_at_rest)
-    assert (command.status, command.scale) == (Status.HALT_OSCILLATES, 0.0)
-    assert not command.roller_velocities.any()
-    assert command.achieved_twist.tolist() == [0.0, 0.0, 0.0]
-    control.follow(CONFIG, AT_REST, 0.02)
-    assert control.gain == 2.0
-    assert control.note().endswith('reduced to 2 1/s')
-
-
-def test_gains_follow_from_the_settings_before_the_model():
-    heavy = AT_REST.moved_to(MODEL.pose)
-    heavy = replace(heavy, body=replace(heavy.body, mass=2.0))
-    gains = []
-    for settings in ({}, {'frequency': 8.0}, {'frequency': 8.0, 'pose_gain': 3.0}):
-        control = SqueezeControl(SqueezeSettings(MODEL.squeeze, **settings))
-        assert control.follow(CONFIG, heavy, 0.0) is HoldStatus.HELD
-        gains.append(control.gain)
-    assert gains[1:] == [2.0, 3.0]
-    assert gains[0] == pytest.approx(0.25 * lowest_frequency(control.belief.grasp))
-
-
 def test_a_lost_balance_is_a_fault_unless_the_next_search_finds_another():
     for grip, fault in (
         (AT_REST, None),
@@ -455,15 +300,3 @@ def test_a_lost_balance_is_a_fault_unless_the_next_search_finds_another():
         control.follow(CONFIG, grip, 0.02)
         assert control.fault is fault
         assert (control.belief is None) is (fault is not None)
-
-
-def test_a_loss_is_a_fault_of_an_object_that_was_held():
-    new = SqueezeControl(SqueezeSettings(20.0))
-    new.lose()
-    assert new.fault is None
-    assert new.note() == ''
-    lost = at_rest()
-    lost.follow(opened(), AT_REST, 0.02)
-    lost.lose()
-    assert lost.fault is Status.HALT_NOT_HELD
-    assert lost.note().startswith('the object is not between the members; next step: pick up')
