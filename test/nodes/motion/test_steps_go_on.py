@@ -71,6 +71,13 @@ class Course:
         self._due = dict.fromkeys(('early', 'late'), 1.0)
         self._late_until, self._kept = 0.0, []
         self._states = probe.create_publisher(GraspState, 'grasp/state', 1)
+        # The one publisher of the plant: states of a second one would be rejected.
+        self._joint_states = next(
+            publisher
+            for node in w.nodes
+            for publisher in node.publishers
+            if publisher.topic_name == '/joint_states' and node is not probe
+        )
         probe.create_subscription(GraspState, 'analysed', self._relay, 100)
         self.codes, self.reports = set(), set()
         w.spin(1.5, self._disturb)
@@ -95,7 +102,7 @@ class Course:
             elif (last := probe.last('joints')) is not None:
                 early = copy.deepcopy(last)
                 early.header = make_header(probe.past(-AHEAD))
-                probe.joint_states.publish(early)
+                self._joint_states.publish(early)
         if w.now >= self._late_until:
             while self._kept:
                 self._states.publish(self._kept.pop(0))
