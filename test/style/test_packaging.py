@@ -148,8 +148,11 @@ def test_every_subcommand_prints_its_help(monkeypatch, capsys):
     before = {which: signal.getsignal(which) for which in (signal.SIGINT, signal.SIGTERM)}
     for name in (*executables.REQUESTS, *executables.PROGRAMS, *executables.NODES):
         monkeypatch.setattr(sys, 'argv', ['isotruss', name, '--help'])
-        with pytest.raises(SystemExit, match='0'):
+        with pytest.raises(SystemExit) as ended:
             executables.isotruss()
+        if str(ended.value).startswith('this needs '):
+            continue  # an extra that is not installed
+        assert ended.value.code == 0
         assert f'usage: isotruss {name} ' in capsys.readouterr().out, name
     for which, handler in before.items():
         signal.signal(which, handler)

@@ -10,7 +10,6 @@ import sys
 import threading
 import time
 
-from fake_browser import CAMERA, FakeBrowser, HEARTBEAT
 from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.viewer.control import Control
 from isotruss_ros.viewer.drag import LEVER_LENGTH
@@ -18,7 +17,8 @@ from isotruss_ros.viewer.picture import Picture
 import pytest
 
 pytest.importorskip('viser')
-from isotruss_ros.viewer.controls import Controls  # noqa: E402,I100
+from fake_browser import CAMERA, FakeBrowser, HEARTBEAT  # noqa: E402,I100
+from isotruss_ros.viewer.controls import Controls  # noqa: E402
 from isotruss_ros.viewer.requests import check_request, list_choices, RequestError  # noqa: E402
 from isotruss_ros.viewer.view import View  # noqa: E402
 

@@ -7,7 +7,6 @@ import contextlib
 import io
 import time
 
-from fake_browser import FakeBrowser
 from geometry_msgs.msg import Point, Twist, WrenchStamped
 from isotruss_msgs.msg import ManipulationStatus
 from probe import N, overrides, ROBOT, world
@@ -17,7 +16,8 @@ from std_msgs.msg import Bool
 from visualization_msgs.msg import Marker, MarkerArray
 
 pytest.importorskip('viser')
-from isotruss_ros.core import Disc  # noqa: E402,I100
+from fake_browser import FakeBrowser  # noqa: E402,I100
+from isotruss_ros.core import Disc  # noqa: E402
 from isotruss_ros.nodes.viewer.node import Viewer  # noqa: E402,I100
 
 
