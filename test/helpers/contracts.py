@@ -23,9 +23,9 @@ def check_shape(shape, generator):
     check_rolling(shape, generator)
 
 
-def directions(generator, count=SAMPLES):
+def directions(generator):
     """Return random unit vectors."""
-    return np.exp(1j * generator.uniform(-np.pi, np.pi, count))
+    return np.exp(1j * generator.uniform(-np.pi, np.pi, SAMPLES))
 
 
 def check_area(shape):

@@ -23,10 +23,10 @@ from studies.comparison.wedge import closed_to
 MASSLESS = {'pose_gain': 20.0, 'load': 5.0}
 
 
-def gripped(degrees=35.0, diameter=0.3, squeeze=0.02, module='north/Z', robot='nine_member'):
-    """Return a configuration and an object pressed into the wedge at a module."""
-    config = closed_to(robots.preset(robot).home, degrees, diameter, module)
-    return config, disc_grip(config, module, diameter, squeeze).body
+def gripped(degrees, squeeze):
+    """Return the nine-member robot and a disc pressed into its wedge of so many degrees."""
+    config = closed_to(robots.preset('nine_member').home, degrees, 0.3)
+    return config, disc_grip(config, 'north/Z', shift=squeeze).body
 
 
 def disc_grip(config, module, diameter=0.3, shift=0.0):
@@ -91,20 +91,20 @@ def random_pressed(rng):
             continue
 
 
-def backed_off(config, body, distance, module='north/Z', steps=10):
+def backed_off(config, body, distance, steps=10):
     """
     Return configurations in which the wedge is farther and farther back from a disc.
 
     Its angle stays as it is, and it moves along its bisector.
     """
     diameter = body.shape.diameter
-    near, deep = (complex(*tangent_center(config, module, diameter, d)) for d in (0.01, 0.02))
+    near, deep = (complex(*tangent_center(config, 'north/Z', diameter, d)) for d in (0.01, 0.02))
     back = distance / steps * (deep - near) / abs(deep - near)
     configs = [config]
     for step in range(steps):
         where = body.center + step * back
         grip = Grip.at_module(
-            config.robot, module, ConvexObject.disc((where.real, where.imag), diameter)
+            config.robot, 'north/Z', ConvexObject.disc((where.real, where.imag), diameter)
         )
         rows = grip_jacobian(configs[-1], grip)
         travel = np.linalg.pinv(rows) @ [back.real, back.imag, 0.0, 0.0]

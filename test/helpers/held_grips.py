@@ -40,9 +40,9 @@ def held(shape, angle, members=APART, depth=0.01, **options):
     return attach_grip(HOME, grip.body, numbers(members), **options)
 
 
-def box_between(config=HOME, angle=ANGLE, depth=DEPTH):
+def box_between(angle=ANGLE, depth=DEPTH):
     """Return a grip of the box between the two sides."""
-    return place_between(config, APART, BOX, angle, depth)
+    return place_between(HOME, APART, BOX, angle, depth)
 
 
 def sides():

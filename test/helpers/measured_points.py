@@ -27,11 +27,10 @@ def stiffness(mode, length, pressure, tube=TUBE):
     return {'axial': EA / length, 'transverse': transverse, 'rotary': rotary}[mode]
 
 
-def points(tube=TUBE, scatter=0.0, noise=0.0, trials=1, count=12, bend=1.0, softer=1.0, seed=0):
+def points(tube=TUBE, noise=0.0, trials=1, count=12, bend=1.0, softer=1.0, seed=0):
     """
     Return the rows of a CSV file, header and trial included.
 
-    :param scatter: of the stiffness of each trial, standard deviation of its logarithm.
     :param noise: of the loads, part of the largest; each trial also has an offset of this order.
     :param bend: part of the largest displacement at which the slope changes by `softer`.
     """
@@ -42,7 +41,6 @@ def points(tube=TUBE, scatter=0.0, noise=0.0, trials=1, count=12, bend=1.0, soft
             for length in LENGTHS:
                 for trial in range(trials):
                     k = stiffness(mode, length, pressure, tube)
-                    k *= np.exp(scatter * rng.normal())
                     x = np.linspace(0.0, RANGES[mode], count)
                     corner = bend * RANGES[mode]
                     load = k * (np.minimum(x, corner) + softer * np.maximum(x - corner, 0.0))

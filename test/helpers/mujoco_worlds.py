@@ -31,10 +31,10 @@ def needs_egl(test):
     return test
 
 
-def record(path, speeds=(0.05, 0.0), seconds=1.0, rate=25.0):
+def record(path, speeds=(0.05, 0.0), seconds=1.0):
     """Record a robot whose rollers turn; return the plant."""
     plant = MujocoPlant(ROBOT, ConvexObject.disc((CENTER.real, CENTER.imag), DIAMETER))
-    recorder = PlantRecorder(plant, path, rate)
+    recorder = PlantRecorder(plant, path, 25.0)
     for _ in range(round(100 * seconds)):
         recorder.record(plant.time)
         plant.advance(0.01, speeds)

@@ -93,7 +93,7 @@ class Client:
             known = state is not None and state.held != GraspState.HELD_UNKNOWN
             return known and read_stamp(state.header) > now
 
-        self._until(arrived)
+        self.r.w.until(arrived)
         return self.r.w.probe.last('state')
 
     def hold(self):
@@ -121,7 +121,7 @@ class Client:
         self.r.w.ask(ClientGoalHandle(client, GoalInfo().goal_id, None).get_result_async)
         self.feedback.clear()
         sent = client.send_goal_async(goal, lambda m: self.feedback.append(m.feedback))
-        self._until(sent.done)
+        self.r.w.until(sent.done)
         return sent.result()
 
     def end(self, handle):
@@ -150,7 +150,7 @@ class Client:
         """Send a goal; return its handle and the future of its end, one of which comes first."""
         handle = self.begin(goal)
         ended = handle.get_result_async()
-        self._until(
+        self.r.w.until(
             lambda: (
                 ended.done()
                 or any(m.stage == stage and m.progress >= progress for m in self.feedback)
@@ -173,7 +173,7 @@ class Client:
         probe = self.r.w.probe
         probe.listen(PlanGrasp.Impl.FeedbackMessage, 'search', 'plan_grasp/_action/feedback')
         handle = self.begin(SEARCHED)
-        self._until(lambda: probe.seen['search'])
+        self.r.w.until(lambda: probe.seen['search'])
         return handle
 
     def until_approaching(self):
@@ -206,15 +206,12 @@ class Client:
             pose = self.r.w.probe.last('pose')
             return pose is not None and read_stamp(pose.header) > now
 
-        self._until(arrived)
+        self.r.w.until(arrived)
         position = self.r.w.probe.last('pose').pose.position
         return np.array([position.x, position.y])
 
-    def _until(self, what):
-        self.r.w.until(what)
 
-
-def path_to(x, y, angle=0.0):
+def path_to(x, y):
     """Return a path of one pose."""
-    pose = PoseStamped(pose=to_pose_message(Pose(x, y, angle)))
+    pose = PoseStamped(pose=to_pose_message(Pose(x, y, 0.0)))
     return PathMessage(poses=[pose])

@@ -36,7 +36,7 @@ def kind_of(robot, members):
     return 'module' if meet else 'tube'
 
 
-def random_grip(robot, rng, kind, count=2, tries=100):
+def random_grip(robot, rng, kind, count=2):
     """
     Return a random state and a disc that touches members of a kind there, somewhat pressed in.
 
@@ -52,7 +52,7 @@ def random_grip(robot, rng, kind, count=2, tries=100):
         for names in itertools.combinations(robot.member_names, count)
         if kind_of(robot, names) == kind
     ]
-    for _ in range(tries if combinations else 0):
+    for _ in range(100 if combinations else 0):
         names = combinations[rng.integers(len(combinations))]
         names = [names[i] for i in rng.permutation(count)]
         ends = [robots.member_ends(config, name) for name in names]

@@ -13,9 +13,9 @@ def circle(center, radius):
     return Surface(ConvexObject.disc((center.real, center.imag), 2.0 * radius))
 
 
-def random_polygon(generator, size=0.2, corners=None, rounded=True):
+def random_polygon(generator, size=0.2, rounded=True):
     """Return a convex polygon with corners on an ellipse somewhere, some of them rounded."""
-    count = corners or int(generator.integers(3, 9))
+    count = int(generator.integers(3, 9))
     gaps = 0.3 + generator.random(count)
     angles = generator.uniform(0.0, 6.0) + 2.0 * np.pi * np.cumsum(gaps) / gaps.sum()
     a, b = size * generator.uniform(0.4, 1.0, 2)
@@ -43,18 +43,11 @@ def sampled(shape, count, begin, away=0j):
 def random_shape(generator, size=0.2):
     """Return a disc, an ellipse or a polygon."""
     kind = generator.integers(4)
-    if kind < 2:
-        return random_shape_of((Disc, Ellipse)[kind], generator, size)
-    return random_polygon(generator, size, rounded=kind == 2)
-
-
-def random_shape_of(kind, generator, size=0.2):
-    """Return a shape of a class: a disc, an ellipse or a polygon."""
-    if kind is Disc:
+    if kind == 0:
         return Disc(2.0 * size * generator.uniform(0.3, 1.0))
-    if kind is Ellipse:
+    if kind == 1:
         return Ellipse(tuple(size * generator.uniform(0.2, 1.0, 2)))
-    return random_polygon(generator, size)
+    return random_polygon(generator, size, rounded=kind == 2)
 
 
 def dense_outline(shape, count=20_000):
