@@ -3,6 +3,8 @@
 
 """The emergency stop: reception, execution, persistence and release."""
 
+import contextlib
+
 from isotruss_ros.core import Status
 from manual_world import Manager, world
 from matches import follow
@@ -21,11 +23,17 @@ def press(w, pressed=True):
     w.probe.stops.publish(Bool(data=pressed))
 
 
+@contextlib.contextmanager
+def moving(**values):
+    """Yield a world in which manipulation moves the object."""
+    with world(node(**values)) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        yield w
+
+
 def until_stopped(w):
-    """Stop the moving robot; return the status."""
-    w.until_code(Status.OK, w.probe.send_all)
-    press(w)
-    return w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+    """Spin until the robot is stopped; return the message of its status."""
+    return w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all).message
 
 
 def assert_stays_stopped(w, cycles=20):
@@ -38,16 +46,15 @@ def assert_stays_stopped(w, cycles=20):
 
 
 def test_stops_within_a_cycle_and_stays_stopped():
-    with world(node(rate=10.0)) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving(rate=10.0) as w:
         # Right after a command: it is a long way to the next cycle.
-        heard = len(w.probe.seen['command'])
-        w.until(lambda: len(w.probe.seen['command']) > heard, w.probe.send_all)
+        w.probe.seen['command'].clear()
+        w.until(lambda: bool(w.probe.seen['command']), w.probe.send_all)
         assert w.command().any()
-        heard = len(w.probe.seen['command'])
+        w.probe.seen['command'].clear()
         press(w)
-        w.until(lambda: w.code() == Status.HALT_EMERGENCY_STOP, w.probe.send_all)
-        since = [np.array(m.data) for _, m in w.probe.seen['command'][heard:]]
+        until_stopped(w)
+        since = [np.array(m.data) for _, m in w.probe.seen['command']]
         # One at most that was on its way.
         assert sum(command.any() for command in since) <= 1
         assert w.probe.last('status').scale == 0.0
@@ -56,7 +63,8 @@ def test_stops_within_a_cycle_and_stays_stopped():
 
 
 def test_is_released_by_the_service_unless_the_last_message_is_true():
-    with world(node(command_timeout=1.0)) as w:
+    with moving(command_timeout=1.0) as w:
+        press(w)
         until_stopped(w)
         refused = w.release_stop()
         assert not refused.success
@@ -80,20 +88,19 @@ def test_a_short_press_in_one_batch_stops():
         w.until_code(Status.OK, w.probe.send_all)
         for pressed in (True, False):
             stops.publish(Bool(data=pressed))
-        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+        until_stopped(w)
 
 
 def test_a_late_joiner_receives_a_latched_stop():
     with world() as w:
         press(w)
         w.add(node()())
-        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+        until_stopped(w)
         assert_stays_stopped(w)
 
 
 def test_the_service_stops_and_responds_with_the_reason():
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving() as w:
         w.probe.seen['command'].clear()
         response = w.call('emergency_stop', Trigger.Request())
         assert response.success
@@ -107,16 +114,13 @@ def test_the_service_stops_and_responds_with_the_reason():
 
 @pytest.mark.parametrize('events', [[(1, 0), (0, 1)], [(1, 1)]], ids=['in two', 'in one'])
 def test_a_publisher_that_left_before_its_message_counts_as_a_stop(events):
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving() as w:
         follow(w.nodes[1], 'emergency_stop', *events)
-        status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
-        assert 'left before a message was received' in status.message
+        assert 'left before a message was received' in until_stopped(w)
 
 
 def test_a_message_that_the_middleware_lost_counts_as_a_stop():
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving() as w:
         lost, *_ = (
             handler
             for subscription in w.nodes[1].subscriptions
@@ -125,21 +129,19 @@ def test_a_message_that_the_middleware_lost_counts_as_a_stop():
             if handler.event_type == QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST
         )
         lost.callback(None)
-        status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
-        assert 'messages of emergency_stop were lost' in status.message
+        assert 'messages of emergency_stop were lost' in until_stopped(w)
 
 
 @pytest.mark.parametrize('message_first', [True, False])
 def test_a_publisher_that_left_after_its_message_is_no_stop(message_first):
     """The executor may call back with the message before the match."""
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-        if not message_first:
-            follow(w.nodes[1], 'emergency_stop', (1, 0))
+    with moving() as w:
         press(w, False)
-        w.deliver()
-        if message_first:
-            follow(w.nodes[1], 'emergency_stop', (1, 0))
+        for is_message in (message_first, not message_first):
+            if is_message:
+                w.deliver()
+            else:
+                follow(w.nodes[1], 'emergency_stop', (1, 0))
         follow(w.nodes[1], 'emergency_stop', (0, 1))
         w.spin(0.1, w.probe.send_all)
         assert w.code() == Status.OK
@@ -147,38 +149,31 @@ def test_a_publisher_that_left_after_its_message_is_no_stop(message_first):
 
 def test_moves_nothing_before_the_first_message_if_it_is_required():
     with world(node(require_emergency_stop=True)) as w:
-        status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
-        assert 'no message of emergency_stop yet' in status.message
+        assert 'no message of emergency_stop yet' in until_stopped(w)
         assert_stays_stopped(w)
         press(w, False)
         w.until_code(Status.OK, w.probe.send_all)
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving() as w:
         w.change(require_emergency_stop=True)
-        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
-
-
-def test_persists_when_configured_again():
-    with world(node()) as w:
-        manager = Manager(w, 'manipulation')
         until_stopped(w)
-        press(w, False)
-        manager.restart()
-        assert_stays_stopped(w)
 
 
-def test_is_received_while_the_node_is_not_active():
-    with world(node(autostart=False)) as w:
+@pytest.mark.parametrize('state', ['active', 'unconfigured'])
+def test_a_stop_persists_from_every_state_of_the_node(state):
+    with world(node(autostart=state == 'active')) as w:
         manager = Manager(w, 'manipulation')
         press(w)
-        w.until(lambda: 'emergency_stop' in w.detail('emergency stop'))
-        assert all(map(manager.ask, Manager.UP))
+        w.until(lambda: 'emergency_stop' in w.detail('emergency stop'), w.probe.send_all)
+        press(w, False)
+        if state == 'active':
+            manager.restart()
+        else:
+            assert all(map(manager.ask, Manager.UP))
         assert_stays_stopped(w)
 
 
 def test_the_service_fails_if_a_drive_has_not_received_zero(monkeypatch):
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving() as w:
         monkeypatch.setattr(Publisher, 'wait_for_all_acked', lambda *_: False)
         response = w.call('emergency_stop', Trigger.Request())
         assert not response.success

@@ -5,12 +5,12 @@
 
 import contextlib
 
-from geometry_msgs.msg import PoseStamped, TransformStamped
+from geometry_msgs.msg import TransformStamped
 from isotruss_msgs.msg import GraspState, StateEstimate
-from isotruss_ros.core import Pose, Status
+from isotruss_ros.core import Status
 from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.nodes.bring_up.preflight import Preflight
-from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.conversions.messages import make_header, read_stamp
 from isotruss_ros.nodes.framework import robot_frame
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -18,7 +18,7 @@ from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
 import numpy as np
 import probe
-from probe import CENTER, maker, manipulation, N, ROBOT
+from probe import maker, manipulation, N, ROBOT
 import pytest
 from sensor_msgs.msg import FluidPressure
 
@@ -27,16 +27,47 @@ MOVING = (Status.OK, Status.ACCELERATING)
 estimator = maker(StateEstimatorNode)
 
 
-def codes(w):
-    """Return all statuses since the first one that was OK."""
+def codes(w, begin=Status.OK):
+    """Return all statuses since the first one of a code."""
     reported = [message.code for _, message in w.probe.seen['status']]
-    return set(reported[reported.index(Status.OK) :])  # noqa: E203
+    return set(reported[reported.index(begin) :])  # noqa: E203
+
+
+@contextlib.contextmanager
+def moving():
+    """Yield a world in which manipulation moves the object."""
+    with world(manipulation()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        yield w
+
+
+@contextlib.contextmanager
+def estimating():
+    """Yield a world in which the estimator has published."""
+    with world(estimator()) as w:
+        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
+        w.spin(0.3, w.probe.send_joints)
+        yield w
 
 
 def others(w):
     """Publish the inputs besides the joint states."""
     w.probe.send_pose()
     w.probe.send_twist()
+
+
+def measured(w):
+    """Publish joint states and a pose."""
+    w.probe.send_joints()
+    w.probe.send_pose()
+
+
+def send_gauges(w, tubes):
+    """Publish measurements, with pressures of some tubes."""
+    measured(w)
+    for tube in tubes:
+        header = make_header(w.probe.past(0.0), tube)
+        w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=3e4))
 
 
 # Joint states in parts
@@ -69,8 +100,7 @@ def test_all_messages_of_a_burst_are_merged():
 
 
 def test_a_broadcaster_that_falls_silent_stops_the_rollers_and_its_rollers_are_named():
-    with world(manipulation()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving() as w:
 
         def half():
             others(w)
@@ -85,39 +115,28 @@ def test_a_broadcaster_that_falls_silent_stops_the_rollers_and_its_rollers_are_n
 
 @pytest.mark.parametrize('age', [1.0, 3600.0])
 def test_stale_joint_states_among_fresh_ones_do_not_stop_the_rollers(age):
-    with world(manipulation()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving() as w:
         w.spin(1.0, lambda: (w.probe.send_all(), w.probe.send_joints(age=age)))
         assert codes(w) <= {*MOVING}
 
 
 @pytest.mark.parametrize('by', [-3600.0, -3.0])
 def test_pressures_from_before_a_clock_jump_are_not_used(by):
-    def send():
-        w.probe.send_joints()
-        w.probe.send_pose()
-
-    def send_one():
-        send()
-        header = make_header(w.probe.past(0.0), 'south')
-        w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=3e4))
-
+    tubes = tuple(ROBOT.description.pressures)
     with world(lambda: GraspAnalysisNode()) as w:
-        w.spin(0.2, lambda: (send(), w.probe.send_pressures([3e4] * 3)))
+        w.spin(0.2, lambda: send_gauges(w, tubes))
         assert w.code('state') == GraspState.OK
         w.shift = by
-        w.spin(0.5, send)
-        # Neither the pressures of the robot file nor the earlier ones of other tubes.
-        assert w.code('state') == GraspState.INVALID_TUBE_PRESSURES
-        w.spin(0.5, send_one)
-        assert w.code('state') == GraspState.INVALID_TUBE_PRESSURES
-        w.spin(0.2, lambda: (send(), w.probe.send_pressures([3e4] * 3)))
+        # Neither the pressures of the robot file nor the earlier ones of other tubes are used.
+        for new_tubes in ((), tubes[:1]):
+            w.spin(0.5, lambda new=new_tubes: send_gauges(w, new))
+            assert w.code('state') == GraspState.INVALID_TUBE_PRESSURES
+        w.spin(0.2, lambda: send_gauges(w, tubes))
         assert w.code('state') == GraspState.OK
 
 
 def test_a_joint_state_with_a_future_stamp_ages_from_its_reception():
-    with world(manipulation()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving() as w:
         w.probe.send_joints(age=-0.99 * CLOCK_SKEW)
         w.deliver()
         sent = w.now
@@ -127,36 +146,37 @@ def test_a_joint_state_with_a_future_stamp_ages_from_its_reception():
 
 @pytest.mark.parametrize('ahead', [0.05, 2.0, 3600.0])
 def test_a_stamp_from_the_future_costs_one_cycle(ahead):
-    with world(manipulation()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving() as w:
         w.probe.send_joints(age=-ahead)
         w.until_code(Status.HALT_INVALID_JOINT_STATES, lambda: None)
-        sent, moving = w.now, (Status.ACCELERATING, Status.OK)
-        w.until(lambda: w.code() in moving, w.probe.send_all)
+        sent = w.now
+        w.until(lambda: w.code() in MOVING, w.probe.send_all)
         assert w.now - sent < 0.03
 
 
 @pytest.mark.parametrize('age', [-2.0, -3600.0, 3600.0])
 def test_an_estimate_goes_on_after_joint_states_of_another_time(age):
-    with world(estimator()) as w:
-        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
-        w.spin(0.3, w.probe.send_joints)
+    with estimating() as w:
         w.probe.send_joints(age=age, position=[0.5] * N)
         w.spin(0.1, w.probe.send_joints)
         last = w.probe.last('estimate')
         assert np.abs(last.travel).max() < 1e-6
-        assert w.probe.past(0.0) - last.header.stamp.sec - 1e-9 * last.header.stamp.nanosec < 0.05
+        assert w.probe.past(0.0) - read_stamp(last.header) < 0.05
+
+
+def test_encoders_whose_clock_was_set_back_end_the_estimate_with_the_reason():
+    with estimating() as w:
+        w.spin(0.5, lambda: w.probe.send_joints(age=3600.0))
+        w.probe.seen['estimate'].clear()
+        w.spin(1.0, lambda: w.probe.send_joints(age=3600.0))
+        assert not w.probe.seen['estimate']
+        assert 'joint states: 3600.0' in w.report('state_estimator').message
 
 
 @pytest.mark.parametrize('age', [-2.0, 3600.0])
 def test_a_rejected_pose_is_a_warning_of_the_estimator(age):
-    with world(estimator()) as w:
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_pose(age=age)
-
-        w.spin(1.5, send)
+    with estimating() as w:
+        w.spin(1.5, lambda: (w.probe.send_joints(), w.probe.send_pose(age=age)))
         assert 'object pose: ' in w.report('state_estimator').message
 
 
@@ -202,13 +222,11 @@ class Transforms:
         return TransformStamped()
 
 
-def send_in_camera(w, frame='camera', x=CENTER[0]):
+def send_in_camera(w, frame='camera'):
     """Publish all inputs, the pose of the object in another frame."""
     w.probe.send_joints()
     w.probe.send_twist((0.0, 0.0, 0.0))
-    pose = to_pose_message(Pose(x, CENTER[1], 0.3))
-    header = make_header(w.probe.past(0.0), frame)
-    w.probe.object_poses.publish(PoseStamped(header=header, pose=pose))
+    w.probe.send_pose(frame=frame)
 
 
 @pytest.fixture
@@ -234,8 +252,7 @@ def test_a_pose_waits_for_its_transform(late, moving_frame):
     with moving_frame(late, manipulation()) as w:
         w.until_code(Status.IDLE, lambda: send_in_camera(w))
         w.spin(0.7, lambda: send_in_camera(w))
-        reported = [message.code for _, message in w.probe.seen['status']]
-        assert set(reported[reported.index(Status.IDLE) :]) == {Status.IDLE}  # noqa: E203
+        assert codes(w, Status.IDLE) == {Status.IDLE}
 
 
 def test_a_pose_waits_no_longer_than_the_timeout(moving_frame):
@@ -245,19 +262,7 @@ def test_a_pose_waits_no_longer_than_the_timeout(moving_frame):
 
 
 def test_rejected_poses_do_not_erase_good_ones():
-    with world(manipulation()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving() as w:
         w.spin(1.0, lambda: (w.probe.send_all(), send_in_camera(w, 'elsewhere')))
         reported = {message.code for _, message in w.probe.seen['status'][-50:]}
         assert reported <= {Status.OK, Status.IDLE}
-
-
-def test_encoders_whose_clock_was_set_back_end_the_estimate_with_the_reason():
-    with world(estimator()) as w:
-        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
-        w.spin(0.3, w.probe.send_joints)
-        w.spin(0.5, lambda: w.probe.send_joints(age=3600.0))
-        reported = len(w.probe.seen['estimate'])
-        w.spin(1.0, lambda: w.probe.send_joints(age=3600.0))
-        assert len(w.probe.seen['estimate']) == reported
-        assert 'joint states: 3600.0' in w.report('state_estimator').message

@@ -3,6 +3,8 @@
 
 """Messages of other publishers: contradicting values of one input, and messages without it."""
 
+import contextlib
+
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.core import Pose, Status
@@ -15,6 +17,14 @@ from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
 NAMES = list(ROBOT.roller_names)
 MOVING = (Status.OK, Status.ACCELERATING)
+
+
+@contextlib.contextmanager
+def moving():
+    """Yield a world in which manipulation moves the object."""
+    with world(manipulation()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        yield w
 
 
 def second_tracker(w, beside, ahead=0):
@@ -32,9 +42,8 @@ def second_tracker(w, beside, ahead=0):
 
 @pytest.mark.parametrize(('beside', 'ahead'), [(0.005, 1000), (0.05, 0)])
 def test_two_trackers_are_named_with_their_values_and_halt_the_robot(beside, ahead):
-    with world(manipulation()) as w:
+    with moving() as w:
         send = second_tracker(w, beside, ahead)
-        w.until_code(Status.OK, w.probe.send_all)
         w.until_code(Status.HALT_INVALID_OBJECT_POSE, lambda: (w.probe.send_all(), send()))
         words = w.probe.last('status').message
         assert words.count('publishers') == 1
@@ -63,17 +72,15 @@ def test_pose_of_another_tracker_is_never_used():
 
 
 def test_publisher_that_takes_over_is_accepted():
-    with world(manipulation()) as w:
+    with moving() as w:
         take_over = second_tracker(w, 0.0)
-        w.until_code(Status.OK, w.probe.send_all)
-        others = lambda: (w.probe.send_joints(), w.probe.send_twist(), take_over())  # noqa: E731
-        w.spin(1.0, others)
+        w.spin(1.0, lambda: (w.probe.send_joints(), w.probe.send_twist(), take_over()))
         codes = {message.code for _, message in w.probe.seen['status'][-100:]}
         assert codes <= {*MOVING}
 
 
 def test_two_publishers_of_the_same_rollers_halt_the_robot_and_are_named():
-    with world(manipulation()) as w:
+    with moving() as w:
         states = w.probe.create_publisher(JointState, 'joint_states', 1)
 
         def send():
@@ -81,7 +88,6 @@ def test_two_publishers_of_the_same_rollers_halt_the_robot_and_are_named():
             header = make_header(w.probe.past(0.0))
             states.publish(JointState(header=header, name=NAMES, position=[0.01] * N))
 
-        w.until_code(Status.OK, w.probe.send_all)
         status = w.until_code(Status.HALT_INVALID_JOINT_STATES, send)
         w.spin(0.2, send)
         assert f'joint_states of {NAMES[0]} has 2 publishers' in w.probe.last('status').message
@@ -101,17 +107,28 @@ def test_two_publishers_of_twists_are_reported_and_the_last_twist_is_executed():
 # Messages without a part of the input
 
 
+def send_gripper(w, *ages):
+    """Publish joint states of a gripper."""
+    for age in ages:
+        w.probe.send_joints(age, name=['gripper'], position=[0.0])
+
+
 def test_joint_states_of_a_gripper_are_not_judged():
+    with moving() as w:
+        w.spin(1.0, lambda: (w.probe.send_all(), send_gripper(w, -0.02, 3600.0, -3600.0)))
+        assert {message.code for _, message in w.probe.seen['status'][-60:]} <= {*MOVING}
+
+
+def test_joint_states_of_a_gripper_alone_are_named():
     with world(manipulation()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
 
         def send():
-            w.probe.send_all()
-            for age in (-0.02, 3600.0, -3600.0):
-                w.probe.send_joints(age, name=['gripper'], position=[0.0])
+            w.probe.send_pose()
+            w.probe.send_twist()
+            send_gripper(w, -0.02)
 
-        w.spin(1.0, send)
-        assert {message.code for _, message in w.probe.seen['status'][-60:]} <= {*MOVING}
+        status = w.until_code(Status.HALT_INVALID_JOINT_STATES, send)
+        assert "joint states of 'gripper': must name south/P" in status.message
 
 
 def test_markers_and_pressures_of_other_bodies_are_not_judged():
@@ -122,8 +139,8 @@ def test_markers_and_pressures_of_other_bodies_are_not_judged():
             w.probe.send_joints()
             w.probe.send_pose()
             w.probe.send_pressures([2e4] * 3)
+            send_gripper(w, -0.02, 3600.0)
             for age in (-0.02, 3600.0):
-                w.probe.send_joints(age, name=['gripper'], position=[0.0])
                 header = make_header(w.probe.past(age), 'compressor')
                 w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=8e5))
                 header = make_header(w.probe.past(age), 'truss')
@@ -134,15 +151,3 @@ def test_markers_and_pressures_of_other_bodies_are_not_judged():
         assert inputs.rollers.rejected is None
         assert inputs.pressures.value == (2e4,) * 3
         assert inputs.pressures.rejected is None
-
-
-def test_joint_states_of_a_gripper_alone_are_named():
-    with world(manipulation()) as w:
-
-        def send():
-            w.probe.send_pose()
-            w.probe.send_twist()
-            w.probe.send_joints(-0.02, name=['gripper'], position=[0.0])
-
-        status = w.until_code(Status.HALT_INVALID_JOINT_STATES, send)
-        assert "joint states of 'gripper': must name south/P" in status.message
