@@ -23,9 +23,9 @@ from weakref import WeakKeyDictionary
 
 from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import Twist
-from isotruss_ros.core import IsotrussError
+from isotruss_ros.core import IsotrussError, Status
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from probe import Manager, Probe, Watched
+from probe import Manager, manipulation, Probe, Watched
 import pytest
 import rclpy
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -389,6 +389,14 @@ def world(
                 if hasattr(node, '_state_machine'):
                     # Or rclpy keeps the lifecycle services until the garbage is collected.
                     node._state_machine.destroy_when_not_in_use()
+
+
+@contextlib.contextmanager
+def moving_world(**values: object) -> Iterator[World]:
+    """Make manipulation with parameters, and let it move the object."""
+    with world(manipulation(**values)) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        yield w
 
 
 def check_refused(make_node: Callable[[], ManagedNode], words: str) -> None:

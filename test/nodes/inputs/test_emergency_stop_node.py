@@ -3,10 +3,8 @@
 
 """The emergency stop: reception, execution, persistence and release."""
 
-import contextlib
-
 from isotruss_ros.core import Status
-from manual_world import Manager, world
+from manual_world import Manager, moving_world, world
 from matches import follow
 import numpy as np
 import probe
@@ -21,14 +19,6 @@ from std_srvs.srv import Trigger
 def press(w, pressed=True):
     """Publish the state of the stop button."""
     w.probe.stops.publish(Bool(data=pressed))
-
-
-@contextlib.contextmanager
-def moving(**values):
-    """Yield a world in which manipulation moves the object."""
-    with world(node(**values)) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-        yield w
 
 
 def until_stopped(w):
@@ -46,7 +36,7 @@ def assert_stays_stopped(w, cycles=20):
 
 
 def test_stops_within_a_cycle_and_stays_stopped():
-    with moving(rate=10.0) as w:
+    with moving_world(rate=10.0) as w:
         # Right after a command: it is a long way to the next cycle.
         w.probe.seen['command'].clear()
         w.until(lambda: bool(w.probe.seen['command']), w.probe.send_all)
@@ -63,7 +53,7 @@ def test_stops_within_a_cycle_and_stays_stopped():
 
 
 def test_is_released_by_the_service_unless_the_last_message_is_true():
-    with moving(command_timeout=1.0) as w:
+    with moving_world(command_timeout=1.0) as w:
         press(w)
         until_stopped(w)
         refused = w.release_stop()
@@ -100,7 +90,7 @@ def test_a_late_joiner_receives_a_latched_stop():
 
 
 def test_the_service_stops_and_responds_with_the_reason():
-    with moving() as w:
+    with moving_world() as w:
         w.probe.seen['command'].clear()
         response = w.call('emergency_stop', Trigger.Request())
         assert response.success
@@ -114,13 +104,13 @@ def test_the_service_stops_and_responds_with_the_reason():
 
 @pytest.mark.parametrize('events', [[(1, 0), (0, 1)], [(1, 1)]], ids=['in two', 'in one'])
 def test_a_publisher_that_left_before_its_message_counts_as_a_stop(events):
-    with moving() as w:
+    with moving_world() as w:
         follow(w.nodes[1], 'emergency_stop', *events)
         assert 'left before a message was received' in until_stopped(w)
 
 
 def test_a_message_that_the_middleware_lost_counts_as_a_stop():
-    with moving() as w:
+    with moving_world() as w:
         lost, *_ = (
             handler
             for subscription in w.nodes[1].subscriptions
@@ -135,7 +125,7 @@ def test_a_message_that_the_middleware_lost_counts_as_a_stop():
 @pytest.mark.parametrize('message_first', [True, False])
 def test_a_publisher_that_left_after_its_message_is_no_stop(message_first):
     """The executor may call back with the message before the match."""
-    with moving() as w:
+    with moving_world() as w:
         press(w, False)
         for is_message in (message_first, not message_first):
             if is_message:
@@ -153,7 +143,7 @@ def test_moves_nothing_before_the_first_message_if_it_is_required():
         assert_stays_stopped(w)
         press(w, False)
         w.until_code(Status.OK, w.probe.send_all)
-    with moving() as w:
+    with moving_world() as w:
         w.change(require_emergency_stop=True)
         until_stopped(w)
 
@@ -173,7 +163,7 @@ def test_a_stop_persists_from_every_state_of_the_node(state):
 
 
 def test_the_service_fails_if_a_drive_has_not_received_zero(monkeypatch):
-    with moving() as w:
+    with moving_world() as w:
         monkeypatch.setattr(Publisher, 'wait_for_all_acked', lambda *_: False)
         response = w.call('emergency_stop', Trigger.Request())
         assert not response.success

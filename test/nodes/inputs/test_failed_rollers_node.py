@@ -8,7 +8,7 @@ from isotruss_ros.core import ConvexObject, Grip, reachable_twists, Status
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
-from manual_world import DOWN, Manager, UP, world
+from manual_world import DOWN, Manager, moving_world, UP, world
 import numpy as np
 from probe import CENTER, DIAMETER, failed, LATCHED, maker, MODULE, overrides, ROBOT
 import pytest
@@ -88,8 +88,7 @@ def test_the_topic_names_failed_rollers_to_late_joiners_too():
     'names', [[FIRST, 'nobody'], ['x' * 10**5], [*map(str, range(10**4)), 'ü']]
 )
 def test_halts_on_unknown_names_of_failed_rollers(names):
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving_world() as w:
         publisher = publish(w, *names)
         status = w.until_code(Status.HALT_INVALID_FAILED_ROLLERS, w.probe.send_all)
         assert 'no such roller' in status.message
@@ -171,8 +170,7 @@ def test_detected_rollers_persist_when_configured_again(is_asked):
 
 def test_encoders_that_stand_still_stop_the_rollers():
     """Fresh stamps, constant positions: no timeout detects that, but rollers that do not move."""
-    with world(node(failure_time=0.3)) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving_world(failure_time=0.3) as w:
         until_detected(w)
         commands = w.probe.seen['command']
         w.until(lambda: not np.any([m.data for _, m in commands[-20:]]), w.probe.send_all)

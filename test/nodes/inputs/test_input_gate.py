@@ -15,7 +15,7 @@ from isotruss_ros.nodes.framework import robot_frame
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
-from manual_world import world
+from manual_world import moving_world, world
 import numpy as np
 import probe
 from probe import maker, manipulation, N, ROBOT
@@ -31,14 +31,6 @@ def codes(w, begin=Status.OK):
     """Return all statuses since the first one of a code."""
     reported = [message.code for _, message in w.probe.seen['status']]
     return set(reported[reported.index(begin) :])  # noqa: E203
-
-
-@contextlib.contextmanager
-def moving():
-    """Yield a world in which manipulation moves the object."""
-    with world(manipulation()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-        yield w
 
 
 @contextlib.contextmanager
@@ -100,7 +92,7 @@ def test_all_messages_of_a_burst_are_merged():
 
 
 def test_a_broadcaster_that_falls_silent_stops_the_rollers_and_its_rollers_are_named():
-    with moving() as w:
+    with moving_world() as w:
 
         def half():
             others(w)
@@ -115,7 +107,7 @@ def test_a_broadcaster_that_falls_silent_stops_the_rollers_and_its_rollers_are_n
 
 @pytest.mark.parametrize('age', [1.0, 3600.0])
 def test_stale_joint_states_among_fresh_ones_do_not_stop_the_rollers(age):
-    with moving() as w:
+    with moving_world() as w:
         w.spin(1.0, lambda: (w.probe.send_all(), w.probe.send_joints(age=age)))
         assert codes(w) <= {*MOVING}
 
@@ -136,7 +128,7 @@ def test_pressures_from_before_a_clock_jump_are_not_used(by):
 
 
 def test_a_joint_state_with_a_future_stamp_ages_from_its_reception():
-    with moving() as w:
+    with moving_world() as w:
         w.probe.send_joints(age=-0.99 * CLOCK_SKEW)
         w.deliver()
         sent = w.now
@@ -146,7 +138,7 @@ def test_a_joint_state_with_a_future_stamp_ages_from_its_reception():
 
 @pytest.mark.parametrize('ahead', [0.05, 2.0, 3600.0])
 def test_a_stamp_from_the_future_costs_one_cycle(ahead):
-    with moving() as w:
+    with moving_world() as w:
         w.probe.send_joints(age=-ahead)
         w.until_code(Status.HALT_INVALID_JOINT_STATES, lambda: None)
         sent = w.now
@@ -262,7 +254,7 @@ def test_a_pose_waits_no_longer_than_the_timeout(moving_frame):
 
 
 def test_rejected_poses_do_not_erase_good_ones():
-    with moving() as w:
+    with moving_world() as w:
         w.spin(1.0, lambda: (w.probe.send_all(), send_in_camera(w, 'elsewhere')))
         reported = {message.code for _, message in w.probe.seen['status'][-50:]}
         assert reported <= {Status.OK, Status.IDLE}

@@ -3,28 +3,18 @@
 
 """Messages of other publishers: contradicting values of one input, and messages without it."""
 
-import contextlib
-
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
-from manual_world import world
+from manual_world import moving_world, world
 from probe import CENTER, maker, manipulation, N, ROBOT
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
 NAMES = list(ROBOT.roller_names)
 MOVING = (Status.OK, Status.ACCELERATING)
-
-
-@contextlib.contextmanager
-def moving():
-    """Yield a world in which manipulation moves the object."""
-    with world(manipulation()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-        yield w
 
 
 def second_tracker(w, beside, ahead=0):
@@ -42,7 +32,7 @@ def second_tracker(w, beside, ahead=0):
 
 @pytest.mark.parametrize(('beside', 'ahead'), [(0.005, 1000), (0.05, 0)])
 def test_two_trackers_are_named_with_their_values_and_halt_the_robot(beside, ahead):
-    with moving() as w:
+    with moving_world() as w:
         send = second_tracker(w, beside, ahead)
         w.until_code(Status.HALT_INVALID_OBJECT_POSE, lambda: (w.probe.send_all(), send()))
         words = w.probe.last('status').message
@@ -72,7 +62,7 @@ def test_pose_of_another_tracker_is_never_used():
 
 
 def test_publisher_that_takes_over_is_accepted():
-    with moving() as w:
+    with moving_world() as w:
         take_over = second_tracker(w, 0.0)
         w.spin(1.0, lambda: (w.probe.send_joints(), w.probe.send_twist(), take_over()))
         codes = {message.code for _, message in w.probe.seen['status'][-100:]}
@@ -80,7 +70,7 @@ def test_publisher_that_takes_over_is_accepted():
 
 
 def test_two_publishers_of_the_same_rollers_halt_the_robot_and_are_named():
-    with moving() as w:
+    with moving_world() as w:
         states = w.probe.create_publisher(JointState, 'joint_states', 1)
 
         def send():
@@ -114,7 +104,7 @@ def send_gripper(w, *ages):
 
 
 def test_joint_states_of_a_gripper_are_not_judged():
-    with moving() as w:
+    with moving_world() as w:
         w.spin(1.0, lambda: (w.probe.send_all(), send_gripper(w, -0.02, 3600.0, -3600.0)))
         assert {message.code for _, message in w.probe.seen['status'][-60:]} <= {*MOVING}
 

@@ -7,7 +7,6 @@ Faults between the simulated robot and the loop, in mid-motion.
 Either the object moves as commanded all the same, or the rollers stand still within the time-out.
 """
 
-from collections import deque
 import copy
 
 from geometry_msgs.msg import PoseStamped
@@ -35,19 +34,22 @@ class Relay:
     Hands on what the simulator publishes, distorted once it is told to.
 
     :param topic: the one that is distorted; the other goes on as it is.
-    :param distort: turns a message into those that are sent in its place.
+    :param distort: returns what is sent in place of the last one of those received since then.
     """
 
     def __init__(self, w, topic, distort):
-        self.distorting = False
+        self.distorting, self._received = False, []
         self.true = {name: [] for name in TOPICS}
         for name, kind in TOPICS.items():
             send = w.probe.create_publisher(kind, name, QoSProfile(depth=50)).publish
 
             def hand_on(message, name=name, send=send):
                 self.true[name].append(message)
-                distorted = self.distorting and name == topic
-                for changed in distort(copy.deepcopy(message)) if distorted else [message]:
+                sent = [message]
+                if self.distorting and name == topic:
+                    self._received.append(copy.deepcopy(message))
+                    sent = distort(self._received)
+                for changed in sent:
                     send(changed)
 
             w.probe.create_subscription(kind, f'true/{name}', hand_on, 50)
@@ -62,9 +64,9 @@ class Relay:
         return max(map(abs, self.true['joint_states'][-1].velocity))
 
 
-def relayed(timeout):
+def relayed():
     """Return a context manager of a moving robot whose states can be distorted."""
-    settings = overrides(command_timeout=timeout)
+    settings = overrides(command_timeout=TIMEOUT)
     return world(lambda: Simulator(settings), lambda: Manipulation(settings), remaps=REMAPS)
 
 
@@ -73,67 +75,25 @@ def send(w):
     return lambda: w.probe.send_twist(TWIST)
 
 
-def frozen():
-    """Repeat the first message, stamp and all."""
-    kept = []
-
-    def distort(message):
-        kept.append(message)
-        return [kept[0]]
-
-    return distort
-
-
-def delayed(count):
-    """Hold messages back until so many more have come (5 ms each)."""
-    waiting = deque()
-
-    def distort(message):
-        waiting.append(message)
-        return [waiting.popleft()] if len(waiting) > count else []
-
-    return distort
-
-
-def swapped():
+def swap(received):
     """Let every second message overtake the one before."""
-    waiting = []
-
-    def distort(message):
-        waiting.append(message)
-        if len(waiting) < 2:
-            return []
-        pair = waiting[::-1]
-        waiting.clear()
-        return pair
-
-    return distort
+    return received[:-3:-1] if len(received) % 2 == 0 else []
 
 
-def repeated_late():
-    """Repeat each message after four newer ones."""
-    recent = deque(maxlen=5)
-
-    def distort(message):
-        recent.append(message)
-        return [message, recent[0]]
-
-    return distort
-
-
+#: Topic, and the messages that are sent in place of the last one of those received since.
 HARMLESS = {
-    'sent twice': ('joint_states', lambda m: [m, m]),
-    'out of order': ('joint_states', swapped()),
-    'repeated late': ('joint_states', repeated_late()),
-    'pose delayed a little': ('object_pose', delayed(3)),
-    'pose repeated late': ('object_pose', repeated_late()),
+    'sent twice': ('joint_states', lambda received: 2 * received[-1:]),
+    'out of order': ('joint_states', swap),
+    'repeated late': ('joint_states', lambda received: [received[-1], received[-5:][0]]),
+    'pose delayed a little': ('object_pose', lambda received: received[-4:-3]),
+    'pose repeated late': ('object_pose', lambda received: [received[-1], received[-5:][0]]),
 }
 
 
 @pytest.mark.parametrize('name', HARMLESS)
 def test_moves_as_commanded_in_spite_of_harmless_faults(name):
     topic, distort = HARMLESS[name]
-    with relayed(TIMEOUT) as w:
+    with relayed() as w:
         relay = Relay(w, topic, distort)
         w.until_code(Status.OK, send(w))
         relay.distorting = True
@@ -146,29 +106,36 @@ def test_moves_as_commanded_in_spite_of_harmless_faults(name):
         assert places[-1] - places[0] == pytest.approx(np.array(TWIST) * elapsed, abs=1e-3)
 
 
-HARMFUL = {
-    'frozen': ('joint_states', frozen, Status.HALT_STALE_JOINT_STATES),
-    'delayed a lot': ('joint_states', lambda: delayed(100), Status.HALT_STALE_JOINT_STATES),
-    'pose delayed a lot': ('object_pose', lambda: delayed(100), Status.HALT_STALE_OBJECT_POSE),
-    'pose teleported': ('object_pose', lambda: moved(1.0), Status.HALT_NO_GRASP),
-}
-
-
 def moved(by):
     """Put the object elsewhere."""
 
-    def distort(message):
-        message.pose.position.x += by
-        return [message]
+    def distort(received):
+        received[-1].pose.position.x += by
+        return received[-1:]
 
     return distort
 
 
+HARMFUL = {
+    'frozen': ('joint_states', lambda received: received[:1], Status.HALT_STALE_JOINT_STATES),
+    'delayed a lot': (
+        'joint_states',
+        lambda received: received[-101:-100],
+        Status.HALT_STALE_JOINT_STATES,
+    ),
+    'pose delayed a lot': (
+        'object_pose',
+        lambda received: received[-101:-100],
+        Status.HALT_STALE_OBJECT_POSE,
+    ),
+    'pose teleported': ('object_pose', moved(1.0), Status.HALT_NO_GRASP),
+}
+
+
 @pytest.mark.parametrize('name', HARMFUL)
 def test_stops_within_the_timeout_and_resumes(name):
-    topic, make_distort, code = HARMFUL[name]
-    distort = make_distort()
-    with relayed(TIMEOUT) as w:
+    topic, distort, code = HARMFUL[name]
+    with relayed() as w:
         relay = Relay(w, topic, distort)
         w.until_code(Status.OK, send(w))
         w.until(lambda: relay.speed() > 0.0, send(w))
@@ -186,9 +153,8 @@ def test_stops_within_the_timeout_and_resumes(name):
 
 
 def test_an_object_that_jumps_in_the_grasp_is_moved_from_its_new_pose():
-    distort = moved(-0.02)
-    with relayed(TIMEOUT) as w:
-        relay = Relay(w, 'object_pose', distort)
+    with relayed() as w:
+        relay = Relay(w, 'object_pose', moved(-0.02))
         w.until_code(Status.OK, send(w))
         relay.distorting = True
         count = len(w.probe.seen['status'])
