@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
 from action_msgs.msg import GoalStatus
-from isotruss_ros.core.planning.grasp_plan import Progress
-from isotruss_ros.core.planning.plan_grasps import plan_grasps
-from isotruss_ros.nodes.grasp.searcher import Searcher
+from isotruss_ros import workers
 from isotruss_ros.nodes.pick_and_place import action_steps
 from manual_world import Goal, World
 import pytest
@@ -53,7 +53,7 @@ class ManualActionClient:
     def send_goal_async(self, request: Any, note: Callable[[Any], None], goal_id: Any) -> Future:
         """Send a goal; its feedback goes to a function."""
         goal = self._world.begin_goal(
-            request, list(goal_id.uuid), lambda made: note(SimpleNamespace(feedback=made))
+            request, list(goal_id.uuid), lambda part: note(SimpleNamespace(feedback=part))
         )
         if goal.accepted:
             self._goals[bytes(goal_id.uuid)] = goal
@@ -109,14 +109,12 @@ def connect(w: World, patch: pytest.MonkeyPatch) -> None:
         names = (service.service_name for node in w.nodes for service in node.services)
         return f'/{client.srv_name}' in names
 
-    def search(searcher: Searcher, *arguments: Any) -> None:
-        searcher._search, searcher._progress = Future(), Progress(0, 0, None, 0.0, None)
-        searcher._search.set_result(plan_grasps(*arguments[:4], uncertainty=arguments[5]))
-
     patch.setattr(action_steps, 'ActionClient', lambda _, kind, __: ManualActionClient(w, kind))
     patch.setattr(Client, 'call_async', call)
     patch.setattr(Client, 'service_is_ready', is_ready)
-    patch.setattr(Searcher, 'begin', search)
+    # A search computes at once: no thread and no process, whose time is not the test's.
+    patch.setattr(Thread, 'start', Thread.run)
+    patch.setattr(workers, 'ProcessPoolExecutor', lambda *_, **__: ThreadPoolExecutor(1))
 
 
 def _finished(value: Any) -> Future:

@@ -33,6 +33,7 @@ from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from rclpy.time import Time
@@ -98,6 +99,7 @@ class Probe(Node):
         self.stops = self.create_publisher(Bool, 'emergency_stop', LATCHED)
         self.clock = self.create_publisher(Clock, '/clock', 1)
         self._noise = 1e-12  # a tracker never measures the same pose to the last bit [m]
+        self._states: Publisher | None = None  # made by the first state
         self.seen: dict[str, list] = {}
         for kind, key, topic in (
             (Float64MultiArray, 'command', 'roller_velocity_controller/commands'),
@@ -148,9 +150,21 @@ class Probe(Node):
     ) -> None:
         """Publish the object's pose with a noise of 1 pm, in the grip unless told otherwise."""
         self._noise = -self._noise
-        message = PoseStamped(pose=to_pose_message(Pose(center[0], center[1] + self._noise, 0.3)))
+        self.send_object((center[0], center[1] + self._noise, 0.3), age, frame)
+
+    def send_object(self, pose: Sequence[float], age: float = 0.0, frame: str = 'truss') -> None:
+        """Publish a pose (x, y, angle) of the object [m, rad]."""
+        message = PoseStamped(pose=to_pose_message(Pose(*map(float, pose))))
         message.header = make_header(self.past(age), frame)
         self.object_poses.publish(message)
+
+    def send_held(self, held: int, members: Sequence[str] = (), message: str = '') -> None:
+        """Publish whether the analysis has the object held, and by which members."""
+        if self._states is None:
+            self._states = self.create_publisher(GraspState, 'grasp/state', 1)
+        state = GraspState(held=held, grasping_members=list(members), message=message)
+        state.header = make_header(self.past(0.0), 'truss')
+        self._states.publish(state)
 
     def send_pressures(self, pressures: Sequence[float]) -> None:
         """Publish the pressures of the tubes."""

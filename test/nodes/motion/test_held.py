@@ -21,18 +21,13 @@ from isotruss_ros.nodes.simulator.node import Simulator
 from manual_actions import MotionClient
 from manual_world import world
 from nav_msgs.msg import Path
-import numpy as np
 from probe import CENTER, maker, overrides
 import pytest
 
 NO, YES, UNKNOWN = GraspState.HELD_NO, GraspState.HELD_YES, GraspState.HELD_UNKNOWN
 TIMEOUT, STEP = 0.5, 0.125
 SILENT = None
-
-
-def planar(message):
-    """Return the pose (x, y, angle) in a message."""
-    return np.array(read_pose('pose', message))
+NOT_HELD, STOPPED = MoveObject.Result.NOT_HELD, MoveObject.Result.STOPPED
 
 
 class Mover:
@@ -40,26 +35,24 @@ class Mover:
 
     def __init__(self, w):
         self.w = w
-        self._states = w.probe.create_publisher(GraspState, 'grasp/state', 1)
         self._statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
-        self.tell(YES, SILENT, 0.1)
+        self.report(YES, SILENT, 0.1)
         path = Path(poses=[PoseStamped(pose=to_pose_message(Pose(*CENTER, 0.0)))])
         self._goal = w.send_goal(MoveObject.Goal(path=path))
-        self.tell(YES, SILENT, 0.1)
+        self.report(YES, SILENT, 0.1)
         assert not self._goal.ended
 
-    def tell(self, analysis, loop, duration):
+    def report(self, analysis, loop, duration):
         """Publish for some time what the analysis and the control loop report."""
 
         def send():
             self.w.probe.send_joints()
             self.w.probe.send_pose()
-            header = make_header(self.w.probe.past(0.0), 'truss')
             if analysis is not SILENT:
                 words = 'joint states: stamped 0.1 s in the future'
-                state = GraspState(header=header, held=analysis, message=words)
-                self._states.publish(state)
+                self.w.probe.send_held(analysis, message=words)
             if loop is not SILENT:
+                header = make_header(self.w.probe.past(0.0), 'truss')
                 self._statuses.publish(
                     ManipulationStatus(header=header, held=loop, message='lost')
                 )
@@ -80,34 +73,35 @@ def mover(monkeypatch):
         yield Mover(w)
 
 
-def test_motion_continues_through_an_analysis_without_result(mover):
-    mover.tell(UNKNOWN, SILENT, 0.8 * TIMEOUT)
-    mover.tell(YES, SILENT, 0.1)
-    mover.tell(UNKNOWN, SILENT, 0.8 * TIMEOUT)
+@pytest.mark.parametrize(
+    'reports',
+    [
+        [(UNKNOWN, SILENT, 0.8), (YES, SILENT, 0.2), (UNKNOWN, SILENT, 0.8)],
+        [(SILENT, YES, 4.0)],
+    ],
+    ids=['analysis without result', 'late analysis while the loop holds the object'],
+)
+def test_motion_continues_while_no_hold_is_unknown_for_the_timeout(mover, reports):
+    for analysis, loop, timeouts in reports:
+        mover.report(analysis, loop, timeouts * TIMEOUT)
     assert mover.result is None
 
 
-def test_motion_ends_if_the_hold_is_unknown_for_the_timeout(mover):
-    mover.tell(UNKNOWN, SILENT, 1.1 * TIMEOUT)
-    assert mover.result.code == MoveObject.Result.STOPPED
-    assert mover.result.held == UNKNOWN
-    assert 'unknown whether the object is held: joint states' in mover.result.message
-
-
-def test_motion_ends_at_once_if_the_analysis_reports_a_loss(mover):
-    mover.tell(NO, SILENT, 0.05)
-    assert (mover.result.code, mover.result.held) == (MoveObject.Result.NOT_HELD, NO)
-
-
-def test_motion_continues_with_a_late_analysis_while_the_loop_holds_the_object(mover):
-    mover.tell(SILENT, YES, 4.0 * TIMEOUT)
-    assert mover.result is None
-
-
-def test_motion_ends_at_once_if_the_loop_reports_a_loss(mover):
-    mover.tell(YES, NO, 0.05)
-    assert (mover.result.code, mover.result.held) == (MoveObject.Result.NOT_HELD, NO)
-    assert 'lost' in mover.result.message
+@pytest.mark.parametrize(
+    ('analysis', 'loop', 'timeouts', 'code', 'words'),
+    [
+        (NO, SILENT, 0.1, NOT_HELD, ''),
+        (YES, NO, 0.1, NOT_HELD, 'lost'),
+        (UNKNOWN, SILENT, 1.1, STOPPED, 'unknown whether the object is held: joint states'),
+    ],
+    ids=['loss by the analysis', 'loss by the loop', 'unknown'],
+)
+def test_motion_ends_at_once_after_a_loss_and_after_the_timeout_of_an_unknown_hold(
+    mover, analysis, loop, timeouts, code, words
+):
+    mover.report(analysis, loop, timeouts * TIMEOUT)
+    assert (mover.result.code, mover.result.held) == (code, NO if code == NOT_HELD else UNKNOWN)
+    assert words in mover.result.message
 
 
 def test_analysis_of_joint_states_from_the_future_is_no_loss():
@@ -117,7 +111,7 @@ def test_analysis_of_joint_states_from_the_future_is_no_loss():
             w.probe.send_joints(age=-0.3)
             w.probe.send_pose()
 
-        w.until(lambda: w.probe.last('state') is not None and w.probe.last('state').code, send)
+        w.until(lambda: bool(w.code('state')), send)
         assert w.probe.last('state').held == UNKNOWN
 
 
@@ -152,7 +146,7 @@ def status_of(twist=(0.0, 0.0, 0.0), **values):
     ) as w:
         w.spin(1.0, lambda: w.probe.send_twist(twist))
         assert w.code() < ManipulationStatus.HALT_NO_TWIST
-        return w.probe.last('status'), w.probe.last('pose').pose
+        return w.probe.last('status'), w.place()
 
 
 def test_status_of_a_held_object_has_squeeze_deviation_and_desired_pose():
@@ -160,7 +154,8 @@ def test_status_of_a_held_object_has_squeeze_deviation_and_desired_pose():
     assert status.held == YES
     assert 0.0 < status.squeeze_deviation < status.squeeze
     assert not status.squeeze_assumed
-    assert np.hypot(*(planar(status.desired_pose) - planar(measured))[:2]) < 2e-3
+    desired = read_pose('desired pose', status.desired_pose)
+    assert desired[:2] == pytest.approx(measured[:2], abs=2e-3)
 
 
 def test_loop_without_squeeze_control_knows_neither_hold_nor_desired_pose():

@@ -7,9 +7,8 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from held_grips import APART, box_between, BOX_FILE
 from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_msgs.msg import StateEstimate
-from isotruss_ros.core import Pose, Status
+from isotruss_ros.core import Status
 from isotruss_ros.core.inputs import find_fresh
-from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
@@ -18,7 +17,6 @@ from manual_world import world
 import numpy as np
 from probe import maker, overrides, ROBOT
 import pytest
-from sensor_msgs.msg import FluidPressure
 from std_srvs.srv import Trigger
 from trajectories import AWAY, trajectory
 
@@ -32,16 +30,13 @@ holding = maker(
 )
 
 
-def send(w, twist=TWIST, moved=(0.0, 0.0, 0.0)):
+def send(w, moved=(0.0, 0.0, 0.0)):
     """Return a call that publishes the box in its grip, and a twist."""
 
     def publish():
-        pose = Pose(*(np.array(box_between().body.pose) + moved))
-        message = PoseStamped(pose=to_pose_message(pose))
-        message.header = make_header(w.probe.past(0.0), 'truss')
         w.probe.send_joints()
-        w.probe.object_poses.publish(message)
-        w.probe.send_twist(twist)
+        w.probe.send_object(np.array(box_between().body.pose) + moved)
+        w.probe.send_twist(TWIST)
 
     return publish
 
@@ -57,8 +52,7 @@ def test_moves_the_box_and_halts_where_the_grip_is_another():
         w.until_code(Status.HALT_NO_GRASP, send(w, moved=(0.0, 0.5, 0.0)))
         w.until_code(Status.OK, send(w))
         # Which members hold it can be changed while the node runs.
-        (done,) = manipulation.set_parameters(overrides(grip=['south/P-Q', 'east/R-Y']))
-        assert done.successful
+        w.change(grip=['south/P-Q', 'east/R-Y'])
         status = w.until_code(Status.HALT_NO_GRASP, send(w))
         assert 'does not touch' in status.message
         (refused,) = manipulation.set_parameters(overrides(grip=['south/P-Q']))
@@ -120,17 +114,17 @@ def test_subscribers_drop_a_grip_that_has_ended():
 def test_a_slipped_object_halts_until_a_client_resumes_the_grip_or_moves_the_rollers(by):
     remaps = {('simulator', '/object_pose'): '/true/object_pose'}
     with world(plant, squeezing(), remaps=remaps) as w:
-        offsets = [0.0]  # error of the tracker, which looks like a slip [m]
+        errors = [0.0]  # of the tracker, which look like a slip [m]
 
         def relay(message):
-            message.pose.position.y += offsets[-1]
+            message.pose.position.y += errors[-1]
             w.probe.object_poses.publish(message)
 
         w.probe.create_subscription(PoseStamped, 'true/object_pose', relay, 10)
         w.until_code(Status.OK, still(w))
-        offsets.append(0.01)
+        errors.append(0.01)
         status = w.until_code(Status.HALT_SLIPPED, still(w))
-        offsets.append(0.0)
+        errors.append(0.0)
         assert 'next step: ' in status.message
         assert 'resume_grip' in status.message
         w.spin(0.5, still(w))
@@ -160,26 +154,6 @@ def test_analysis_and_estimator_agree_with_the_loop_about_the_held_object():
     assert np.mean(state.squeeze) == pytest.approx(status.squeeze, rel=0.02)
     assert estimate.squeeze == pytest.approx(status.squeeze, rel=0.02)
     assert estimate.squeeze_deviation == pytest.approx(status.squeeze_deviation, rel=0.05)
-
-
-def test_pressures_from_before_a_clock_jump_are_not_used():
-    """One new message of a tube does not make old ones of other tubes valid."""
-    with world(plant, squeezing()) as w:
-        tubes = list(ROBOT.description.pressures)
-
-        def send(count):
-            still(w)()
-            for tube in tubes[:count]:
-                header = make_header(w.probe.past(0.0), tube)
-                w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=30e3))
-
-        w.until_code(Status.OK, lambda: send(3))
-        w.shift = -100.0
-        status = w.until_code(Status.HALT_INVALID_TUBE_PRESSURES, still(w))
-        assert 'none since the clock jumped' in status.message
-        w.spin(0.2, lambda: send(1))
-        assert w.code() == Status.HALT_INVALID_TUBE_PRESSURES
-        w.until_code(Status.OK, lambda: send(3))
 
 
 def test_pressures_that_are_old_or_invalid_halt_until_valid_ones_arrive():

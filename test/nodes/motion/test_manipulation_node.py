@@ -18,9 +18,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
@@ -28,13 +26,15 @@ from isotruss_ros.nodes.conversions.messages import read_stamp, read_twist
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.manipulation.servo_settings import make_settings, SPECS, StatusReport
 from isotruss_ros.nodes.simulator.node import Simulator
-from manual_world import check_refused, Manager, world
+from manual_world import check_refused, Manager, moving_world, world
 import numpy as np
 from probe import DIAMETER, MODULE, N, overrides, ROBOT, UP
 from probe import manipulation as node
 import pytest
-from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
+from walls import Wall
+
+UNIT = np.eye(N)
 
 
 def test_moves_the_object_as_commanded():
@@ -52,8 +52,7 @@ def test_moves_the_object_as_commanded():
 
 
 def test_a_slow_loop_is_stated_first_in_the_status():
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving_world() as w:
         w.busy = lambda: 0.03
         w.spin(2.5, w.probe.send_all)
         slow = r'the loop reaches [23]\d(\.\d)? of 100 Hz'
@@ -70,13 +69,13 @@ def test_a_slow_loop_is_stated_first_in_the_status():
 @pytest.mark.parametrize('module', ['south/X', 'east/Y', 'north/R', 'north/P'])
 def test_halts_where_another_module_than_the_grip_holds_the_object(module):
     """The object is between the members of each of these modules, but only one of them is near."""
-    held = tangent_center(ROBOT.home, module, DIAMETER)
+    center = tangent_center(ROBOT.home, module, DIAMETER)
     with world(node()) as w:
 
         def send():
             w.probe.send_joints()
             w.probe.send_twist()
-            w.probe.send_pose(center=held)
+            w.probe.send_pose(center=center)
 
         status = w.until_code(Status.HALT_NO_GRASP, send)
         assert re.match('member north/(P-Z|Z-R) does not touch the object', status.message)
@@ -87,7 +86,7 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
 
 
 def test_every_parameter_of_the_servo_reaches_it():
-    given = {
+    values = {
         'friction': 0.7,
         'pressure_timeout': 9.0,
         'squeeze_force': 30.0,
@@ -107,10 +106,10 @@ def test_every_parameter_of_the_servo_reaches_it():
         'slide_along_limits': True,
         'failure_time': 3.0,
     }
-    assert given.keys() | {'failed_rollers'} == {spec.name for spec in SPECS}
+    assert values.keys() | {'failed_rollers'} == {spec.name for spec in SPECS}
 
     def settings(**others):
-        return make_settings(ROBOT, SimpleNamespace(**given | others), None, 'Z')
+        return make_settings(ROBOT, SimpleNamespace(**values | others), None, 'Z')
 
     body = ConvexObject(Disc(0.21), mass=1.5, friction=0.7)
     assert settings() == ServoSettings(
@@ -154,11 +153,10 @@ def test_status_message_contains_all_fields_of_a_decision(squeeze):
 def test_whole_numbers_are_taken_for_real_parameters():
     """As `-p rate:=100` and `ros2 param set` give them."""
     with world(node(rate=100)) as w:
-        manipulation = w.nodes[1]
-        assert manipulation.get_parameter('rate').value == 100.0
-        assert manipulation.set_parameters([Parameter('rate', value=50)])[0].successful
-        assert manipulation.get_parameter('rate').value == 50.0
-        result = manipulation.set_parameters([Parameter('rate', value=0)])[0]
+        assert w.nodes[1].get_parameter('rate').value == 100.0
+        w.change(rate=50)
+        assert w.nodes[1].get_parameter('rate').value == 50.0
+        (result,) = w.nodes[1].set_parameters(overrides(rate=0))
         assert not result.successful
         assert 'range' in result.reason
 
@@ -179,27 +177,23 @@ def test_a_user_robot_file_and_its_frame_are_used(tmp_path):
         assert status.header.frame_id == w.probe.last('pose').header.frame_id == 'lab'
 
 
-VELOCITY = (0.01, -0.02)
-
-
-def send(w):
-    """Send joint states and a twist, and no pose of an object."""
-    w.probe.send_joints()
-    w.probe.send_twist((*VELOCITY, 0.0))
-
-
 def test_cmd_vel_moves_the_joint_without_an_object_pose():
+    velocity = (0.01, -0.02)
     with world(node(mode='joint', joint='Z')) as w:
-        status = w.until_code(Status.OK, lambda: send(w))
-        expected = solve_joint_velocity(ROBOT.home, {'Z': VELOCITY}).roller_velocities
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_twist((*velocity, 0.0))
+
+        status = w.until_code(Status.OK, send)
+        expected = solve_joint_velocity(ROBOT.home, {'Z': velocity}).roller_velocities
         assert w.command() == pytest.approx(expected, abs=1e-12)
-        assert (status.achieved.linear.x, status.achieved.linear.y) == pytest.approx(VELOCITY)
+        assert (status.achieved.linear.x, status.achieved.linear.y) == pytest.approx(velocity)
         assert status.reachable_dof == 2
 
 
 def test_the_service_switches_and_halts_first():
-    with world(node(joint='Z')) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving_world(joint='Z') as w:
         assert w.command().any()
         for wanted, name in ((True, 'joint'), (False, 'object')):
             response = w.call('set_joint_mode', SetBool.Request(data=wanted))
@@ -211,56 +205,41 @@ def test_the_service_switches_and_halts_first():
             w.until_code(Status.OK, w.probe.send_all)
 
 
-def test_the_mode_needs_a_joint_that_exists():
-    check_refused(node(mode='joint'), 'P, Q, R, X, Y, Z')
-    check_refused(node(mode='joints'), 'must be one of')
-    check_refused(node(joint='S'), 'no such joint')
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'mode': 'joint'}, 'P, Q, R, X, Y, Z'),
+        ({'mode': 'joints'}, 'must be one of'),
+        ({'joint': 'S'}, 'no such joint'),
+    ],
+)
+def test_the_mode_needs_a_joint_that_exists(values, words):
+    check_refused(node(**values), words)
+
+
+def test_the_service_refuses_the_joint_mode_without_a_joint():
     with world(node()) as w:
         response = w.call('set_joint_mode', SetBool.Request(data=True))
         assert not response.success
         assert 'no such joint' in response.message
-        (result,) = w.nodes[1].set_parameters([Parameter('joint', value='S')])
-        assert not result.successful
         assert w.nodes[1].get_parameter('mode').value == 'object'
 
 
-class Wall:
-    """The object does not move up, wherever it is."""
-
-    status, needs_object, law = Status.SLOWED_BARRIER, True, BarrierLaw(0.0, 1.0)
-
-    def active(self, config, grip):
-        """Return no distance, which upward motion shrinks."""
-        rows = np.zeros((1, 2 * len(config.points)))
-        return ActiveValues(np.array([0]), np.zeros(1), rows, -grip_jacobian(config, grip)[1:2])
-
-    def values(self, config, grip, indices):
-        """Return no distance."""
-        return np.zeros(len(indices))
-
-    def names(self, indices):
-        """Return the names of the values."""
-        return ['a wall'] * len(indices)
-
-
 class Careful(Manipulation):
-    """The node with a barrier of its own."""
+    """The node with a limit of its own."""
 
     def prepare(self, settings):
-        """Add the barrier."""
-        return replace(settings, barriers=(Wall(),))
+        """Limit the speeds of the rollers."""
+        return replace(settings, limits=(Wall(np.vstack((UNIT, -UNIT)), np.full(2 * N, 1e-4)),))
 
 
-def slowed(w):
-    """Return the message of a slowed twist."""
-    status = w.until_code(Status.SLOWED_BARRIER, w.probe.send_all)
-    return status.message
-
-
-def test_a_user_defined_barrier_persists_when_parameters_change():
+def test_a_user_defined_limit_persists_when_parameters_change():
     with world(lambda: Careful(overrides(failure_time=0.0, slide_along_limits=False))) as w:
-        assert 'a wall' in slowed(w)
-        w.change(min_clearance=0.03)
-        assert 'a wall' in slowed(w)
-        Manager(w, 'manipulation').restart()
-        assert 'a wall' in slowed(w)
+        for change in (
+            lambda: None,
+            lambda: w.change(min_clearance=0.03),
+            Manager(w, 'manipulation').restart,
+        ):
+            change()
+            w.probe.seen['status'].clear()
+            assert 'wall' in w.until_code(Wall.status, w.probe.send_all).message

@@ -66,17 +66,15 @@ def test_a_path_without_noise_keeps_its_tolerance(correct):
 
 
 def test_a_displacement_within_noise_is_not_corrected(correct):
-    note, goal = correct(1.2e-3, 10e-3)
-    assert (note, goal) == ('', None)
+    assert correct(1.2e-3, 10e-3) == ('', None)
 
 
 def test_the_note_has_the_deviation_of_the_means(correct):
     note, _ = correct(DISPLACEMENT, NOISE)
     assert 'displaced the object by 8' in note
     # The noise of a mean of 25 poses is a fifth of that of one.
-    assert float(note.split('deviation ')[1].split()[0]) == pytest.approx(
-        1e3 * NOISE * math.sqrt(2.0 / 25.0), rel=0.4
-    )
+    deviation = float(note.split('deviation ')[1].split()[0])
+    assert deviation == pytest.approx(1e3 * NOISE * math.sqrt(2.0 / 25.0), rel=0.4)
 
 
 def test_mean_of_poses_beside_half_a_turn_is_there():

@@ -7,7 +7,6 @@ from isotruss_msgs.action import FollowRollerTrajectory, PlaceObject
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import tangent_center
 from isotruss_ros.core.planning.grasp_plan import NEAR_SPEED_SHARE
-from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.conversions.path_messages import read_duration
 from isotruss_ros.nodes.pick_and_place import action_steps
 from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
@@ -23,14 +22,11 @@ def test_the_grip_opens_slowly_until_the_object_is_free(monkeypatch):
     client = MotionClient(FollowRollerTrajectory.Result())
     monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
     with world(maker(PickAndPlace, command_timeout=1.0, friction=0.8)()) as w:
-        states = w.probe.create_publisher(GraspState, 'grasp/state', 1)
 
         def send():
             w.probe.send_joints()
             w.probe.send_pose(center=HELD)
-            state = GraspState(held=True, grasping_members=['north/P-Z', 'north/Z-R'])
-            state.header = make_header(w.probe.past(0.0), 'truss')
-            states.publish(state)
+            w.probe.send_held(GraspState.HELD_YES, ['north/P-Z', 'north/Z-R'])
 
         w.spin(0.1, send)
         w.send_goal(PlaceObject.Goal())

@@ -4,8 +4,7 @@
 """Detection of another node on the command topic."""
 
 from isotruss_ros.core import Status
-from isotruss_ros.nodes.framework import commands
-from isotruss_ros.nodes.framework.commands import RollerCommands
+from isotruss_ros.nodes.framework.commands import RollerCommands, TOPIC
 from isotruss_ros.nodes.framework.cycle import PacedExecutor
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -37,12 +36,12 @@ class CommandingNode(StoppableNode):
 
 def find_others(numbers):
     """Publish three times, receive messages with such numbers, and return who else commands."""
-    made = RollerCommands(SilentNode(), N)
+    commands = RollerCommands(SilentNode(), N)
     for _ in OWN:
-        made.stop()
+        commands.stop()
     for number in numbers:
-        made.note({'publication_sequence_number': number})
-    return made.find_others()
+        commands.note({'publication_sequence_number': number})
+    return commands.find_others()
 
 
 @pytest.mark.parametrize('numbers', [[], OWN, [2], [1, 3], [None, None, None, None]])
@@ -60,14 +59,14 @@ def test_commands_of_another_node_are_noticed_behind_own_ones_of_the_same_rate()
     begin_context()
     node = CommandingNode()
     try:
-        made, other = RollerCommands(node, N), node.advertise(Float64MultiArray, commands.TOPIC)
-        made.subscribe()
+        commands, other = RollerCommands(node, N), node.advertise(Float64MultiArray, TOPIC)
+        commands.subscribe()
         executor = PacedExecutor(node)
         for _ in range(20):
-            made.stop()
+            commands.stop()
             other.publish(Float64MultiArray(data=[0.0] * N))
             executor.spin_once(DEADLINE)
-        assert made.find_others() is not None
+        assert commands.find_others() is not None
     finally:
         node.destroy_node()
         rclpy.shutdown()

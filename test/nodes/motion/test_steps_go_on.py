@@ -62,6 +62,14 @@ REACH = (0.05, 0.05, 0.2)
 PICK, PLACE = PickObject.Goal(squeeze=15.0, module=MODULE), PlaceObject.Goal()
 
 
+def end_of(w, goal, send=lambda: None):
+    """Send a goal, and return its result."""
+    handle = w.send_goal(goal)
+    while not handle.ended:
+        w.spin(0.2, send)
+    return handle.result()[1]
+
+
 class Course:
     """Goals for all nodes, whose messages are disturbed at random times."""
 
@@ -113,8 +121,8 @@ class Course:
             for report in array.status
             if report.name == 'manipulation'
         }
-        for heard in probe.seen.values():
-            del heard[:-1]
+        for messages in probe.seen.values():
+            del messages[:-1]
 
     def draw_motion(self):
         """Return a goal that moves the held object."""
@@ -127,10 +135,7 @@ class Course:
 
     def carry_out(self, goal):
         """Return the result of a goal; motions are drawn where it is None."""
-        sent = self._w.send_goal(goal or self.draw_motion())
-        while not sent.ended:
-            self._w.spin(0.2, self._disturb)
-        return sent.result()[1]
+        return end_of(self._w, goal or self.draw_motion(), self._disturb)
 
 
 def check_steps(patch, goals, seed, sim_time, is_held):
@@ -153,12 +158,8 @@ def check_steps(patch, goals, seed, sim_time, is_held):
         if not sim_time:
             w.busy = lambda: rng.exponential(STARVED)
         course = Course(w, rng)
-        aborted = []
-        for number, goal in enumerate(goals):
-            result = course.carry_out(goal)
-            if result.code != 0:
-                aborted.append(f'step {number}: {type(result).__name__}: {result.message}')
-        assert not aborted
+        results = [course.carry_out(goal) for goal in goals]
+        assert [result.message for result in results if result.code != 0] == []
         assert course.codes <= FAULTLESS
         if not sim_time:
             assert any('the loop reaches ' in words for words in course.reports)
@@ -180,10 +181,7 @@ def test_the_nodes_of_the_view_place_pick_and_move_in_mujoco(monkeypatch):
     with world(*makers, enter=lambda w: connect(w, monkeypatch)) as w:
         w.spin(1.0)
         for goal in goals:
-            sent = w.send_goal(goal)
-            while not sent.ended:
-                w.spin(0.2)
-            result = sent.result()[1]
+            result = end_of(w, goal)
             assert result.code == 0, result.message
 
 
