@@ -3,21 +3,22 @@
 
 """Simulated time, and clocks that jump, stop or have negative times."""
 
+import contextlib
+
 from builtin_interfaces.msg import Time
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework.managed import log_refusals
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
-from manual_world import EPOCH, world
+from manual_world import EPOCH, moving_world, world
 import numpy as np
-from probe import N, overrides
+from probe import maker, manipulation, N
 import pytest
 from rosgraph_msgs.msg import Clock
 
-SIM = {'use_sim_time': True}
+simulator = maker(Simulator)
 START = 1000.0
 STEP = 0.004
 #: Turns the second roller.
@@ -36,43 +37,41 @@ class SimulatedTime:
     def __init__(self, w, now=START):
         self.w, self.now = w, now
 
-    def heard(self):
-        """Return whether everybody's clock reads the present time."""
+    def is_known(self):
+        """Return whether the clock of every node reads the present time."""
         clocks = [node.get_clock() for node in self.w.nodes]
         return all(abs(1e-9 * c.now().nanoseconds - self.now) < 1e-6 for c in clocks)
 
     def run(self, send=lambda: None):
         """Return a call that lets time go on and sends."""
 
-        def each():
-            if self.heard():
+        def advance():
+            if self.is_known():
                 send()
                 self.now += STEP
             self.w.probe.tick(self.now)
 
-        return each
+        return advance
 
     def jump(self, to):
         """Set the clock, and wait until all nodes have received its time."""
         self.now = to
-        self.w.until(self.heard, lambda: self.w.probe.tick(to))
+        self.w.until(self.is_known, lambda: self.w.probe.tick(to))
 
 
-def made(kind, **values):
-    """Return a node; manipulation detects no failed rollers."""
-    extra = {'failure_time': 0.0} if kind is Manipulation else {}
-    return kind(overrides(**extra, **values))
-
-
-def simulated(*kinds, **values):
+def simulated(make, *others):
     """Return a world of nodes that go by simulated time."""
-    makers = [lambda kind=kind: made(kind, **SIM, **values) for kind in kinds]
+    makers = [kind(use_sim_time=True) for kind in (make, *others)]
     return world(*makers, sim_time=True)
 
 
-def moved(w):
-    """Return the indices of the commands that move anything."""
-    return [i for i, (_, m) in enumerate(w.probe.seen['command']) if any(m.data)]
+@contextlib.contextmanager
+def moving_in_simulated_time():
+    """Yield a world in which manipulation moves the object, and its clock."""
+    with simulated(manipulation) as w:
+        time = SimulatedTime(w)
+        w.until_code(Status.OK, time.run(w.probe.send_all))
+        yield w, time
 
 
 def since_jump(w, by):
@@ -85,7 +84,7 @@ def since_jump(w, by):
 
 
 def test_runs_by_simulated_time():
-    with simulated(Simulator, Manipulation) as w:
+    with simulated(simulator, manipulation) as w:
         time = SimulatedTime(w)
         w.until_code(Status.OK, time.run(w.probe.send_twist))
         w.probe.seen['status'].clear()
@@ -93,9 +92,8 @@ def test_runs_by_simulated_time():
         begin = time.now
         w.until(lambda: len(w.probe.seen['status']) > 100, time.run(w.probe.send_twist))
         elapsed = time.now - begin
-        # By its own clock the loop has its rate.
+        # By its own clock the loop has its rate, and the motion its speed.
         assert len(w.probe.seen['status']) == pytest.approx(100.0 * elapsed, rel=0.05)
-        # And so has the motion.
         moving = [m for _, m in w.probe.seen['joints'] if any(m.velocity)]
         first, last = moving[0], moving[-1]
         passed = read_stamp(last.header) - read_stamp(first.header)
@@ -106,16 +104,14 @@ def test_runs_by_simulated_time():
 
 
 def test_without_any_time_nothing_moves():
-    with simulated(Manipulation) as w:
+    with simulated(manipulation) as w:
         status = w.until_code(Status.HALT_CLOCK, w.probe.send_all)
         assert 'simulated time' in status.message
-        assert not moved(w)
+        assert not any(any(m.data) for _, m in w.probe.seen['command'])
 
 
 def test_halts_while_the_clock_is_stopped_and_resumes_with_new_inputs():
-    with simulated(Manipulation) as w:
-        time = SimulatedTime(w)
-        w.until_code(Status.OK, time.run(w.probe.send_all))
+    with moving_in_simulated_time() as (w, time):
         # Inputs go on, with the stamp of the last time there was.
         stopped = w.now
         w.until_code(Status.HALT_CLOCK, w.probe.send_all)
@@ -129,9 +125,7 @@ def test_halts_while_the_clock_is_stopped_and_resumes_with_new_inputs():
 
 @pytest.mark.parametrize('by', [-0.05, -900.0, 0.5, 1e6])
 def test_halts_when_the_clock_jumps_until_inputs_are_new(by):
-    with simulated(Manipulation) as w:
-        time = SimulatedTime(w)
-        w.until_code(Status.OK, time.run(w.probe.send_all))
+    with moving_in_simulated_time() as (w, time):
         del w.probe.seen['status'][:-1]
         begin = time.now + by
         time.jump(begin)
@@ -147,24 +141,18 @@ def test_halts_when_the_clock_jumps_until_inputs_are_new(by):
 
 
 def test_the_analysis_discards_inputs_from_before_a_jump_back():
-    with simulated(GraspAnalysisNode) as w:
+    with simulated(maker(GraspAnalysisNode)) as w:
         time = SimulatedTime(w)
 
-        def send():
-            w.probe.send_joints()
-            w.probe.send_pose()
-
-        w.until_code(GraspState.OK, time.run(send), 'state')
+        w.until_code(GraspState.OK, time.run(w.probe.send_all), 'state')
         time.jump(time.now - 0.05)
         w.until_code(GraspState.NO_JOINT_STATES, time.run(), 'state')
-        w.until_code(GraspState.OK, time.run(send), 'state')
+        w.until_code(GraspState.OK, time.run(w.probe.send_all), 'state')
 
 
 def test_time_before_zero_is_not_taken():
-    with simulated(Manipulation) as w:
-        time = SimulatedTime(w)
+    with moving_in_simulated_time() as (w, time):
         log_refusals(w.probe)
-        w.until_code(Status.OK, time.run(w.probe.send_all))
         for sec, nanosec in ((-1, 0), (-(2**31), 0), (-1, 2**32 - 1)):
             w.probe.clock.publish(Clock(clock=Time(sec=sec, nanosec=nanosec)))
             w.spin(0.05)  # the next one would take its place
@@ -175,8 +163,7 @@ def test_time_before_zero_is_not_taken():
 @pytest.mark.parametrize('by', [-0.1, -3600.0])
 def test_stamps_of_the_system_clock_that_jumps_back_are_not_relied_on(by):
     """No simulated time here: the loop goes on, and stops in the cycle that sees the clock."""
-    with world(lambda: made(Manipulation)) as w:
-        w.until_code(Status.OK, w.probe.send_all)
+    with moving_world() as w:
         del w.probe.seen['status'][:-1]
         w.shift = by
         w.until(lambda: len(since_jump(w, by)) > 3, w.probe.send_twist)
@@ -187,7 +174,7 @@ def test_stamps_of_the_system_clock_that_jumps_back_are_not_relied_on(by):
 
 @pytest.mark.parametrize('by', [-3600.0, 3600.0])
 def test_the_simulated_robot_stops_when_the_system_clock_is_set(by):
-    with world(lambda: made(Simulator, command_timeout=0.5)) as w:
+    with world(simulator(command_timeout=0.5)) as w:
         w.until(lambda: moving(w), lambda: w.probe.send_command(COMMAND))
         travel = w.probe.last('joints').position[1]
         w.shift = by
@@ -203,8 +190,8 @@ def test_the_simulated_robot_stops_when_the_system_clock_is_set(by):
 
 def test_a_simulator_publishes_the_time_that_it_goes_by():
     speed = 8.0
-    values = {'clock_speed': speed, 'rate': 100.0}
-    with world(lambda: made(Simulator, **SIM, **values), sim_time=True) as w:
+    node = simulator(use_sim_time=True, clock_speed=speed, rate=100.0)
+    with world(node, sim_time=True) as w:
         w.until(lambda: len(w.probe.seen['pose']) > 2)
         begin, before = w.now, len(w.probe.seen['pose'])
         w.until(lambda: len(w.probe.seen['pose']) >= before + 60)

@@ -19,7 +19,7 @@ from isotruss_msgs.action import (
 from isotruss_msgs.msg import GraspState, RollerTolerance
 from isotruss_ros.core import Pose
 from isotruss_ros.core.planning.grasp_plan import GraspPlan
-from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.grasp.searcher import Searcher
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -33,6 +33,7 @@ import numpy as np
 from probe import CENTER, overrides
 import pytest
 from robots import SHARE
+from std_msgs.msg import Header
 from trajectories import AWAY, HOME, lasting, NAMES, trajectory
 
 NUMBERS = (0.0, -0.0, 1.0, -1.0, 1e-9, 1e6, 1e308, -1e308, 5e-324, math.nan, math.inf, -math.inf)
@@ -96,25 +97,18 @@ class IdlePlanner(GraspPlanner):
     searcher_type = NoSearch
 
 
+IN_TRUSS = Header(frame_id='truss')
 COUNT = max(20, round(300 * SHARE))
 
 
 def path(*steps):
     """Return a path of the object from where the probe puts it."""
-    made = Path()
-    made.header.frame_id = 'truss'
     poses = np.cumsum([(*CENTER, 0.3), *steps], axis=0)
-    made.poses = [PoseStamped(pose=to_pose_message(Pose(*pose))) for pose in poses.tolist()]
-    return made
+    poses = [PoseStamped(pose=to_pose_message(Pose(*pose))) for pose in poses.tolist()]
+    return Path(header=IN_TRUSS, poses=poses)
 
 
-def lying():
-    """Return where the object lies."""
-    made = PoseStamped(pose=to_pose_message(Pose(*CENTER, 0.0)))
-    made.header.frame_id = 'truss'
-    return made
-
-
+OBJECT_POSE = PoseStamped(header=IN_TRUSS, pose=to_pose_message(Pose(*CENTER, 0.0)))
 BOUNDS = {
     'path_tolerance': [RollerTolerance(name=NAMES[0], position=0.01)],
     'goal_tolerance': [RollerTolerance(name=NAMES[1], position=0.01)],
@@ -130,7 +124,10 @@ GOALS = {
         lambda: FollowJointTrajectory.Goal(trajectory=trajectory(HOME, AWAY), **BOUNDS),
     ),
     'FollowObjectPath': (PathFollower, lambda: FollowObjectPath.Goal(path=path((0.0, 0.02, 0.0)))),
-    'PlanGrasp': (IdlePlanner, lambda: PlanGrasp.Goal(object_pose=lying(), object_diameter=0.3)),
+    'PlanGrasp': (
+        IdlePlanner,
+        lambda: PlanGrasp.Goal(object_pose=OBJECT_POSE, object_diameter=0.3),
+    ),
     'PickObject': (PickAndPlace, lambda: PickObject.Goal(module='north/Z', squeeze=10.0)),
     'PlaceObject': (PickAndPlace, PlaceObject.Goal),
     'MoveObject': (PickAndPlace, lambda: MoveObject.Goal(path=path((0.0, 0.02, 0.0)))),
@@ -170,13 +167,10 @@ def test_a_second_goal_is_refused_with_the_name_of_the_active_one():
 )
 def test_invalid_numbers_of_a_release_are_a_bad_goal(values):
     with world(lambda: PickAndPlace(overrides())) as w:
-        states = w.probe.create_publisher(GraspState, 'grasp/state', 1)
 
         def send():
             w.probe.send_all()
-            state = GraspState(held=True, grasping_members=['north/P-Z', 'north/Z-R'])
-            state.header = make_header(w.probe.past(0.0), 'truss')
-            states.publish(state)
+            w.probe.send_held(GraspState.HELD_YES, ['north/P-Z', 'north/Z-R'])
 
         w.spin(0.1, send)
         goal = w.send_goal(PlaceObject.Goal(**values))

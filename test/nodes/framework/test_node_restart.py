@@ -18,14 +18,10 @@ from rclpy.task import Future
 
 
 class Clients:
-    """
-    Calls the services of nodes at once.
+    """Calls the services of the simulator at once."""
 
-    :param there: the nodes that run.
-    """
-
-    def __init__(self, w, there=('simulator',)):
-        self._world, self._there = w, there
+    def __init__(self, w):
+        self._world = w
         self.before = lambda: None
 
     def create_client(self, kind, name):
@@ -33,19 +29,19 @@ class Clients:
 
         def call(request):
             self.before()
-            done = Future()
-            done.set_result(self._world.call(name, request))
-            return done
+            response = Future()
+            response.set_result(self._world.call(name, request))
+            return response
 
-        ready = name.partition('/')[0] in self._there
+        ready = name.partition('/')[0] == 'simulator'
         return SimpleNamespace(call_async=call, service_is_ready=lambda: ready)
 
 
 @pytest.fixture
 def w():
     """Return a simulator, elastic."""
-    with world(lambda: Simulator(overrides(plant='elastic', friction=0.8))) as made:
-        yield made
+    with world(lambda: Simulator(overrides(plant='elastic', friction=0.8))) as w:
+        yield w
 
 
 def test_a_reset_returns_the_robot_to_home_with_the_same_plant(w):

@@ -24,29 +24,31 @@ STAMP = TimeMessage(sec=12, nanosec=500_000_000)
 NAMES = ROBOT.topology.joint_names
 
 
+def vector(kind, values):
+    """Return a vector as a message."""
+    return kind(**dict(zip('xyz', map(float, values), strict=True)))
+
+
+def quaternion(turn):
+    """Return a rotation as a message."""
+    return Quaternion(**dict(zip('xyzw', turn.as_quat().tolist(), strict=True)))
+
+
 class Buffer:
     """Transforms at one stamp, as `tf2_ros.Buffer` has them; a fake, as tf2 has no wheels."""
 
     def __init__(self, turn, shift=(0.0, 0.0, 0.0)):
-        x, y, z, w = turn.as_quat().tolist()
-        self.found = Transform(
-            translation=Vector3(**dict(zip('xyz', map(float, shift), strict=True))),
-            rotation=Quaternion(x=x, y=y, z=z, w=w),
-        )
-        self.asked = []
+        self.transform = Transform(translation=vector(Vector3, shift), rotation=quaternion(turn))
 
-    def lookup_transform(self, target_frame, source_frame, time):
-        self.asked.append((target_frame, source_frame, time.nanoseconds))
+    def lookup_transform(self, _target, source_frame, _time):
         if source_frame == 'elsewhere':
             raise robot_frame.NO_TRANSFORM[0]('two unconnected trees')
-        return TransformStamped(transform=self.found)
+        return TransformStamped(transform=self.transform)
 
 
 def pose(position, turn, frame='camera'):
     """Return a measured pose of an object."""
-    x, y, z, w = turn.as_quat().tolist()
-    point = Point(**dict(zip('xyz', map(float, position), strict=True)))
-    placed = PoseMessage(position=point, orientation=Quaternion(x=x, y=y, z=z, w=w))
+    placed = PoseMessage(position=vector(Point, position), orientation=quaternion(turn))
     return PoseStamped(header=Header(frame_id=frame, stamp=STAMP), pose=placed)
 
 
@@ -67,9 +69,9 @@ rotations = st.tuples(lengths, lengths, lengths).map(Rotation.from_rotvec)
 def test_poses_in_any_frame_are_transformed_to_the_robot_frame(turn, shift, x, y, angle):
     true = np.array([x, y, 0.3])
     measured = turn.inv().apply(true - shift)
-    seen = turn.inv() * Rotation.from_euler('z', angle)
+    rotation = turn.inv() * Rotation.from_euler('z', angle)
     frame = RobotFrame(ROBOT, Buffer(turn, shift))
-    result = frame.read_pose(pose(measured, seen))
+    result = frame.read_pose(pose(measured, rotation))
     assert result == pytest.approx((x, y, angle), abs=1e-9)
 
 

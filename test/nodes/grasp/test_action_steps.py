@@ -65,10 +65,6 @@ class Server:
         """End the goal."""
         self.ended.set_result(SimpleNamespace(status=GoalStatus.STATUS_SUCCEEDED, result=result))
 
-    def start_again(self):
-        """Forget everything, as a process that was killed and started again."""
-        self.knows_goal = False
-
     def _cancel(self):
         self.cancels += 1
 
@@ -76,20 +72,20 @@ class Server:
 @pytest.fixture
 def server(monkeypatch):
     """Return the server of every action."""
-    made = Server()
-    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: made)
-    return made
+    server = Server()
+    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: server)
+    return server
 
 
-def run(server, silence=inf):
+def run(server, silence=inf, **checks):
     """Return the steps of a goal."""
     step = ActionStep(None, None, 'work', server.publish, lambda: silence)
-    return step.run('goal', lambda feedback: feedback)
+    return step.run('goal', lambda feedback: feedback, **checks)
 
 
-def begun(server, accepted=True):
+def begun(server, accepted=True, **options):
     """Return the steps of a goal that was sent, and accepted or not answered yet."""
-    steps = run(server)
+    steps = run(server, **options)
     next(steps)
     if accepted:
         server.accept()
@@ -110,9 +106,7 @@ def last_of(steps, most=10 * RETRY_TICKS):
 def test_a_server_that_sends_no_feedback_ends_the_steps_after_the_timeout(server, monkeypatch):
     now = 0.0
     monkeypatch.setattr(supervision.time, 'monotonic', lambda: now)
-    steps = run(server, silence=0.2)
-    next(steps)
-    server.accept()
+    steps = begun(server, silence=0.2)
     for _ in range(3):
         now += supervision.START_TIMEOUT
         server.feedback(SimpleNamespace(feedback=0.5))
@@ -137,62 +131,46 @@ def test_a_server_that_is_missing_ends_the_steps(server, when):
     assert error.value.outcome is expected
 
 
-def test_a_goal_is_sent_only_once_the_server_answers(server):
+def test_a_goal_is_sent_only_once_the_server_answers_and_is_supervised_until_its_end(server):
     server.discovers_client = False
     steps = run(server)
     for _ in range(2 * RETRY_TICKS + 1):
         next(steps)
     assert (server.questions, server.goals) == (3, 0)
+    # Late answers from before it was sent are not about it.
     asked_before, server.discovers_client = server.asked_for, True
     for _ in range(RETRY_TICKS):
         next(steps)
     assert (server.questions, server.goals) == (4, 1)
-    # Late answers from before it was sent are not about it.
     assert asked_before != server.goal_id
+    assert {*server.supervised} == {server.goal_id}
+    server.accept()
+    for _ in range(10):
+        server.supervised.clear()
+        next(steps)
+        assert {*server.supervised} == {server.goal_id}
 
 
 @pytest.mark.parametrize('accepted', [True, False])
 def test_a_server_that_was_started_again_ends_the_steps(server, accepted):
     steps = begun(server, accepted)
-    server.start_again()
+    server.knows_goal = False
     with pytest.raises(StepError, match='work was restarted and has lost the goal') as error:
         last_of(steps)
     assert error.value.outcome is StepOutcome.STOPPED
     assert server.asked_for == server.goal_id
 
 
-def test_a_goal_is_supervised_from_before_it_is_sent_until_it_ends(server):
-    server.discovers_client = False
-    steps = run(server)
-    next(steps)
-    assert (server.goals, len(server.supervised)) == (0, 2)
-    server.discovers_client = True
-    for _ in range(RETRY_TICKS):
-        next(steps)
-    server.accept()
-    for _ in range(10):
-        before = len(server.supervised)
-        next(steps)
-        assert len(server.supervised) > before
-    assert {*server.supervised} == {server.goal_id}
-
-
-def test_a_cancel_waits_until_the_server_has_ended_the_goal(server):
-    steps = begun(server)
-    steps.throw(CancelledError())
-    assert server.cancels == 1
-    next(steps)
-    server.end('cancelled')
-    with pytest.raises(CancelledError):
-        next(steps)
-
-
-@pytest.mark.parametrize('accepted', [True, False])
-def test_a_cancel_ends_the_steps_where_the_server_does_not(server, accepted):
+@pytest.mark.parametrize(('accepted', 'ended'), [(True, True), (True, False), (False, False)])
+def test_a_cancel_ends_the_steps_with_the_goal_or_after_its_timeout(server, accepted, ended):
     steps = begun(server, accepted)
     steps.throw(CancelledError())
+    assert server.cancels == accepted
+    if ended:
+        next(steps)
+        server.end('cancelled')
     with pytest.raises(CancelledError):
-        last_of(steps, CANCEL_TICKS)
+        last_of(steps, 1 if ended else CANCEL_TICKS)
 
 
 @pytest.mark.parametrize('answered', [True, False])
@@ -208,12 +186,7 @@ def test_steps_that_are_closed_cancel_their_goal(server, answered):
 @pytest.mark.parametrize('cancelled', [False, True], ids=['alone', 'and a cancel'])
 def test_a_fault_cancels_the_goal_and_is_the_error_once_that_has_ended(server, cancelled):
     fault = StepError(StepOutcome.NOT_HELD, 'lost')
-    faults = iter([None, None, fault])
-    step = ActionStep(None, None, 'work', server.publish, lambda: inf)
-    steps = step.run('goal', lambda feedback: feedback, lambda: next(faults))
-    next(steps)
-    server.accept()
-    next(steps)
+    steps = begun(server, find_fault=iter([None, None, fault]).__next__)
     assert server.cancels == 0
     next(steps)
     assert server.cancels == 1
@@ -225,33 +198,19 @@ def test_a_fault_cancels_the_goal_and_is_the_error_once_that_has_ended(server, c
     assert error.value is fault
 
 
-class Service:
-    """Stands for a client of `set_parameters`."""
-
-    srv_name = '/manipulation/set_parameters'
-
-    def __init__(self):
-        self.ready, self.answers, self.request = True, [], None
-
-    def service_is_ready(self):
-        """Return whether the service is there."""
-        return self.ready
-
-    def call_async(self, request):
-        """Call the service."""
-        self.request = request
-        self.answers.append(Future())
-        return self.answers[-1]
-
-
 def test_parameters_are_set_or_the_reason_is_raised():
-    service = Service()
+    answer, requests = Future(), []
+    service = SimpleNamespace(
+        srv_name='/manipulation/set_parameters',
+        service_is_ready=lambda: True,
+        call_async=lambda request: requests.append(request) or answer,
+    )
     steps = set_parameters(service, {'grip_module': 'north/Z', 'squeeze_force': 15.0})
     next(steps)
-    given = {part.name: part.value for part in service.request.parameters}
-    assert given['grip_module'].string_value == 'north/Z'
-    assert given['squeeze_force'].double_value == 15.0
+    values = {part.name: part.value for part in requests[0].parameters}
+    assert values['grip_module'].string_value == 'north/Z'
+    assert values['squeeze_force'].double_value == 15.0
     results = [SimpleNamespace(successful=ok, reason='why') for ok in (True, False)]
-    service.answers[0].set_result(SimpleNamespace(results=results))
+    answer.set_result(SimpleNamespace(results=results))
     with pytest.raises(StepError, match='squeeze_force: why'):
         next(steps)

@@ -48,15 +48,14 @@ def question(**changes):
     return GraspQuery((), body, FRICTION, (0.0, 0.0, 0.0), SPACING)._replace(**changes)
 
 
-def monitor(robot=ROBOT, **given):
+def monitor(query=None, **changes):
     """Return a monitor with valid inputs at NOW, with changes."""
-    made = GraspMonitor(robot, question(), TIMEOUT, LatestInputs())
-    made.inputs.rollers = StampedInput(at(HOME), NOW)
-    made.inputs.pose = StampedInput(POSE, NOW)
-    made.inputs.wrench = StampedInput(WRENCH, NOW)
-    for name, value in given.items():
-        setattr(made.inputs, name, value)
-    return made
+    result = GraspMonitor(ROBOT, query or question(), TIMEOUT, LatestInputs())
+    inputs = {'rollers': at(HOME), 'pose': POSE, 'wrench': WRENCH}
+    inputs = {name: StampedInput(value, NOW) for name, value in inputs.items()}
+    for name, value in (inputs | changes).items():
+        setattr(result.inputs, name, value)
+    return result
 
 
 def assert_no_answer(report, code):
@@ -89,9 +88,9 @@ def test_chance_is_that_of_the_files_uncertainty(is_loop):
     record = StampedInput(GripRecord.of(attach_grip(ROBOT.home, body)), NOW) if is_loop else None
     chances = []
     for about in (body, replace(body, uncertainty=block)):
-        made = monitor(wrench=None, held_grip=record)
-        made.query = question(body=about, friction=0.63)
-        chances.append(made.report(NOW).grasp.chance)
+        query = question(body=about, friction=0.63)
+        report = monitor(query, wrench=None, held_grip=record).report(NOW)
+        chances.append(report.grasp.chance)
     settled = settle_grasp(ROBOT.home, body, 0.63)
     expected = settled.chance(Uncertainty.of(ROBOT, about)).probability
     assert math.isnan(chances[0])
@@ -100,9 +99,9 @@ def test_chance_is_that_of_the_files_uncertainty(is_loop):
 
 
 def test_time_of_the_result_is_that_of_the_older_input():
-    made = monitor(rollers=StampedInput(at(HOME), NOW - 0.1), pose=StampedInput(POSE, NOW - 0.05))
-    assert made.report(NOW).time == NOW - 0.1
-    assert monitor(pose=StampedInput(POSE, NOW - 0.15)).report(NOW).time == NOW - 0.15
+    rollers, pose = StampedInput(at(HOME), NOW - 0.1), StampedInput(POSE, NOW - 0.05)
+    assert monitor(rollers=rollers, pose=pose).report(NOW).time == NOW - 0.1
+    assert monitor(pose=pose).report(NOW).time == NOW - 0.05
     assert monitor(pose=None).report(NOW).time == NOW
 
 
@@ -113,12 +112,12 @@ def figures_of(grasp):
 
 
 def test_computes_only_when_something_has_changed():
-    made = monitor()
-    first = made.report(NOW).grasp
+    live = monitor()
+    first = live.report(NOW).grasp
     later = NOW + 0.1
-    made.inputs.rollers = StampedInput(at(HOME, HOME + 0.01), later)
-    made.inputs.pose = StampedInput(Pose(*POSE), later)
-    report = made.report(later)
+    live.inputs.rollers = StampedInput(at(HOME, HOME + 0.01), later)
+    live.inputs.pose = StampedInput(Pose(*POSE), later)
+    report = live.report(later)
     assert report.grasp is first
     assert report.time == later
     for name, value in (
@@ -129,12 +128,12 @@ def test_computes_only_when_something_has_changed():
         ('query', question(friction=FRICTION + 1e-9)),
         ('query', question(spacing=SPACING + 1e-9)),
     ):
-        before = made.report(later).grasp
-        setattr(made if name == 'query' else made.inputs, name, value)
-        after = made.report(later).grasp
+        before = live.report(later).grasp
+        setattr(live if name == 'query' else live.inputs, name, value)
+        after = live.report(later).grasp
         assert after is not before, name
         assert figures_of(before) != figures_of(after)
-        assert made.report(later).grasp is made.report(later).grasp, name
+        assert live.report(later).grasp is live.report(later).grasp, name
 
 
 def test_an_object_without_contact_has_a_result_with_that_message():
@@ -148,9 +147,8 @@ def test_an_object_without_contact_has_a_result_with_that_message():
 
 def test_tubes_that_wrinkle_under_the_held_object_are_named():
     center = tangent_center(ROBOT.home, 'north/Z', DIAMETER, shift=0.06)
-    made = monitor(pose=StampedInput(Pose(*center, 0.0), NOW), wrench=None)
-    made.query = question(friction=0.8)
-    report = made.report(NOW)
+    pose = StampedInput(Pose(*center, 0.0), NOW)
+    report = monitor(question(friction=0.8), pose=pose, wrench=None).report(NOW)
     worst, used = max(report.grasp.settled.utilisation.items(), key=lambda item: item[1])
     assert used > 1.0
     assert report.code is GraspCode.WRINKLED
@@ -165,21 +163,21 @@ def test_an_object_without_equilibrium_is_reported_as_such():
 
 
 def test_a_request_does_not_change_the_current_result():
-    made = monitor()
-    live = made.report(NOW).grasp
-    other = made.analyze_request(question(body=ConvexObject.disc(CENTER, 0.31)), NOW + 0.05)
+    live = monitor()
+    first = live.report(NOW).grasp
+    other = live.analyze_request(question(body=ConvexObject.disc(CENTER, 0.31)), NOW + 0.05)
     assert other.code is GraspCode.OK
     assert other.time == NOW
-    assert other.grasp.analysis.normal_forces.sum() > live.analysis.normal_forces.sum()
-    elsewhere = made.analyze_request(question(roller_positions=(0.02, 0, 0, 0, 0, 0)), NOW)
+    assert other.grasp.analysis.normal_forces.sum() > first.analysis.normal_forces.sum()
+    elsewhere = live.analyze_request(question(roller_positions=(0.02, 0, 0, 0, 0, 0)), NOW)
     assert elsewhere.grasp.config.roller_positions[0] == 0.02
-    assert made.report(NOW).grasp is live
+    assert live.report(NOW).grasp is first
 
 
 def test_a_complete_request_needs_no_measured_inputs():
-    made = monitor(rollers=None, pose=None, wrench=RejectedInput('broken'))
-    reported = made.analyze_request(question(roller_positions=tuple(HOME)), NOW)
+    live = monitor(rollers=None, pose=None, wrench=RejectedInput('broken'))
+    reported = live.analyze_request(question(roller_positions=tuple(HOME)), NOW)
     assert reported.code is GraspCode.OK
     assert reported.time == NOW
-    assert_no_answer(made.analyze_request(question(), NOW), GraspCode.NO_JOINT_STATES)
-    assert_no_answer(made.report(NOW), GraspCode.NO_JOINT_STATES)
+    assert_no_answer(live.analyze_request(question(), NOW), GraspCode.NO_JOINT_STATES)
+    assert_no_answer(live.report(NOW), GraspCode.NO_JOINT_STATES)

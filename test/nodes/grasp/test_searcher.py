@@ -24,8 +24,16 @@ SEARCH = (
 DEADLINE = 240.0
 
 
+def answer_of(searcher):
+    """Return the answer of a search."""
+    deadline = time.monotonic() + DEADLINE
+    while (answer := searcher.answer()) is None:
+        assert time.monotonic() < deadline
+    return answer
+
+
 @pytest.mark.parametrize(
-    ('ended_by', 'outcome', 'words'),
+    ('error', 'outcome', 'words'),
     [
         (GraspError('no such module'), SearchOutcome.BAD_GOAL, 'no such module'),
         (StructureError('two laws'), SearchOutcome.FAILED, 'two laws'),
@@ -34,16 +42,14 @@ DEADLINE = 240.0
         (BrokenProcessPool('gone'), SearchOutcome.FAILED, 'a process of the search died'),
     ],
 )
-def test_every_end_of_a_search_has_a_result(ended_by, outcome, words):
+def test_every_error_of_a_search_is_its_result(error, outcome, words):
     def plan(*_arguments, **_options):
-        raise ended_by
+        raise error
 
     searcher = Searcher(1, plan)
     assert searcher.answer() is None
     searcher.begin(*SEARCH, 0.0)
-    deadline = time.monotonic() + DEADLINE
-    while (answer := searcher.answer()) is None:
-        assert time.monotonic() < deadline
+    answer = answer_of(searcher)
     assert (answer.outcome, answer.plan) == (outcome, None)
     assert words in answer.message
     assert searcher.answer() is None
@@ -51,27 +57,17 @@ def test_every_end_of_a_search_has_a_result(ended_by, outcome, words):
     searcher.close()
 
 
-class Clock:
-    """
-    Stands for the module `time`; the time passes when it is told to.
-
-    :ivar now: [s].
-    """
-
-    def __init__(self, monkeypatch):
-        self.now = 100.0
-        monkeypatch.setattr(workers, 'time', SimpleNamespace(monotonic=lambda: self.now))
-
-
 @pytest.mark.parametrize(
-    ('told', 'limit', 'left'), [(10.0, 0.0, 10.0), (50.0, 20.0, 17.0), (None, 20.0, None)]
+    ('estimate', 'limit', 'left'), [(10.0, 0.0, 10.0), (50.0, 20.0, 17.0), (None, 20.0, None)]
 )
-def test_the_time_left_is_no_longer_than_the_limit(told, limit, left, monkeypatch):
-    clock = Clock(monkeypatch)
+def test_the_time_left_is_no_longer_than_the_limit(estimate, limit, left, monkeypatch):
+    now = 100.0
+    monkeypatch.setattr(workers, 'time', SimpleNamespace(monotonic=lambda: now))
 
     def plan(config, body, needs, seed, executor, on_progress, stop, uncertainty):
-        clock.now += 3.0
-        on_progress(Progress(5, 1, 2.0, 0.5, told))
+        nonlocal now
+        now += 3.0
+        on_progress(Progress(5, 1, 2.0, 0.5, estimate))
 
     searcher = Searcher(1, plan)
     searcher.begin(*SEARCH, limit)
@@ -98,9 +94,7 @@ def test_a_plan_without_grasps_has_its_reason(complete, requested, outcome):
     assert searcher.progress() == Progress(0, 0, None, 0.0, None)
     if requested:
         searcher.cancel()
-    deadline = time.monotonic() + DEADLINE
-    while (answer := searcher.answer()) is None:
-        assert time.monotonic() < deadline
+    answer = answer_of(searcher)
     assert (answer.outcome, answer.plan) == (outcome, plan)
     assert 'in 7 evaluations' in answer.message
     searcher.close()
