@@ -35,7 +35,8 @@ SHIPPED = Path(__file__).parents[2] / 'docs' / 'images' / 'carry.mcap'
 MAGIC = b'\x89MCAP0\r\n'
 COUNT = 40
 COMPRESSIONS = ('NONE', 'LZ4', 'ZSTD')
-JOINT_STATE, TEXT = 'sensor_msgs/msg/JointState', schema_text(JointState)
+KIND, TOPIC = 'sensor_msgs/msg/JointState', 'joint_states'
+TEXT = schema_text(JointState)
 few_examples = examples(100)
 
 
@@ -48,18 +49,11 @@ def pack_joints(number):
     header = store.types['std_msgs/msg/Header'](stamp, 'truss')
     positions = np.array([1e-4 * number, -0.01, 0.0, 0.01, 0.0, 0.015])
     names, nothing = list(ROBOT.roller_names), np.zeros(0)
-    message = store.types[JOINT_STATE](header, names, positions, nothing, nothing)
-    return bytes(store.serialize_cdr(message, JOINT_STATE))
+    message = store.types[KIND](header, names, positions, nothing, nothing)
+    return bytes(store.serialize_cdr(message, KIND))
 
 
-def write(
-    records,
-    compression='ZSTD',
-    text=TEXT,
-    encoding='cdr',
-    name=JOINT_STATE,
-    topic='joint_states',
-):
+def write(records, compression='ZSTD', text=TEXT, encoding='cdr', name=KIND, topic=TOPIC):
     """Return a recording of messages in CDR, one each tenth of a second, in small chunks."""
     from mcap.writer import CompressionType, Writer
 
@@ -284,9 +278,9 @@ def test_a_missing_field_is_reported_once_by_name(tmp_path, capsys):
     from isotruss_ros.cli import replay
 
     path = tmp_path / 'older.mcap'
-    kind, text = 'isotruss_msgs/msg/ManipulationStatus', 'uint8 code\nstring message\n'
+    older = {'name': 'isotruss_msgs/msg/ManipulationStatus', 'topic': 'manipulation/status'}
     record = bytes([0, 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0])
-    path.write_bytes(write([record] * 3, text=text, name=kind, topic='manipulation/status'))
+    path.write_bytes(write([record] * 3, text='uint8 code\nstring message\n', **older))
     assert replay.main([str(path), '--page', str(tmp_path / 'older.html')]) == 0
     reported = capsys.readouterr().err.splitlines()
     words = 'replay: /arm/manipulation/status: no field {} in this version: unknown'

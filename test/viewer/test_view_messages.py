@@ -98,25 +98,15 @@ def test_every_message_is_shown_or_refused(view, name):
     show()
 
 
-def receive_joints(picture, names, now=0.0):
-    """Give a picture positions of 10 mm."""
-    picture.receive_joint_states(JointState(name=names, position=[0.01] * len(names)), now)
-
-
-def test_joint_states_of_parts_of_the_robot_are_merged():
+@pytest.mark.parametrize(('pause', 'is_fresh'), [(0.0, True), (2.0, False)])
+def test_joint_states_of_parts_of_the_robot_are_merged_while_they_are_fresh(pause, is_fresh):
     picture = Picture(ROBOT, 0.3)
-    for names in (NAMES[:3], ['gripper'], NAMES[3:]):
-        assert not picture.is_fresh('joint_states', 0.0)
-        receive_joints(picture, names)
-    assert picture.is_fresh('joint_states', 0.0)
-    assert picture.config.roller_positions == pytest.approx([0.01] * 6)
-
-
-def test_a_picture_is_stale_while_some_rollers_are_missing():
-    picture = Picture(ROBOT, 0.3)
-    receive_joints(picture, NAMES[:3])
-    receive_joints(picture, NAMES[3:], 2.0)
-    assert not picture.is_fresh('joint_states', 2.0)
+    for names, now in ((NAMES[:3], 0.0), (['gripper'], pause), (NAMES[3:], pause)):
+        assert not picture.is_fresh('joint_states', now)
+        message = JointState(name=names, position=[0.01] * len(names))
+        picture.receive_joint_states(message, now)
+    assert picture.is_fresh('joint_states', pause) == is_fresh
+    assert not is_fresh or picture.config.roller_positions == pytest.approx([0.01] * 6)
 
 
 def test_a_picture_has_position_and_angle_of_the_object():
