@@ -16,7 +16,6 @@ from isotruss_ros.demo import processes, view
 from isotruss_ros.demo.figures import animate, draw_panels, FRAMES_PER_SECOND, SPEED_UP
 from isotruss_ros.demo.film import film
 from isotruss_ros.demo.gripping import slow_down
-from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL, run
 from isotruss_ros.demo.sensors import truth_table
@@ -28,15 +27,8 @@ import numpy as np
 from PIL import Image
 import pytest
 from rich.console import Console
-from scipy.integrate import quad_vec
 
 ROBOT = load_robot('nine_member')
-PHASES = figure_9(PULL)
-
-
-def integral(phase):
-    """Return the displacement (dx, dy, dangle) of a phase by quadrature."""
-    return quad_vec(lambda t: np.array(phase.twist(t)), 0.0, phase.duration)[0]
 
 
 def test_unknown_arguments_of_the_demo_are_refused(tmp_path, capsys):
@@ -47,30 +39,23 @@ def test_unknown_arguments_of_the_demo_are_refused(tmp_path, capsys):
 
 
 def test_pictures_are_written(tmp_path):
-    records, begin, place = [], 0.0, np.array([*OBJECT_CENTER, 0.0])
-    for phase in PHASES:
-        way, times = integral(phase), np.arange(0.0, phase.duration, 0.4)
-        snapshots = [
-            Snapshot(begin + time, np.zeros(6), Pose(*(place + time / phase.duration * way)))
-            for time in times
-        ]
-        record = PhaseRecord(phase.name, snapshots=snapshots, pull=phase.pull)
-        if phase.pull:
-            record.pulled = (begin, begin + 1.0)
-        records.append(record)
-        begin, place = begin + phase.duration, place + way
-    start = PhaseRecord('start', snapshots=records[0].snapshots[:1])
-    draw_panels(ROBOT, OBJECT_DIAMETER, [start, *records], tmp_path / 'demo.png')
+    (x, y), still = OBJECT_CENTER, np.zeros(6)
+    up = [Snapshot(0.4 * i, still, Pose(x, y + 0.01 * i, 0.0)) for i in range(8)]
+    turn = [Snapshot(3.2 + 0.4 * i, still, Pose(x, y + 0.08, 0.1 * i)) for i in range(8)]
+    records = [
+        PhaseRecord('start', snapshots=up[:1]),
+        PhaseRecord('up', snapshots=up),
+        PhaseRecord('turn', snapshots=turn, pull=PULL, pulled=(3.2, 4.2)),
+    ]
+    draw_panels(ROBOT, OBJECT_DIAMETER, records, tmp_path / 'demo.png')
     with Image.open(tmp_path / 'demo.png') as picture:
         pixels = np.asarray(picture.convert('L'))
         for half in np.array_split(pixels, 2):
             for quarter in np.array_split(half, 2, axis=1):
                 assert quarter.std() > 10.0, 'a blank panel'
-    beginning = PhaseRecord('up', snapshots=records[0].snapshots[:8])
-    animate(ROBOT, OBJECT_DIAMETER, [beginning], tmp_path / 'demo.gif')
+    animate(ROBOT, OBJECT_DIAMETER, records[1:2], tmp_path / 'demo.gif')
     with Image.open(tmp_path / 'demo.gif') as animation:
-        seconds = beginning.snapshots[-1].time / SPEED_UP
-        assert animation.n_frames == math.ceil(FRAMES_PER_SECOND * seconds)
+        assert animation.n_frames == math.ceil(FRAMES_PER_SECOND * up[-1].time / SPEED_UP)
 
 
 @needs_mujoco

@@ -35,13 +35,18 @@ def other():
     rclpy.shutdown()
 
 
+@pytest.fixture
+def client(other):
+    """Return the client."""
+    return DemoClient(ROBOT.roller_names)
+
+
 def until(ready):
     """Return the unmet conditions of a wait for one condition."""
     return lambda: [] if ready() else ['the condition']
 
 
-def test_a_full_queue_of_one_topic_does_not_delay_other_topics(other):
-    client = DemoClient(ROBOT.roller_names)
+def test_a_full_queue_of_one_topic_does_not_delay_other_topics(client, other):
     poses = other.create_publisher(PoseStamped, 'object_pose', 200)
     statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)
     both = until(lambda: poses.get_subscription_count() and statuses.get_subscription_count())
@@ -60,14 +65,12 @@ def test_a_full_queue_of_one_topic_does_not_delay_other_topics(other):
     client.wait(until(lambda: record.statuses), lambda: None, 'a status', meanwhile=publish)
 
 
-def test_rest_begins_anew_with_each_motion_of_object_or_rollers(other):
-    client = DemoClient(ROBOT.roller_names)
+def test_rest_begins_anew_with_each_motion_of_object_or_rollers(client, other):
     poses = other.create_publisher(PoseStamped, 'object_pose', 10)
     joints = other.create_publisher(JointState, 'joint_states', 10)
     both = until(lambda: poses.get_subscription_count() and joints.get_subscription_count())
     client.wait(both, lambda: None, 'discovery')
-    names = list(ROBOT.roller_names)
-    sent = JointState(name=names, position=[0.0] * len(names))
+    sent = JointState(name=ROBOT.roller_names, position=[0.0] * len(ROBOT.roller_names))
     known = until(lambda: client.rollers is not None)
     client.wait(known, lambda: None, 'rollers', 20.0, lambda: joints.publish(sent))
     record, rests = client.begin('rest'), []
@@ -109,8 +112,7 @@ def test_the_lowest_rate_is_that_of_the_slowest_second():
 
 
 @pytest.mark.parametrize('code', [*FINAL_HALTS, Status.HALT_STALE_JOINT_STATES])
-def test_a_halt_that_does_not_end_by_itself_ends_the_wait_with_its_reason(other, code):
-    client = DemoClient(ROBOT.roller_names)
+def test_a_halt_that_does_not_end_by_itself_ends_the_wait_with_its_reason(client, other, code):
     statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)
     stamps = []
 
@@ -126,9 +128,8 @@ def test_a_halt_that_does_not_end_by_itself_ends_the_wait_with_its_reason(other,
         client.wait(arrived, lambda: None, 'arrival', 20.0, publish)
 
 
-def test_sums_of_commanded_and_executed_twists_have_one_interval_and_lose_no_status(other):
+def test_sums_of_commanded_and_executed_twists_have_one_interval_and_lose_no_status(client, other):
     """Three seconds of statuses arrive while the client is suspended."""
-    client = DemoClient(ROBOT.roller_names)
     statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', 1000)
     client.wait(until(statuses.get_subscription_count), lambda: None, 'discovery')
     times = 0.01 * np.arange(301)

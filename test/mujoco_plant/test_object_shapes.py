@@ -77,13 +77,9 @@ def test_objects_of_files_are_exported(tmp_path, capsys):
     shape = ['--shape', str(file)]
     assert main(['triangle', str(model), *shape, '3', '4', '0.7']) == 0
     assert mujoco.MjModel.from_xml_path(str(model)).body('object0').pos[:2].tolist() == [3.0, 4.0]
-    assert main(['triangle', str(model), *shape, '3', '4', 'left']) == 2
-    assert 'left' in capsys.readouterr().err
-
-
-def test_a_robot_that_does_not_exist_is_refused(tmp_path, capsys):
-    assert main(['nobody', str(tmp_path / 'model.xml')]) == 2
-    assert 'export_mujoco: ' in capsys.readouterr().err
+    for robot, angle, words in (('triangle', 'left', 'left'), ('nobody', '0.7', 'nobody')):
+        assert main([robot, str(model), *shape, '3', '4', angle]) == 2
+        assert words in capsys.readouterr().err
 
 
 def test_shape_without_geoms_is_refused_by_name():

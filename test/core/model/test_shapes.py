@@ -149,21 +149,6 @@ def test_an_object_moves_with_its_pose(seed):
     assert held.support(normals) == pytest.approx(shape.support(normals / turn), abs=1e-12)
 
 
-def arc(shape, angles):
-    """Return the arcs to the points with given normals; of no face."""
-    corners = [shape.corner_at(normal) for normal in np.exp(1j * angles).tolist()]
-    return shape.unroll(angles, np.array(corners))
-
-
-@pytest.mark.parametrize('shape', SHAPES)
-@pytest.mark.parametrize('turns', [-7, 1])
-def test_a_whole_turn_unrolls_the_perimeter(shape, turns):
-    angles = np.linspace(-3.1, 3.0, 41)
-    after = arc(shape, angles + 2.0 * np.pi * turns)
-    assert after - arc(shape, angles) == pytest.approx(turns * shape.perimeter, abs=1e-12)
-    assert (np.diff(arc(shape, np.linspace(-20.0, 20.0, 1001))) >= -1e-12).all()
-
-
 @pytest.mark.parametrize('shape', SHAPES)
 def test_gaps_of_segments_are_those_of_their_points(shape):
     rng = np.random.default_rng(1)
