@@ -160,61 +160,47 @@ def test_max_displacement_replaces_the_test_of_linearity(tmp_path, capsys):
 # -- Slips --
 
 
-def changed(column, factor, rows=slice(1, None), modes=MODES):
-    """Return exact points with one column of some rows times a factor."""
-    changed = points()
-    for row in changed[rows]:
+def changed(column, factor, modes=MODES):
+    """Return exact points with one column of some modes times a factor."""
+    rows = points()
+    for row in rows[1:]:
         row[column] *= factor if row[0] in modes else 1.0
-    return changed
+    return rows
 
 
 NO_MODES = 'no block for the robot file'
 
 
-@pytest.mark.parametrize(
-    ('rows', 'reason'),
-    [
-        (
-            changed(1, 1e-3),
-            "pressure '34.5': must be from 1000 to 300000 Pa; if it is in kPa, it is",
-        ),
-        (
-            changed(2, 1e3),
-            "length '254.0': must be from 0.02 to 10 m; if it is in cm, it is 2.54 m",
-        ),
-        (changed(3, 1e3), 'more than the length of the tube: must be in m'),
-        (
-            changed(3, 57.3, modes=('rotary',)),
-            'mode rotary: 90 of 108 rows with a displacement of more than half a turn: must be in '
-            'rad; these may be degrees',
-        ),
-        (changed(4, 1e-3), NO_MODES),
-        (changed(4, 1e3), NO_MODES),
-    ],
-    ids=['kPa', 'lengths in mm', 'mm', 'degrees', 'kN', 'mN'],
-)
-def test_a_wrong_unit_of_a_column_is_named_and_no_block_is_printed(rows, reason, tmp_path, capsys):
+WRONG_UNITS = {
+    'kPa': (changed(1, 1e-3), "pressure '34.5': must be from .* if it is in kPa, it is"),
+    'lengths in mm': (changed(2, 1e3), "length '254.0': must be .* if it is in cm, it is 2.54 m"),
+    'mm': (changed(3, 1e3), 'more than the length of the tube: must be in m'),
+    'degrees': (
+        changed(3, 57.3, ('rotary',)),
+        'mode rotary: 90 of 108 rows .* half a turn: must be in rad; these may be degrees',
+    ),
+    'kN': (changed(4, 1e-3), NO_MODES),
+    'mN': (changed(4, 1e3), NO_MODES),
+}
+
+
+@pytest.mark.parametrize('unit', WRONG_UNITS)
+def test_a_wrong_unit_of_a_column_is_named_and_no_block_is_printed(unit, tmp_path, capsys):
+    rows, reason = WRONG_UNITS[unit]
     code, out, err = run(capsys, write(tmp_path, rows))
-    assert reason in out + err
+    assert re.search(reason, out + err)
     assert (code, NO_MODES in err, 'stiffness:' in out) == (1, True, False)
 
 
 @pytest.mark.parametrize(
     ('row', 'reason'),
     [
-        (
-            ['axal', 3e4, 0.5, 0.01, 1.0],
-            "mode 'axal': must be one of axial, transverse, rotary, interference",
-        ),
+        (['axal', 3e4, 0.5, 0.01, 1.0], "mode 'axal': must be one of axial, transverse, rotary,"),
         (['axial', 3e4, 0.5, 0.01], '4 values for 5 columns'),
         (['axial', 3e4, 0.5, 'nan', 1.0], "displacement 'nan': must be finite, at most 1e+12"),
         (['axial', 3e4, 0.5, '0,01', 1.0], "displacement '0,01': must be a number"),
-        (
-            ['axal', 0, 0.5, 0.01, 1.0],
-            "interference; pressure '0': must be positive, at least 1e-12",
-        ),
+        (['axal', 0, 0.5, 0.01, 1.0], "pressure '0': must be positive, at least 1e-12"),
     ],
-    ids=lambda value: value if isinstance(value, str) else None,
 )
 def test_invalid_rows_are_named_and_counted(row, reason, tmp_path, capsys):
     rows = [line[:5] for line in points()]
@@ -222,7 +208,7 @@ def test_invalid_rows_are_named_and_counted(row, reason, tmp_path, capsys):
     code, out, _ = run(capsys, write(tmp_path, rows))
     assert code == 0
     assert '2 of 326 rows not used' in out
-    assert f'{reason}: 2, line 6-7' in out
+    assert re.search(f'{re.escape(reason)}.*: 2, line 6-7', out)
     assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
 
 
@@ -291,23 +277,8 @@ def test_file_that_never_ends_is_refused():
         read_measurements(Path('/dev/zero'))
 
 
-cells = strategies.sampled_from(
-    [
-        *MODES,
-        '',
-        'nan',
-        '-0.0',
-        '5e-324',
-        '1e12',
-        '-1e12',
-        '1e-300',
-        '0.5',
-        '34500',
-        '"',
-        '#',
-        '1,2',
-    ]
-) | strategies.floats().map(str)
+CELLS = (*MODES, '', 'nan', '-0.0', '5e-324', '1e12', '-1e12', '1e-300', '0.5', '34500', '"', '#')
+cells = strategies.sampled_from([*CELLS, '1,2']) | strategies.floats().map(str)
 
 
 @robots.examples(40)

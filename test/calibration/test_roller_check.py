@@ -50,7 +50,7 @@ def test_rollers_that_are_swapped_are_named():
 def test_a_motion_that_no_single_roller_causes_is_reported():
     moved = {'P': (0.05, 0.0), 'R': (-0.05, 0.0), 'Z': (0.0, 0.05)}
     reported = [judge_roller(ROBOT.home, roller, 0.02, moved, NOISE) for roller in ROLLERS]
-    assert any('no single roller explains' in each for each in reported)
+    assert any('no single roller explains' in sentence for sentence in reported)
 
 
 def test_a_check_without_joints_is_refused():

@@ -31,17 +31,17 @@ TOPICS = (
 DELAYS = {'joint_states': 0.01, 'object_pose': 0.03, 'joint_markers': 0.03}
 
 
-def hear(w, duration=1.0):
-    """Return (when it came, message) of each topic."""
-    heard = {topic: [] for _, topic in TOPICS}
+def receive(w, duration=1.0):
+    """Return (time of arrival, message) by topic."""
+    received = {topic: [] for _, topic in TOPICS}
 
     def keep(topic, message):
-        heard[topic].append((w.probe.past(0.0), message))
+        received[topic].append((w.probe.past(0.0), message))
 
     for kind, topic in TOPICS:
         w.probe.create_subscription(kind, topic, partial(keep, topic), 10)
     w.spin(duration)
-    return heard
+    return received
 
 
 def places(message):
@@ -57,46 +57,41 @@ def test_delay_and_rate_of_sensors_are_those_of_the_parameters(plant):
     faults = {'encoder_delay': 0.01, 'tracker_delay': 0.03, 'tracker_rate': 20.0}
     values = {'plant': plant, 'indentation': 0.005, 'marker_joints': ['all']}
     with world(lambda: Simulator(overrides(**values, **faults))) as w:
-        heard = hear(w)
+        received = receive(w)
         for topic, delay in DELAYS.items():
-            ages = [came - read_stamp(m.header) for came, m in heard[topic]]
+            ages = [came - read_stamp(m.header) for came, m in received[topic]]
             assert np.array(ages) == pytest.approx(delay, abs=2e-3)
-        counts = [len(heard[topic]) for topic in DELAYS]
+        counts = [len(received[topic]) for topic in DELAYS]
         assert counts == pytest.approx([99, 20, 20], abs=2)
 
 
 def test_the_noise_of_the_tracker_is_that_of_its_parameter():
     values = {'plant': 'elastic', 'indentation': 0.005, 'marker_joints': ['all']}
     with world(lambda: Simulator(overrides(tracker_noise=2e-3, **values))) as w:
-        heard = hear(w, 3.0)
+        received = receive(w, 3.0)
         placed, true = (
-            np.array([(m.pose.position.x, 2.0 * m.pose.orientation.z) for _, m in heard[topic]])
+            np.array([(m.pose.position.x, 2.0 * m.pose.orientation.z) for _, m in received[topic]])
             for topic in ('object_pose', 'truth/object_pose')
         )
         assert (placed - true).std(axis=0) == pytest.approx([2e-3, 0.02], rel=0.2)
-        marked = np.array([places(m)['Z'] for _, m in heard['joint_markers']])
+        marked = np.array([places(m)['Z'] for _, m in received['joint_markers']])
         assert marked.std(axis=0) == pytest.approx(2e-3, rel=0.2)
 
 
 def test_encoder_readings_are_multiples_of_the_resolution():
     with world(lambda: Simulator(overrides(encoder_step=1e-3))) as w:
-        heard = []
-        w.until(lambda: np.ptp(heard or [0.0]) > 5e-3, lambda: heard.append(drive(w)))
-        assert np.array(heard) / 1e-3 == pytest.approx(np.round(np.array(heard) / 1e-3))
-
-
-def drive(w):
-    """Command a roller, and return its measured travel [m]."""
-    w.probe.send_command([0.02] + [0.0] * (len(ROBOT.roller_names) - 1))
-    joints = w.probe.last('joints')
-    return 0.0 if joints is None else joints.position[0]
+        command = [0.02] + [0.0] * (len(ROBOT.roller_names) - 1)
+        w.until(lambda: w.travel()[0] > 5e-3, lambda: w.probe.send_command(command))
+        steps = [message.position[0] / 1e-3 for _, message in w.probe.seen['joints']]
+        assert len(set(steps)) > 4
+        assert steps == pytest.approx(np.round(steps))
 
 
 def test_markers_are_at_the_joints_that_have_one():
     with world(lambda: Simulator(overrides(marker_joints=['P', 'R', 'Z']))) as w:
-        heard = hear(w)
-        truth = places(heard['truth/joint_markers'][-1][1])
-        for _, message in heard['joint_markers']:
+        received = receive(w)
+        truth = places(received['truth/joint_markers'][-1][1])
+        for _, message in received['joint_markers']:
             result = places(message)
             assert result.keys() == {'P', 'R', 'Z'}
             assert all((result[name] == truth[name]).all() for name in result)
@@ -105,17 +100,17 @@ def test_markers_are_at_the_joints_that_have_one():
 def test_true_states_are_those_of_the_plant():
     faults = {'tracker_noise': 0.01, 'indentation': 0.005, 'friction': 0.8}
     with world(lambda: Simulator(overrides(plant='elastic', **faults))) as w:
-        heard = hear(w)
+        received = receive(w)
         members = members_at(ROBOT, MODULE)
         body = place_between(ROBOT.home, members, Disc(DIAMETER), indentation=0.005).body
         held = attach_grip(ROBOT.home, body)
         result = {
             message.header.frame_id: message.wrench.force.x
-            for _, message in heard['truth/contact_forces'][-2:]
+            for _, message in received['truth/contact_forces'][-2:]
         }
         frames = [f'truss_{name.replace("/", "_")}_contact' for name in held.member_names]
         assert result == pytest.approx(dict(zip(frames, held.normal_forces, strict=True)))
-        position = heard['truth/object_pose'][-1][1].pose.position
+        position = received['truth/object_pose'][-1][1].pose.position
         assert (position.x, position.y) == pytest.approx(held.pose[:2])
 
 
