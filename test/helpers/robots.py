@@ -94,29 +94,32 @@ def preset_document(name):
     return YAML(typ='safe', pure=True).load(path.read_text(encoding='utf-8'))
 
 
-def write(document):
-    """Write a robot file (JSON is YAML too) and return its path."""
-    with tempfile.NamedTemporaryFile(
-        'w', dir=_folder.name, suffix='.yaml', delete=False, encoding='utf-8'
-    ) as file:
-        json.dump(document, file)
+def write(content):
+    """Write a robot file of a document, a text or bytes, and return its path."""
+    if isinstance(content, dict):
+        content = json.dumps(content)  # JSON is YAML too
+    with tempfile.NamedTemporaryFile(dir=_folder.name, suffix='.yaml', delete=False) as file:
+        file.write(content if isinstance(content, bytes) else content.encode())
     return Path(file.name)
 
 
-def load(document):
-    """Return the robot of a document."""
-    path = write(document)
+def load(content):
+    """Return the robot of a file with a content, see `write`."""
+    path = write(content)
     try:
         return load_robot(path)
     finally:
         path.unlink()
 
 
-def refusal(document):
-    """Return what is said about a document that is no robot."""
+def refusal(content):
+    """Return the message about a file that is no robot; each of its lines names the file."""
+    path = write(content)
     with pytest.raises(RobotFileError) as caught:
-        load(document)
-    assert '.yaml: ' in str(caught.value)
+        load_robot(path)
+    path.unlink()
+    lines = str(caught.value).splitlines()
+    assert all(line.startswith(f'{path}: ') and line.count(str(path)) == 1 for line in lines)
     return str(caught.value)
 
 

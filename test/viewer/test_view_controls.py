@@ -208,24 +208,6 @@ def test_a_stop_ends_control_until_the_switch_is_switched_on_again(session):
     assert session.stops == 1
 
 
-def test_an_error_ends_control_and_is_shown_until_the_next_picture(session):
-    session.controls.give_up('division by zero')
-    assert session.control == Control()
-    while not session.browser.shows('division by zero'):
-        time.sleep(0.01)
-    session.until(lambda: not session.browser.shows('division by zero'))
-
-
-def test_a_drag_during_a_latched_stop_is_ignored(session):
-    session.grab()
-    session.control.latch(True)
-    assert session.control.drag is None
-    session.browser.drag('handle', 'start', 0.2, 0.0)
-    session.set('friction', 0.7)
-    session.until(lambda: ('friction', 0.7) in session.taken)
-    assert session.control.drag is None
-
-
 @pytest.mark.parametrize('value', [1e9, -20.5, math.nan, math.inf])
 def test_a_force_beyond_the_range_of_its_slider_is_ignored(session, value):
     session.set('force x [N]', value)

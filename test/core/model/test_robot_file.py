@@ -3,6 +3,7 @@
 
 """Robot files: what loads, and that every refusal names the file, the key and what is right."""
 
+import contextlib
 import copy
 from datetime import date, datetime
 import io
@@ -21,23 +22,8 @@ from isotruss_ros.core.statics.tube_stiffness import PowerLaw, tube_stiffness
 import numpy as np
 import pytest
 import robots
+from robots import refusal
 from ruamel.yaml import YAML
-
-
-def refusal(content, folder):
-    """Return what is said about a robot file of this content."""
-    path = folder / 'broken.yaml'
-    if isinstance(content, bytes):
-        path.write_bytes(content)
-    else:
-        path.write_text(content, encoding='utf-8')
-    with pytest.raises(RobotFileError) as caught:
-        load_robot(path)
-    message = str(caught.value)
-    for line in message.splitlines():
-        assert line.startswith(f'{path}: ')
-    assert message.count(str(path)) == len(message.splitlines())
-    return message
 
 
 def as_yaml(document):
@@ -46,7 +32,7 @@ def as_yaml(document):
     return stream.getvalue()
 
 
-def test_path_loads_as_text_and_as_path(tmp_path):
+def test_path_loads_as_text_and_as_path():
     path = robots.write(robots.example())
     assert load_robot(path).name == load_robot(str(path)).name == 'example'
     path.unlink()
@@ -74,13 +60,13 @@ NOT_POSITIVE = (0, -1.5, '.nan', '.inf', '-.inf', '1e400', '9' * 400, 'true', 's
 
 
 @pytest.mark.parametrize('key', NUMBERS.split())
-def test_number_that_is_not_positive_is_refused(key, tmp_path):
+def test_number_that_is_not_positive_is_refused(key):
     for value in NOT_POSITIVE:
         document = robots.example()
         *blocks, last = key.split('.')
         at(document, blocks)[last] = 'VALUE'
         text = as_yaml(document).replace('VALUE', str(value))
-        message = refusal(text, tmp_path)
+        message = refusal(text)
         assert f'{key}: ' in message
         assert 'must be' in message
         assert 'a positive number' in message
@@ -133,7 +119,7 @@ tube.pressure: {south: 2e+4, west: 2e+4} -> tube.pressure: unknown tube 'west'; 
 
 
 @pytest.mark.parametrize('case', REFUSALS.strip().splitlines())
-def test_errors_name_the_key_and_the_valid_value(case, tmp_path):
+def test_errors_name_the_key_and_the_valid_value(case):
     change, _, wanted = case.partition(' -> ')
     if ':' in change:
         ((path, value),) = YAML(typ='safe', pure=True).load(change).items()
@@ -146,37 +132,37 @@ def test_errors_name_the_key_and_the_valid_value(case, tmp_path):
         del block[key]
     else:
         block[key] = value
-    message = refusal(as_yaml(document), tmp_path)
+    message = refusal(as_yaml(document))
     for part in wanted.split(' | '):
         assert part in message, message
 
 
-def test_overlapping_parts_at_home_are_refused(tmp_path):
+def test_overlapping_parts_at_home_are_refused():
     document = robots.preset_document('nine_member')
     document['joints']['Z'] = [0.716, -2.2]
-    message = refusal(as_yaml(document), tmp_path)
+    message = refusal(as_yaml(document))
     assert 'module east/R and module north/R overlap at home' in message
     assert 'their clearance is -0.040 m' in message
 
 
 @pytest.mark.parametrize(('mistakes', 'lines'), [(50, 50), (51, 51), (2_000, 51)])
-def test_complaints_are_truncated_after_fifty(mistakes, lines, tmp_path):
+def test_complaints_are_truncated_after_fifty(mistakes, lines):
     document = robots.example()
     document['joints'] |= {f'J{i}': 'here' for i in range(mistakes)}
-    told = refusal(as_yaml(document), tmp_path).splitlines()
+    told = refusal(as_yaml(document)).splitlines()
     assert len(told) == lines
     assert told[-1].endswith('and more like these') == (mistakes > 50)
 
 
 @pytest.mark.parametrize('key', ['tubes', 'supports'])
-def test_list_of_mistakes_is_refused_in_time(key, tmp_path):
+def test_list_of_mistakes_is_refused_in_time(key):
     # Compared in pairs, as JSON Schema would have it, these take hours; the runner gives minutes.
     wrong = [{'a': i} for i in range(1_500)]
     document = robots.example()
     document[key] = {'P': wrong} if key == 'supports' else {'t': {'joints': wrong, 'passive': 'P'}}
     content = as_yaml(document)
     assert 12_000 < len(content) < MAX_FILE_SIZE
-    assert "{'a': 0}: must be" in refusal(content, tmp_path)
+    assert "{'a': 0}: must be" in refusal(content)
 
 
 EXAMPLE = as_yaml(robots.example())
@@ -204,9 +190,9 @@ NO_ROBOTS = {
 
 
 @pytest.mark.parametrize('case', NO_ROBOTS)
-def test_invalid_robot_files_are_refused(case, tmp_path):
+def test_invalid_robot_files_are_refused(case):
     content, wanted = NO_ROBOTS[case]
-    assert wanted in refusal(content, tmp_path)
+    assert wanted in refusal(content)
 
 
 @pytest.mark.parametrize(
@@ -258,16 +244,8 @@ def test_mutated_file_loads_or_is_refused(rng):
     document = robots.example()
     for _ in range(rng.integers(1, 4)):
         mutate(rng, document)
-    path = robots.write({})
-    path.write_text(as_yaml(document), encoding='utf-8')
-    prefix = message = f'{path}: '
-    try:
-        load_robot(path)
-    except RobotFileError as error:
-        message = str(error)
-    finally:
-        path.unlink()
-    assert message.startswith(prefix)
+    with contextlib.suppress(RobotFileError):
+        robots.load(as_yaml(document))
 
 
 def laws(b_rotary=0.5, c_rotary=0.3, a_rotary=0.6):
@@ -313,7 +291,7 @@ def test_stiffness_in_another_unit_is_refused_with_the_unit(model, key, value, w
     document['tube']['stiffness'] = block = {'model': model, **VALID_BLOCKS[model]}
     robots.load(document)
     block[key] = value
-    message = robots.refusal(document)
+    message = refusal(document)
     assert f'tube.stiffness.{key}: ' in message
     assert words in message
 
@@ -344,7 +322,7 @@ def with_laws(block, **members):
 def test_length_of_a_contradiction_is_the_limit_of_beams():
     """Against the model itself: a beam on one side of the length that is named, none beyond."""
     for block in (laws(c_rotary=0.2), laws(b_rotary=2.5, c_rotary=0.25)):
-        message = robots.refusal(with_laws(block, min_length=0.5))
+        message = refusal(with_laws(block, min_length=0.5))
         length = float(re.search(r'([\d.]+) m from pinch to pinch', message).group(1))
         model = PowerLaw(**read_laws(block), guide_ring_distance=0.08)
         inside = -1e-4 if 'above' in message else 1e-4
@@ -360,21 +338,21 @@ def test_laws_of_a_beam_without_shear_are_accepted_up_to_rounding(less, is_valid
     if is_valid:
         robots.load(document)
     else:
-        assert 'contradict each other at every length' in robots.refusal(document)
+        assert 'contradict each other at every length' in refusal(document)
 
 
 def test_laws_are_checked_at_the_pressure_of_each_tube():
     document = with_laws(laws(a_rotary=0.8, c_rotary=0.3 * 34.5e3**-0.2))
     robots.load(document)
     document['tube']['pressure'] = {'south': 1e4}
-    assert 'at 10000 Pa in tube south' in robots.refusal(document)
+    assert 'at 10000 Pa in tube south' in refusal(document)
 
 
 def test_section_of_tubes_with_different_pressures_needs_its_own():
     document = robots.preset_document('nine_member')
     document['tube']['stiffness'] = robots.example()['tube']['stiffness']
     document['tube']['pressure'] = {'south': 2e4, 'east': 3e4, 'north': 3e4}
-    assert "tube.stiffness: key 'pressure' is missing" in robots.refusal(document)
+    assert "tube.stiffness: key 'pressure' is missing" in refusal(document)
     document['tube']['stiffness']['pressure'] = 3e4
     model = tube_stiffness(robots.load(document).description).model
     assert model.section_stiffness([1.0], 3e4).shear == pytest.approx([1.9e3])
