@@ -20,6 +20,7 @@ class SqueezeLoop:
 
     :ivar reference: (3,) initial pose of the object plus the integral of the twists [m, rad].
     :ivar decisions: decisions of all cycles.
+    :ivar sends: False while the rollers keep their last command.
     :ivar errors: (3,) errors of the mid-cycle poses to the desired ones [m, rad].
     :param force: desired squeeze [N]; None: `more` times the initial one.
     :param scale: stiffness of the plant over that of the model [-].
@@ -56,7 +57,7 @@ class SqueezeLoop:
             config.robot, ServoSettings(grip, period, squeeze=squeeze, **options)
         )
         self.reference, self.rng = np.array(self.plant.object_pose), np.random.default_rng(0)
-        self.decisions, self.errors = [], []
+        self.decisions, self.errors, self.sends = [], [], True
 
     @property
     def squeeze(self):
@@ -87,8 +88,9 @@ class SqueezeLoop:
         self.servo.receive(**measured | inputs)
         decision = self.servo.decide(self.now)
         before = np.array(self.plant.object_pose)
-        if self.follows:
+        if self.follows and self.sends:
             self.plant.command(decision.command.roller_velocities)
+        if self.follows:
             self.plant.advance(elapsed)
         self.now += elapsed
         if twist is not None:

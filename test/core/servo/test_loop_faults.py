@@ -1,267 +1,165 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Late loops and corrected zeros, as the loop deals with them."""
+"""Late loops, missing inputs, repeated poses and corrected offsets in the loop of the servo."""
 
 from dataclasses import replace
-import math
 
-from grips import disc_grip, gripped, MASSLESS
-from isotruss_ros.core import (
-    ElasticObject,
-    Grip,
-    load_robot,
-    Pose,
-    RollerFaults,
-    SimulatedRobot,
-    Status,
-    TwistServo,
-)
-from isotruss_ros.core.errors import GraspError
+from grips import disc_grip, gripped
+from isotruss_ros.core import Grip, load_robot, Pose, Status, TwistServo
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
-from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.servo import twist_servo
-from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
+from squeeze_loop import SqueezeLoop, TIMEOUT
 
 ROBOT = load_robot('nine_member')
 GRIP = disc_grip(ROBOT.home, 'north/Z')
-HOME = np.zeros(len(ROBOT.roller_names))
-NOW, PERIOD, TIMEOUT = 1000.0, 0.005, 0.2
+COUNT = len(ROBOT.roller_names)
+NOW, PERIOD = 1000.0, 0.005
 CONFIG, BODY = gripped(35.0, squeeze=0.1)
-HELD_POSE = attach_grip(CONFIG, BODY).pose
+HELD = Grip.at_module(CONFIG.robot, 'north/Z', BODY, 0.5)
 
 
-def test_corrected_offsets_are_no_roller_travel(monkeypatch):
-    made, seen = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
-    monkeypatch.setattr(made.detector, 'update', lambda found, *_: seen.append(found.tolist()))
-    offsets = np.linspace(0.005, 0.01, len(HOME))
-    state = RollerState(0.02 + HOME + offsets, HOME, offsets)
-    made.receive(rollers=StampedInput(state, NOW))
-    made.decide(NOW)
-    assert seen == [pytest.approx((0.02 + HOME).tolist())]
+def failed_rollers(positions, offsets, speeds, late=0.015):
+    """
+    Return the rollers that failed in two seconds of cycles of 30 ms.
 
-
-def test_commanded_travel_is_compared_from_measurement_to_measurement(monkeypatch):
-    made, seen = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
-    monkeypatch.setattr(made.detector, 'update', lambda *given: seen.append(given[2][0]))
-    for number, speed in enumerate((0.001, 0.002, 0.004, 0.0)):
-        now = NOW + 0.03 * number
-        # The measurement is from the middle of the last interval.
-        made.receive(rollers=StampedInput(RollerState(HOME, HOME), now - 0.015))
-        made.command(np.full(len(HOME), speed), now)
-    # Speeds of 1 and 2 mm/s, each for half of the interval.
-    assert seen == pytest.approx([0.0, 0.0005, 0.0015, 0.003])
-
-
-def held_servo():
-    """Return a servo that squeezes an object that it holds, and its pose."""
-    grip = Grip.at_module(CONFIG.robot, 'north/Z', BODY, 0.5)
-    squeeze = SqueezeSettings(30.0)
-    settings = ServoSettings(grip, PERIOD, TIMEOUT, squeeze=squeeze, bounds=None)
-    return TwistServo(CONFIG.robot, settings), CONFIG.roller_positions, HELD_POSE
-
-
-def decide(made, positions, pose, now, twist=None):
-    """Let a servo decide, with a twist or without."""
-    made.receive(
-        twist=twist and StampedInput(twist, now),
-        rollers=StampedInput(RollerState(positions, np.zeros(len(positions))), now),
-        pose=StampedInput(pose, now),
+    :param positions: readings of all rollers over time [m].
+    :param offsets: offsets of all rollers over time [m].
+    :param speeds: commands of all rollers over time [m/s].
+    :param late: age of the measurements [s].
+    """
+    servo, ones = (
+        TwistServo(ROBOT, ServoSettings(GRIP, 0.03, 1.0, failure_time=1.0)),
+        np.ones(COUNT),
     )
-    return made.decide(now).command.status
+    for number in range(67):
+        now = 0.03 * number
+        time = now - late
+        state = RollerState(positions(time) * ones, 0.0 * ones, offsets(time) * ones)
+        servo.receive(rollers=StampedInput(state, NOW + time))
+        servo.command(speeds(now) * ones, NOW + now)
+    return servo.failed
 
 
-def test_a_late_loop_counts_no_more_than_the_timeout_as_one_cycle(monkeypatch):
-    made, positions, pose = held_servo()
-    follow, elapsed = made.squeeze.follow, []
+@pytest.mark.parametrize('is_offset', [True, False])
+def test_corrected_offsets_are_no_roller_travel(is_offset):
+    def travel(time):
+        return 0.01 * time
 
-    def note(config, grip, since, *others):
-        elapsed.append(since)
-        return follow(config, grip, since, *others)
-
-    monkeypatch.setattr(made.squeeze, 'follow', note)
-    for now in (NOW, NOW + 0.05, NOW + 10.0):
-        status = decide(made, positions, pose, now, (0.0, 0.01, 0.0))
-        assert status < Status.HALT_NO_TWIST
-    assert elapsed == pytest.approx([0.0, 0.05, TIMEOUT])
+    failed = failed_rollers(travel, travel if is_offset else lambda _: 0.0, lambda _: 0.01)
+    assert failed == (frozenset(ROBOT.roller_names) if is_offset else frozenset())
 
 
-def test_ages_of_measurements_count_to_the_middle_of_the_cycle(monkeypatch):
-    made, positions, pose = held_servo()
-    follow, ages = made.squeeze.follow, []
+def loop_of(**settings):
+    """Return the loop of an object at rest, with a period of 5 ms."""
+    return SqueezeLoop(CONFIG, HELD, period=PERIOD, follows=False, **settings)
 
-    def note(config, grip, since, sample, gripped, rollers):
-        ages.append((sample[1], rollers[1]))
-        return follow(config, grip, since, sample, gripped, rollers)
 
-    monkeypatch.setattr(made.squeeze, 'follow', note)
-    decide(made, positions, pose, NOW, (0.0, 0.01, 0.0))
-    made.receive(twist=StampedInput((0.0, 0.01, 0.0), NOW + 0.03))
-    made.decide(NOW + 0.03)
-    middle = 0.5 * PERIOD
-    assert ages == [pytest.approx((age + middle, age + middle)) for age in (0.0, 0.03)]
+def test_a_late_loop_counts_no_more_than_the_timeout_as_one_cycle():
+    loop, speed = loop_of(), 0.01
+    times = 0.05, 0.05, 10.0, 1.0
+    places = [loop.cycle((0.0, speed, 0.0), elapsed).desired_pose for elapsed in times]
+    # In the first cycle the acceleration is limited.
+    moved = np.diff(places, axis=0)[1:, 1]
+    assert moved == pytest.approx([0.05 * speed, TIMEOUT * speed], rel=0.02)
 
 
 def test_belief_of_a_held_object_is_kept_without_twists():
-    made, positions, pose = held_servo()
-    decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
-    belief = made.squeeze.belief
-    for number in range(1, 60):
-        status = decide(made, positions, pose, NOW + number * PERIOD)
-        assert status is Status.HALT_NO_TWIST
-    assert made.squeeze.belief is belief
-    assert made.squeeze.reference is None
+    loop = loop_of()
+    first = loop.cycle()
+    for _ in range(60):
+        decision = loop.cycle(None)
+        assert decision.command.status is Status.HALT_NO_TWIST
+        assert decision.squeeze == pytest.approx(first.squeeze, rel=0.1)
+        assert decision.desired_pose is None
 
 
 @pytest.mark.parametrize(
     ('missing', 'kept'), [(19, True), (22, False)], ids=['within 0.1 s', 'for longer']
 )
 def test_belief_ends_when_the_pose_is_missing_for_a_tenth_of_a_second(missing, kept):
-    made, positions, pose = held_servo()
-    decide(made, positions, pose, NOW, (0.0, 0.01, 0.0))
-    belief = made.squeeze.belief
-    for number in range(1, missing):
-        now = NOW + number * PERIOD
-        made.receive(twist=StampedInput((0.0, 0.01, 0.0), now), pose=None)
-        status = made.decide(now).command.status
-        assert status is Status.HALT_NO_OBJECT_POSE
-    assert (made.squeeze.belief is belief) is kept
-    assert made.squeeze.reference is made.squeeze.fault is None
+    loop = loop_of()
+    loop.cycle()
+    for _ in range(1, missing):
+        decision = loop.cycle(pose=None)
+        assert decision.command.status is Status.HALT_NO_OBJECT_POSE
+        assert decision.desired_pose is None
+    assert (decision.squeeze is not None) is kept
+    assert loop.cycle().command.status < Status.HALT_NO_TWIST
 
 
 @pytest.mark.parametrize('status', [Status.HALT_EMERGENCY_STOP, Status.HALT_KINEMATICS])
 def test_belief_is_kept_in_an_emergency_stop_and_ends_after_errors(status):
-    made, positions, pose = held_servo()
-    decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
-    belief = made.squeeze.belief
-    made.receive(halt=(status, 'it was drawn'))
-    for number in range(1, 30):
-        assert decide(made, positions, pose, NOW + number * PERIOD, (0.0, 0.0, 0.0)) is status
-    assert made.squeeze.belief is (belief if status is Status.HALT_EMERGENCY_STOP else None)
-    assert made.squeeze.fault is None
-
-
-def test_a_grip_that_the_solver_refuses_is_a_loss(monkeypatch):
-    made, positions, pose = held_servo()
-    decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
-
-    def refuse(*_):
-        raise GraspError('the contact is beyond the end of the member')
-
-    monkeypatch.setattr(twist_servo, 'solve_twist', refuse)
-    status = decide(made, positions, pose, NOW + PERIOD, (0.0, 0.01, 0.0))
-    assert status is Status.HALT_NO_GRASP
-    assert made.squeeze.fault is Status.HALT_NOT_HELD
+    loop = loop_of()
+    loop.cycle()
+    loop.servo.receive(halt=(status, 'singular'))
+    decisions = [loop.cycle() for _ in range(30)]
+    assert {decision.command.status for decision in decisions} == {status}
+    assert (decisions[-1].squeeze is not None) is (status is Status.HALT_EMERGENCY_STOP)
+    loop.servo.receive(halt=None)
+    assert loop.cycle().command.status < Status.HALT_NO_TWIST
 
 
 def test_a_change_of_the_moved_joint_ends_the_belief():
-    made, positions, pose = held_servo()
-    decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
-    made.apply(replace(made.settings, joint='Z'))
-    assert made.squeeze.belief is None
-    for number in range(60):
-        assert decide(made, positions, pose, NOW + number * PERIOD) is Status.HALT_NO_TWIST
-    assert made.squeeze.belief is None
+    loop = loop_of()
+    loop.cycle()
+    loop.servo.apply(replace(loop.servo.settings, joint='Z'))
+    for _ in range(60):
+        decision = loop.cycle(None)
+        assert decision.command.status is Status.HALT_NO_TWIST
+        assert decision.squeeze is None
 
 
 def test_belief_begins_before_the_first_twist():
-    made, positions, pose = held_servo()
-    decide(made, positions, pose, NOW)
-    belief = made.squeeze.belief
-    assert belief.grasp.pose == pytest.approx(pose, abs=1e-3)
-    decision = made.decide(NOW)
-    assert decision.command.status is Status.HALT_NO_TWIST
-    assert decision.squeeze == (belief.squeeze, belief.squeeze_deviation)
-    assert decision.pose_gain == made.squeeze.gain
+    loop = loop_of()
+    before, decision = loop.cycle(None), loop.cycle()
+    assert before.command.status is Status.HALT_NO_TWIST
+    assert before.squeeze == pytest.approx(decision.squeeze, rel=0.1)
+    assert before.pose_gain == decision.pose_gain
+    assert decision.desired_pose == pytest.approx(loop.plant.object_pose, abs=1e-3)
 
 
 def test_repeated_readings_are_used_once():
-    """Each reading is handed over in five cycles, by the second servo as an equal new object."""
-    (once, positions, pose), (often, _, _) = held_servo(), held_servo()
-    period, rng, spread = 0.01, np.random.default_rng(0), 2e-3**2 * np.eye(len(positions))
+    """Each reading is handed over in five cycles, to the second servo as an equal new object."""
+    loops = once, often = [loop_of(noise=1e-3) for _ in range(2)]
+    spread = 2e-3**2 * np.eye(COUNT)
     for number in range(25):
-        now = NOW + period * number
         if number % 5 == 0:
-            seen, stamp = pose + rng.normal(size=3) * [1e-3, 1e-3, math.radians(0.5)], now
-            once.receive(
-                pose=StampedInput(Pose(*seen), stamp),
-                estimate=StampedInput(EstimatedTravel(HOME, spread), stamp),
-            )
-        often.receive(
-            pose=StampedInput(Pose(*seen), stamp),
-            estimate=StampedInput(EstimatedTravel(HOME, spread.copy()), stamp),
-        )
-        for servo in (once, often):
-            state = RollerState(positions + 1e-3 * math.sin(0.1 * number), HOME, HOME)
-            servo.receive(
-                twist=StampedInput((0.0, 0.0, 0.0), now), rollers=StampedInput(state, now)
-            )
-            assert servo.decide(now).command.status < Status.HALT_NO_TWIST
-    assert 'slipped' not in often.squeeze.note()
-    assert often.squeeze.belief.pose == pytest.approx(once.squeeze.belief.pose, abs=1e-7)
-    assert often.squeeze.belief.squeeze == pytest.approx(once.squeeze.belief.squeeze, abs=1e-5)
-
-
-def test_one_pose_that_keeps_no_contacts_is_no_loss(monkeypatch):
-    made, positions, pose = held_servo()
-    decide(made, positions, pose, NOW, (0.0, 0.01, 0.0))
-    belief, roll = made.squeeze.belief, twist_servo.roll_object
-
-    def fail(*_):
-        raise GraspError('no pose of the object keeps its contacts in the new configuration')
-
-    for number in range(1, 20):
-        monkeypatch.setattr(twist_servo, 'roll_object', fail if number == 10 else roll)
-        status = decide(made, positions, pose, NOW + number * PERIOD, (0.0, 0.01, 0.0))
-        assert status < Status.HALT_NO_TWIST
-    assert made.squeeze.belief is belief
-    assert made.squeeze.fault is None
-
-
-def test_a_lost_object_without_contacts_is_reported_by_the_belief():
-    made, positions, pose = held_servo()
-    decide(made, positions, pose, NOW, (0.0, 0.01, 0.0))
-    decide(made, positions, Pose(5.0, 5.0, 0.0), NOW + PERIOD, (0.0, 0.01, 0.0))
-    status = decide(made, positions, Pose(5.0, 5.0, 0.0), NOW + 2 * PERIOD, (0.0, 0.01, 0.0))
-    assert status is Status.HALT_NOT_HELD
-    assert made.squeeze.fault is Status.HALT_NOT_HELD
+            stamp, error = once.now, 1e-3 * np.random.default_rng(number).normal(size=3)
+            seen = Pose(*(once.plant.object_pose + error))
+        for loop in loops:
+            inputs = {}
+            if loop is often or number % 5 == 0:
+                known = EstimatedTravel(np.zeros(COUNT), spread.copy())
+                inputs['estimate'] = StampedInput(known, stamp)
+            pose = once.servo.inputs.pose if number % 5 and loop is once else None
+            loop.cycle(pose=pose or StampedInput(Pose(*seen), stamp), **inputs)
+    one, other = (loop.decisions[-1] for loop in loops)
+    assert other.command.status < Status.HALT_NO_TWIST
+    assert 'slipped' not in other.message
+    assert other.desired_pose == pytest.approx(one.desired_pose, abs=1e-7)
+    assert other.squeeze == pytest.approx(one.squeeze, abs=1e-5)
 
 
 @pytest.mark.parametrize(('repeats', 'stopped'), [(1, False), (20, False), (60, True)])
 def test_a_tracker_that_repeats_its_pose_beyond_the_timeout_stops_the_object(repeats, stopped):
-    config, body = gripped(35.0, squeeze=0.1)
-    held, period = ElasticObject(body, 0.5), 0.01
-    plant = SimulatedRobot(config, held, RollerFaults())
-    plant.advance(0.0)
-    squeeze = SqueezeSettings(held.grasp.squeeze, max_utilisation=math.inf)
-    grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
-    servo = TwistServo(config.robot, ServoSettings(grip, period, TIMEOUT, squeeze=squeeze))
-    start, statuses = plant.object_pose, []
+    loop = SqueezeLoop(CONFIG, HELD, period=0.01, pose_gain=None, load=0.0)
+    start = loop.plant.object_pose
     for number in range(150):
-        now = number * period
         if number % repeats == 0 and number < 120:
-            pose = plant.object_pose
-        state = RollerState(plant.roller_positions, plant.roller_velocities)
-        servo.receive(
-            twist=StampedInput((0.05, 0.0, 0.0), now),
-            rollers=StampedInput(state, now),
-            pose=StampedInput(pose, now),
-        )
-        command = servo.decide(now).command
-        statuses.append(command.status)
-        plant.command(command.roller_velocities)
-        plant.advance(period)
-    assert (Status.HALT_STALE_OBJECT_POSE in statuses[:120]) is stopped
-    assert statuses[-1] is Status.HALT_STALE_OBJECT_POSE
+            pose = loop.plant.object_pose
+        loop.cycle((0.05, 0.0, 0.0), pose=StampedInput(pose, loop.now))
+    assert (Status.HALT_STALE_OBJECT_POSE in loop.statuses[:120]) is stopped
+    assert loop.statuses[-1] is Status.HALT_STALE_OBJECT_POSE
     # A new pose resumes the motion.
     if stopped:
-        assert statuses[59] is Status.HALT_STALE_OBJECT_POSE
-        assert statuses[61] < Status.HALT_NO_TWIST
-    assert plant.object_pose.x - start.x > 0.01
+        assert loop.statuses[59] is Status.HALT_STALE_OBJECT_POSE
+        assert loop.statuses[61] < Status.HALT_NO_TWIST
+    assert loop.plant.object_pose.x - start.x > 0.01
 
 
 @pytest.mark.parametrize(
@@ -269,31 +167,20 @@ def test_a_tracker_that_repeats_its_pose_beyond_the_timeout_stops_the_object(rep
     some_now([(5, 0, 1), (0, 5, 1), (0, 1, 2), (0, 0, 1), (1, 0, 1)]),
 )
 def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, every):
-    config, body = gripped(35.0, squeeze=0.1)
-    held, period, sent, lengths = ElasticObject(body, 0.5), 0.01, [], []
-    plant = SimulatedRobot(config, held, RollerFaults())
-    plant.advance(0.0)
-    squeeze = SqueezeSettings(held.grasp.squeeze, max_utilisation=math.inf, **MASSLESS)
-    grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
-    servo = TwistServo(config.robot, ServoSettings(grip, period, 1.0, squeeze=squeeze))
-    for number in range(60):
-        now = number * period
+    loop = SqueezeLoop(CONFIG, HELD, period=0.01, servo={'timeout': 1.0})
+    states, poses, first = [], [], loop.now
+    for number in range(0, 60, every):
         # A busy machine: the rollers keep their last command, and nothing is measured.
-        stands = 20 <= number < 45
-        if not stands:
-            state = RollerState(plant.roller_positions, plant.roller_velocities)
-            sent.append((number, StampedInput(state, now), StampedInput(plant.object_pose, now)))
-        if number % every == 0:
-            rollers = [each for when, each, _ in sent if when <= max(number - rollers_late, 0)]
-            poses = [each for when, _, each in sent if when <= max(number - pose_late, 0)]
-            twist = StampedInput((0.0, 0.0, 0.8 * now), now)
-            servo.receive(twist=twist, rollers=rollers[-1], pose=poses[-1])
-            decision = servo.decide(now)
-            assert decision.command.status < Status.HALT_NO_TWIST
-            lengths.append(servo.squeeze.belief.state.walk.length)
-        if not stands:
-            plant.command(decision.command.roller_velocities)
-        plant.advance(period)
-    assert held.grasp.squeeze == pytest.approx(squeeze.force, rel=0.05)
-    assert max(lengths) < 5e-4
-    assert servo.squeeze.belief.state.delay < 5e-3
+        loop.sends = not 20 <= number < 45
+        if loop.sends:
+            velocities = loop.plant.roller_velocities
+            state = RollerState(loop.plant.roller_positions, velocities)
+            states.append(StampedInput(state, loop.now))
+            poses.append(StampedInput(loop.plant.object_pose, loop.now))
+        twist = (0.0, 0.0, 0.8 * (loop.now - first))
+        rollers, pose = states[-1 - rollers_late :][0], poses[-1 - pose_late :][0]
+        decision = loop.cycle(twist, every * loop.period, rollers=rollers, pose=pose)
+        assert decision.command.status < Status.HALT_NO_TWIST
+        assert 'slipped' not in decision.message
+    assert loop.squeeze == pytest.approx(loop.target, rel=0.05)
+    assert decision.pose_delay < 5e-3

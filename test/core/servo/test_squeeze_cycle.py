@@ -95,7 +95,9 @@ def test_a_low_slip_margin_slows_the_twist_and_not_the_correction_of_the_pose():
     assert command.achieved_twist[1] == pytest.approx(expected[1], rel=0.1)
 
 
-@pytest.mark.parametrize(('friction', 'load', 'slowed'), [(0.38, 1.0, True), (0.4, -1.0, False)])
+@pytest.mark.parametrize(
+    ('friction', 'load', 'slowed'), [(0.38, 1.0, True), (0.385, 0.0, False), (0.4, -1.0, False)]
+)
 def test_the_slip_margin_does_not_rely_on_an_estimated_load(friction, load, slowed):
     """The load changes the true margin by 0.5 N upward, or by 0.7 N downward."""
     loop = loop_of(friction)
