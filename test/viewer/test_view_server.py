@@ -101,9 +101,10 @@ def test_the_page_with_the_token_brings_a_cookie_that_opens_the_websocket(public
 @pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason='needs IPv6')
 @pytest.mark.parametrize('host', ['::ffff:127.0.0.1', '::'])
 def test_ipv6_addresses_include_those_of_ipv4(host):
+    name = '127.0.0.2' if host == '::' else '127.0.0.1'
     with served(host) as view:
-        origin = f'http://127.0.0.1:{view.server.get_port()}'
-        assert handshake(view, origin, token_of(view)) == ACCEPTED
+        origin = f'http://{name}:{view.server.get_port()}'
+        assert handshake(view, origin, token_of(view), address=name) == ACCEPTED
         assert host == '::' or view.address.startswith(f'{origin}/?token=')
 
 
