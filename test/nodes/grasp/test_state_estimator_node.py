@@ -3,6 +3,7 @@
 
 """The node `state_estimator`, and the nodes that use what it publishes."""
 
+import contextlib
 import itertools
 
 from geometry_msgs.msg import WrenchStamped
@@ -45,27 +46,33 @@ PLANT = {
 estimator = maker(StateEstimatorNode)
 
 
+#: Joints at home.
+PLACES = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
+
+
+@contextlib.contextmanager
+def listening(*makers):
+    """Yield a world whose probe keeps estimates, and publishes markers."""
+    with world(*makers) as w:
+        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
+        w.markers = w.probe.create_publisher(MultiDOFJointState, 'joint_markers', 10)
+        yield w
+
+
 def last_estimate(w):
     """Return the last message."""
     return w.probe.last('estimate')
 
 
-def listen(w):
-    """Keep estimates, and return a publisher of markers."""
-    w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
-    return w.probe.create_publisher(MultiDOFJointState, 'joint_markers', 10)
-
-
-def send_markers(w, markers, joints, frame='truss', age=0.0):
+def send_markers(w, joints, age=0.0):
     """Publish joints by name."""
     message = to_joint_markers(joints)
-    message.header = make_header(w.probe.past(age), frame)
-    markers.publish(message)
+    message.header = make_header(w.probe.past(age), 'truss')
+    w.markers.publish(message)
 
 
 def test_joints_of_a_robot_with_wrong_offsets_are_estimated():
-    with world(lambda: Simulator(overrides(**PLANT)), estimator()) as w:
-        listen(w)
+    with listening(lambda: Simulator(overrides(**PLANT)), estimator()) as w:
         w.spin(2.0)
         result, truth = last_estimate(w), w.nodes[1].robot.home.nodes[: len(NAMES)]
     joints = np.array([(place.x, place.y) for place in result.joints])
@@ -79,8 +86,7 @@ def test_joints_of_a_robot_with_wrong_offsets_are_estimated():
 def test_prior_deviation_of_the_offsets_is_the_parameter_and_grows_by_slip():
     deviations = []
     for slip in (0.0, 0.5):
-        with world(estimator(zero_deviation=0.002, slip=slip)) as w:
-            listen(w)
+        with listening(estimator(zero_deviation=0.002, slip=slip)) as w:
             w.spin(0.1, w.probe.send_joints)
             w.spin(0.1, lambda: w.probe.send_joints(position=[0.1] * 6))
             variances = np.diag(np.reshape(last_estimate(w).offset_covariance, (6, 6)))
@@ -91,23 +97,20 @@ def test_prior_deviation_of_the_offsets_is_the_parameter_and_grows_by_slip():
 
 
 def test_estimate_is_robust_to_late_swapped_and_missing_markers():
-    places = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
-    with world(estimator()) as w:
-        markers = listen(w)
-
+    with listening(estimator()) as w:
         noise = itertools.cycle((1e-9, -1e-9))
 
         def feed(joints):
             w.probe.send_joints()
             off = next(noise)
             noisy = {name: (x + off, y) for name, (x, y) in joints.items()}
-            send_markers(w, markers, noisy, age=0.3)
+            send_markers(w, noisy, age=0.3)
 
-        w.spin(1.0, lambda: feed(places))
-        w.spin(0.2, lambda: feed(places | {'P': places['Q'], 'Q': places['P']}))
+        w.spin(1.0, lambda: feed(PLACES))
+        w.spin(0.2, lambda: feed(PLACES | {'P': PLACES['Q'], 'Q': PLACES['P']}))
         assert last_estimate(w).left_out_joints == ['P', 'Q']
         w.spin(0.2, lambda: feed({}))
-        w.spin(0.2, lambda: feed(places))
+        w.spin(0.2, lambda: feed(PLACES))
         result = last_estimate(w)
     assert np.abs(result.offsets).max() < 2e-4
     assert result.used_joints == sorted(NAMES)
@@ -115,17 +118,14 @@ def test_estimate_is_robust_to_late_swapped_and_missing_markers():
 
 @pytest.mark.parametrize(('inclination', 'is_admitted'), [(1.57, True), (0.02, False)])
 def test_an_upright_robot_that_three_markers_admit_is_reported(inclination, is_admitted):
-    places = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
-    three = {name: places[name] for name in ('Q', 'R', 'Z')}
-    with world(estimator(inclination=inclination)) as w:
-        markers = listen(w)
+    three = {name: PLACES[name] for name in ('Q', 'R', 'Z')}
+    with listening(estimator(inclination=inclination)) as w:
         w.spin(0.1, w.probe.send_joints)
-        w.spin(1.5, lambda: (w.probe.send_joints(), send_markers(w, markers, three)))
-        details = {value.key: value.value for value in w.report('state_estimator').values}
-        result = last_estimate(w)
+        w.spin(1.5, lambda: (w.probe.send_joints(), send_markers(w, three)))
+        detail, result = w.detail('roller offsets', 'state_estimator'), last_estimate(w)
     assert result.used_joints == sorted(three)
     assert result.may_be_upright is is_admitted
-    assert ('set inclination' in details.get('roller offsets', '')) is is_admitted
+    assert ('set inclination' in detail) is is_admitted
 
 
 @pytest.mark.parametrize('ahead', [0.0, 0.9 * CLOCK_SKEW])
@@ -133,14 +133,13 @@ def test_a_repeated_marker_message_is_used_once(ahead):
     """Also if its stamp is in the future, and its age counts from its reception."""
     result = []
     for repeats in (1, 5):
-        with world(estimator()) as w:
-            markers = listen(w)
+        with listening(estimator()) as w:
             w.spin(0.2, w.probe.send_joints)
             message = to_joint_markers({'Q': tuple(ROBOT.home.nodes[1] + [0.0, 2e-3])})
             message.header = make_header(w.probe.past(-ahead), 'truss')
             for number in range(5):
                 if number < repeats:
-                    markers.publish(message)
+                    w.markers.publish(message)
                 w.spin(0.002)
             w.spin(0.2, w.probe.send_joints)
             result.append(last_estimate(w).offsets)
@@ -149,12 +148,10 @@ def test_a_repeated_marker_message_is_used_once(ahead):
 
 
 def test_markers_wait_for_joint_states_of_their_time():
-    places = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
-    with world(estimator()) as w:
-        markers = listen(w)
+    with listening(estimator()) as w:
         w.spin(0.3, w.probe.send_joints)
         w.spin(0.1)
-        send_markers(w, markers, places)
+        send_markers(w, PLACES)
         w.spin(0.1)
         assert last_estimate(w).used_joints == []
         w.spin(0.1, w.probe.send_joints)
@@ -162,8 +159,7 @@ def test_markers_wait_for_joint_states_of_their_time():
 
 
 def test_stale_pressures_give_a_warning_and_the_estimate_continues():
-    with world(estimator(pressure_timeout=0.3)) as w:
-        listen(w)
+    with listening(estimator(pressure_timeout=0.3)) as w:
         w.spin(0.1, lambda: (w.probe.send_joints(), w.probe.send_pressures([3e4] * 3)))
         w.until(lambda: w.report('state_estimator').message == 'estimating', w.probe.send_joints)
         w.until(
@@ -177,8 +173,7 @@ def test_stale_pressures_give_a_warning_and_the_estimate_continues():
 def test_poses_wait_for_encoders_that_are_late_by_less_than_the_timeout():
     plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'encoder_delay': 1.5}
     values = {'rate': 20.0, 'command_timeout': 3.0}
-    with world(lambda: Simulator(overrides(**plant, **values)), estimator(**values)) as w:
-        listen(w)
+    with listening(lambda: Simulator(overrides(**plant, **values)), estimator(**values)) as w:
         w.until(lambda: last_estimate(w) is not None and last_estimate(w).held == 1)
 
 
