@@ -80,15 +80,15 @@ def test_manipulation_is_configured_for_another_robot():
         triangle = load_robot('triangle')
         center = tangent_center(triangle.home, 'main/T', 0.3)
 
+        names = list(triangle.roller_names)
+
         def send():
-            w.probe.send_joints(
-                name=list(triangle.roller_names), position=[0.0] * len(triangle.roller_names)
-            )
+            w.probe.send_joints(name=names, position=[0.0] * len(names))
             w.probe.send_pose(center=center, frame=triangle.frame)
             w.probe.send_twist((0.01, 0.0, 0.0))
 
         w.until(lambda: w.code() is not None and w.code() < Status.HALT_NO_TWIST, send)
-        w.until(lambda: len(w.probe.last('command').data) == len(triangle.roller_names), send)
+        w.until(lambda: len(w.probe.last('command').data) == len(names), send)
         w.until(lambda: w.report('manipulation').hardware_id == 'triangle', send)
 
 

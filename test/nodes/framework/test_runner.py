@@ -8,7 +8,7 @@ import time
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.nodes.framework.cycle import PacedExecutor
 from isotruss_ros.nodes.framework.topics import subscribe_newest
-from probe import begin_context, manipulation, Probe
+from probe import begin_context, DEADLINE, manipulation, Probe
 import pytest
 import rclpy
 
@@ -26,12 +26,12 @@ def nodes():
     rclpy.shutdown()
 
 
-def until(executor, probe, what, each=lambda: None):
-    """Spin node and probe until something holds."""
-    end = time.monotonic() + 240.0
-    while not what():
+def until(executor, probe, holds, send=lambda: None):
+    """Spin node and probe until a condition holds."""
+    end = time.monotonic() + DEADLINE
+    while not holds():
         assert time.monotonic() < end
-        each()
+        send()
         executor.spin_once(timeout_sec=0.01)
         rclpy.spin_once(probe, timeout_sec=0.0)
 
@@ -40,12 +40,6 @@ def moving(probe):
     """Return whether the last command moves the rollers."""
     command = probe.last('command')
     return command is not None and any(command.data)
-
-
-def send_inputs(probe):
-    """Publish the measured inputs."""
-    probe.send_joints()
-    probe.send_pose()
 
 
 def move(executor, probe):
@@ -63,7 +57,8 @@ def test_a_twist_from_before_the_activation_moves_nothing(nodes):
         rclpy.spin_once(probe, timeout_sec=0.01)
     node.trigger_activate()
     probe.seen['command'].clear()
-    until(executor, probe, lambda: len(probe.seen['command']) > 5, lambda: send_inputs(probe))
+    send = lambda: (probe.send_joints(), probe.send_pose())  # noqa: E731
+    until(executor, probe, lambda: len(probe.seen['command']) > 5, send)
     assert not any(any(m.data) for _, m in probe.seen['command'])
     move(executor, probe)
 

@@ -55,9 +55,9 @@ def test_grips_survive_a_round_trip():
     ],
 )
 def test_grips_that_are_not_usable_are_refused(changes):
-    made = message()
+    changed = message()
     for name, value in changes.items():
         kind = 'I' if name == 'corners' else 'd'
-        setattr(made, name, value if name == 'members' else array.array(kind, value))
+        setattr(changed, name, value if name == 'members' else array.array(kind, value))
     with pytest.raises(MessageError):
-        read_grip(made, NINE)
+        read_grip(changed, NINE)

@@ -38,9 +38,9 @@ def test_the_indentation_of_a_held_object_is_its_penetration_of_each_member(desc
 
 def test_the_viewer_sets_the_object_of_all_nodes_that_have_its_parameters():
     specs = {name: find_node(name).specs for name in NODES}
-    names = {name: {spec.name for spec in each} for name, each in specs.items()}
-    having = {name for name, each in names.items() if each >= {'object', *SETTINGS}}
-    assert having - {'simulator', 'viewer'} == set(OBJECT_NODES)
+    names = {node: {spec.name for spec in of_node} for node, of_node in specs.items()}
+    expected = {node for node in names if names[node] >= {'object', *SETTINGS}}
+    assert set(OBJECT_NODES) == expected - {'simulator', 'viewer'}
 
 
 @pytest.mark.parametrize(

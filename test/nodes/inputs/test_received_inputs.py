@@ -26,14 +26,13 @@ def test_an_earlier_input_does_not_replace_a_later_one():
     assert keep_latest(LATE, NEW, NOW) is NEW
 
 
-def test_an_input_replaces_none_and_a_rejected_one():
-    assert keep_latest(None, LATE, NOW) is LATE
-    assert keep_latest(BAD, LATE, NOW) is LATE
-    assert keep_latest(None, BAD, NOW) is BAD
-
-
-def test_an_input_replaces_one_from_before_the_clock_was_set_back():
-    assert keep_latest(NEW, LATE, NOW - 0.1) is LATE
+@pytest.mark.parametrize(
+    ('kept', 'new', 'now'),
+    [(None, LATE, NOW), (BAD, LATE, NOW), (None, BAD, NOW), (NEW, LATE, NOW - 0.1)],
+    ids=['none', 'rejected', 'none by a rejection', 'before the clock was set back'],
+)
+def test_an_input_replaces_one_that_is_none_rejected_or_from_the_future(kept, new, now):
+    assert keep_latest(kept, new, now) is new
 
 
 def test_a_rejection_is_the_reason_after_the_timeout_of_the_valid_input():

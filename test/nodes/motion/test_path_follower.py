@@ -247,27 +247,24 @@ def test_a_supervised_goal_ends_with_its_client():
         assert not moves(w)
 
 
-BOX = (
-    '{shape: polygon, corner_radius: 0.02, friction: 0.8, '
-    'vertices: [[-0.15, -0.1], [0.15, -0.1], [0.15, 0.1], [-0.15, 0.1]]}'
-)
-DISC = '{shape: disc, diameter: 0.3, friction: 0.8}'
+OBJECTS = {
+    'box': (
+        '{shape: polygon, corner_radius: 0.02, friction: 0.8, '
+        'vertices: [[-0.15, -0.1], [0.15, -0.1], [0.15, 0.1], [-0.15, 0.1]]}',
+        (0.3, 0.2, 0.0),
+        r'would end after \d+ cm.*, at \(0\.\d+, 0\.\d+\): the slip margin',
+    ),
+    'disc': (
+        '{shape: disc, diameter: 0.3, friction: 0.8}',
+        (1.5, 0.0, 0.2),
+        r'out of reach after \d+ cm.*, at \(\d\.\d{3}, \d\.\d{3}\)',
+    ),
+}
 
 
-@pytest.mark.parametrize(
-    ('described', 'step', 'words'),
-    [
-        (
-            BOX,
-            (0.3, 0.2, 0.0),
-            r'would end after \d+ cm.*, at \(0\.\d+, 0\.\d+\): the slip margin',
-        ),
-        (DISC, (1.5, 0.0, 0.2), r'out of reach after \d+ cm.*, at \(\d\.\d{3}, \d\.\d{3}\)'),
-    ],
-)
-def test_a_path_that_cannot_be_executed_is_refused_with_the_pose_of_its_end(
-    described, step, words
-):
+@pytest.mark.parametrize('name', OBJECTS)
+def test_a_path_that_cannot_be_executed_is_refused_with_the_pose_of_its_end(name):
+    described, step, words = OBJECTS[name]
     members, shape = members_at(ROBOT, 'north/Z'), read_object(described).shape
     body = place_between(ROBOT.home, members, shape, indentation=0.02).body
     with listening(node(object=described)) as w:
