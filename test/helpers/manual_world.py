@@ -57,10 +57,10 @@ def match(offered: QoSProfile, requested: QoSProfile) -> bool:
 
 def call_back(subscription: Subscription, message: Any, number: int) -> None:
     """Hand a message over in the form in which the subscription takes it, with its number."""
-    given = [serialize_message(message) if subscription.raw else message]
+    arguments = [serialize_message(message) if subscription.raw else message]
     if subscription._callback_type is Subscription.CallbackType.WithMessageInfo:
-        given.append({'publication_sequence_number': number})
-    subscription.callback(*given)
+        arguments.append({'publication_sequence_number': number})
+    subscription.callback(*arguments)
 
 
 def call_at_once(_pool: ThreadPoolExecutor, call: Callable[..., Any], *arguments: Any) -> Future:
@@ -369,22 +369,20 @@ def world(
     if not rclpy.ok():
         rclpy.init()
         _keep_participant()
-    made = World(remaps or {})
+    w = World(remaps or {})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Clock, 'now', lambda clock: made.read(clock))
-        patch.setattr(time, 'monotonic', lambda: made.now)
+        patch.setattr(Clock, 'now', lambda clock: w.read(clock))
+        patch.setattr(time, 'monotonic', lambda: w.now)
         patch.setattr(ThreadPoolExecutor, 'submit', call_at_once)
-        patch.setattr(Publisher, 'publish', lambda pub, message: made.publish(pub, message))
-        patch.setattr(
-            Publisher, 'get_subscription_count', lambda pub: made.count_subscriptions(pub)
-        )
+        patch.setattr(Publisher, 'publish', lambda pub, message: w.publish(pub, message))
+        patch.setattr(Publisher, 'get_subscription_count', lambda pub: w.count_subscriptions(pub))
         try:
-            enter(made)
-            made.begin(makers, twist_type, sim_time)
-            made.deliver()
-            yield made
+            enter(w)
+            w.begin(makers, twist_type, sim_time)
+            w.deliver()
+            yield w
         finally:
-            for node in made.nodes:
+            for node in w.nodes:
                 node.destroy_node()
                 if hasattr(node, '_state_machine'):
                     # Or rclpy keeps the lifecycle services until the garbage is collected.

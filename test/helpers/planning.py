@@ -30,9 +30,9 @@ def goal(center=CENTER, frame='truss', **fields):
 
 def workers(of=None):
     """Return the processes that search, of this process or another."""
-    found = []
+    result = []
     for child in psutil.Process(of).children(recursive=True):
         with contextlib.suppress(psutil.NoSuchProcess):
             if 'spawn_main' in ' '.join(child.cmdline()):
-                found.append(child)
-    return found
+                result.append(child)
+    return result

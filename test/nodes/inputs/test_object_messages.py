@@ -54,7 +54,6 @@ def test_objects_survive_a_round_trip(seed, place, mass, weighted, friction):
 
 
 DISC = {'shape': ObjectMessage.DISC, 'diameter': 0.3}
-DENTED = [*CORNERS[:2], (0.0, 0.0), *CORNERS[2:]]
 REFUSED = {
     'no shape': (ObjectMessage(diameter=0.3), r'object: shape 0: must be one of 1 \(a disc\), 2'),
     'a disc with vertices': (
@@ -68,16 +67,6 @@ REFUSED = {
     'friction in percent': (
         ObjectMessage(**DISC, friction=[80.0]),
         "object: the object's friction 80.0: must be from 0 to 10; if it is in percent, it is 0.8",
-    ),
-    'no vertices': (ObjectMessage(shape=2), "key 'vertices' is missing; a polygon needs it"),
-    'concave': (
-        box(vertices=points(DENTED)),
-        r'vertex 3 \(0, 0\) m?: the polygon is concave there, or its sides cross each other; must '
-        r'be convex',
-    ),
-    'not a number': (
-        box(vertices=points([*CORNERS[:3], (math.nan, 0)])),
-        r'vertex 4 \(x, y\) \[m\]: .*must be 2 finite numbers',
     ),
     'mass elsewhere': (
         box(center_of_mass=points([(1.0, 0.0)])),

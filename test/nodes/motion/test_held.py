@@ -11,17 +11,15 @@ from isotruss_msgs.action import MoveObject
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import Pose
 from isotruss_ros.core.inputs import LatestInputs, StampedInput
-from isotruss_ros.nodes.conversions.messages import make_header, read_pose, to_pose_message
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.pick_and_place import action_steps
 from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
 from isotruss_ros.nodes.pick_and_place.object_watch import CONFIRMATION_TIMEOUT, ObjectWatch
-from isotruss_ros.nodes.simulator.node import Simulator
 from manual_actions import MotionClient
 from manual_world import world
 from nav_msgs.msg import Path
-from probe import CENTER, maker, overrides
+from probe import CENTER, maker
 import pytest
 
 NO, YES, UNKNOWN = GraspState.HELD_NO, GraspState.HELD_YES, GraspState.HELD_UNKNOWN
@@ -133,32 +131,3 @@ def test_a_confirmed_grasp_has_the_deviation_of_a_grip_published_within_the_time
             confirmed = end.value
     assert clock[0] == pytest.approx(min(grip_delay, CONFIRMATION_TIMEOUT), abs=2.0 * STEP)
     assert math.isnan(confirmed.squeeze_deviation) == math.isinf(grip_delay)
-
-
-PLANT = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.025, 'rate': 20.0}
-
-
-def status_of(twist=(0.0, 0.0, 0.0), **values):
-    """Return status and measured pose after a second of a twist at an object that is held."""
-    with world(
-        lambda: Simulator(overrides(**PLANT)),
-        maker(Manipulation, friction=0.9, rate=20.0, **values)(),
-    ) as w:
-        w.spin(1.0, lambda: w.probe.send_twist(twist))
-        assert w.code() < ManipulationStatus.HALT_NO_TWIST
-        return w.probe.last('status'), w.place()
-
-
-def test_status_of_a_held_object_has_squeeze_deviation_and_desired_pose():
-    status, measured = status_of((0.0, 0.01, 0.0), squeeze_force=30.0)
-    assert status.held == YES
-    assert 0.0 < status.squeeze_deviation < status.squeeze
-    assert not status.squeeze_assumed
-    desired = read_pose('desired pose', status.desired_pose)
-    assert desired[:2] == pytest.approx(measured[:2], abs=2e-3)
-
-
-def test_loop_without_squeeze_control_knows_neither_hold_nor_desired_pose():
-    status, _ = status_of()
-    assert status.held == UNKNOWN
-    assert math.isnan(status.desired_pose.position.x)

@@ -9,6 +9,7 @@ from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core import Status
 from isotruss_ros.core.inputs import find_fresh
+from isotruss_ros.nodes.conversions.messages import read_pose
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
@@ -150,10 +151,21 @@ def test_analysis_and_estimator_agree_with_the_loop_about_the_held_object():
         w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
         w.spin(1.0, lambda: w.probe.send_twist((0.02, 0.0, 0.0)))
         state, estimate, status = map(w.probe.last, ('state', 'estimate', 'status'))
+        desired = read_pose('desired pose', status.desired_pose)
+        assert desired[:2] == pytest.approx(w.place()[:2], abs=2e-3)
     assert state.held == status.held == estimate.held == status.HELD_YES
     assert np.mean(state.squeeze) == pytest.approx(status.squeeze, rel=0.02)
     assert estimate.squeeze == pytest.approx(status.squeeze, rel=0.02)
     assert estimate.squeeze_deviation == pytest.approx(status.squeeze_deviation, rel=0.05)
+    assert 0.0 < status.squeeze_deviation < status.squeeze
+    assert not status.squeeze_assumed
+
+
+def test_loop_without_squeeze_control_reports_neither_hold_nor_desired_pose():
+    with world(plant, squeezing(squeeze_force=0.0)) as w:
+        status = w.until_code(Status.IDLE, still(w))
+    assert status.held == status.HELD_UNKNOWN
+    assert np.isnan(status.desired_pose.position.x)
 
 
 def test_pressures_that_are_old_or_invalid_halt_until_valid_ones_arrive():
