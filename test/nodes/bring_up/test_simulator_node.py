@@ -1,14 +1,18 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator node, and both nodes together, under an executor in this process."""
+"""The simulator node: its messages, its rollers, and the object in its plants."""
 
-from isotruss_ros.nodes.conversions.messages import read_stamp
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from held_grips import ANGLE, APART, box_between, BOX_FILE, DEPTH, HOME
+from isotruss_ros.core import Pose, solve_twist
+from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import CENTER, maker, N, ROBOT
 import pytest
+from std_msgs.msg import Header
 
 SPEED = 0.02
 
@@ -75,3 +79,74 @@ def test_blocks_at_impossible_configurations_and_continues():
             lambda: np.abs(w.travel() - blocked).max() > 1e-3,
             lambda: w.probe.send_command(-0.05 * push),
         )
+
+
+#: The box is between its two sides.
+HELD = {'object': BOX_FILE, 'grip': list(APART), 'indentation': DEPTH, 'rate': 50.0}
+boxed = maker(Simulator, object_pose=[0.6, 0.3, ANGLE], **HELD)
+elastic = maker(Simulator, plant='elastic', friction=0.8, indentation=0.025, rate=50.0)
+
+
+@pytest.mark.parametrize('is_free', [False, True])
+def test_the_box_is_carried_by_the_two_sides(is_free):
+    start = np.array(box_between().body.pose)
+    free = {'object_is_free': True, 'object_pose': [*start[:2], ANGLE]}
+    command = solve_twist(HOME, box_between(), (0.02, 0.0, 0.0)).roller_velocities
+    with world(boxed(**(free if is_free else {}))) as w:
+        w.until(lambda: w.place() is not None)
+        # Of a free one the equilibrium is found, near by.
+        assert w.place() == pytest.approx(start, abs=3e-3 if is_free else 1e-9)
+        start = w.place()
+        if is_free:
+            w.spin(0.2)
+        w.until(lambda: w.place()[0] - start[0] > 0.01, lambda: w.probe.send_command(command))
+        went = w.place() - start
+        assert abs(went[1]) < 0.05 * went[0]
+        assert abs(went[2]) < 0.05 * went[0]
+
+
+def test_the_elastic_plant_holds_the_box():
+    with world(boxed(plant='elastic')) as w:
+        w.probe.listen(WrenchStamped, 'forces', 'truth/contact_forces')
+        w.until(lambda: w.place() is not None)
+        start = w.place()
+        assert start == pytest.approx(np.array(box_between().body.pose), abs=0.005)
+        pressing = {message.header.frame_id for _, message in w.probe.seen['forces']}
+        assert pressing == {f'truss_{name.replace("/", "_")}_contact' for name in APART}
+        w.until(lambda: 'the object is between' in w.report('simulator').message)
+        command = solve_twist(HOME, box_between(), (0.02, 0.0, 0.0)).roller_velocities
+        w.until(lambda: w.place()[0] - start[0] > 0.003, lambda: w.probe.send_command(command))
+
+
+def test_a_load_moves_the_object_and_lets_it_back():
+    with world(elastic()) as w:
+        w.until(lambda: w.place() is not None)
+        start = w.place()[:2]
+        assert start == pytest.approx(CENTER, abs=0.06)
+        w.until(
+            lambda: np.hypot(*(w.place()[:2] - start)) > 1e-4,
+            lambda: w.probe.send_wrench((0.0, 1.0, 0.0)),
+        )
+        w.until(
+            lambda: np.hypot(*(w.place()[:2] - start)) < 1e-9,
+            lambda: w.probe.send_wrench((0.0, 0.0, 0.0)),
+        )
+
+
+@pytest.mark.parametrize('plant', ['elastic', 'kinematic'])
+def test_the_object_is_put_elsewhere(plant):
+    with world(elastic(plant=plant)) as w:
+        places = w.probe.create_publisher(PoseStamped, 'set_object_pose', 1)
+        w.until(lambda: w.place() is not None)
+
+        def put(x, y, frame='truss'):
+            pose = to_pose_message(Pose(x, y, 0.0))
+            places.publish(PoseStamped(header=Header(frame_id=frame), pose=pose))
+            w.probe.seen['pose'].clear()
+            w.until(lambda: w.place() is not None)
+            return w.place()[:2]
+
+        start = w.place()[:2]
+        assert put(0.6, 0.3, 'map') == pytest.approx(start, abs=0.0)
+        assert put(0.6, 0.3) == pytest.approx((0.6, 0.3))
+        assert put(*start) == pytest.approx(start, abs=1e-3)

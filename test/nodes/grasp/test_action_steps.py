@@ -6,7 +6,7 @@
 from math import inf
 from types import SimpleNamespace
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalInfo, GoalStatus
 from isotruss_ros.nodes.framework import supervision
 from isotruss_ros.nodes.pick_and_place import action_steps
 from isotruss_ros.nodes.pick_and_place.action_steps import (
@@ -18,6 +18,7 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     StepError,
     StepOutcome,
 )
+from manual_world import world
 import pytest
 from rclpy.task import Future
 
@@ -214,3 +215,27 @@ def test_parameters_are_set_or_the_reason_is_raised():
     answer.set_result(SimpleNamespace(results=results))
     with pytest.raises(StepError, match='squeeze_force: why'):
         next(steps)
+
+
+def test_heartbeats_of_another_goal_do_not_replace_those_of_the_own_client():
+    own, other, timeout = bytes(16), bytes(range(16)), 0.2
+    with world() as w:
+        watch, beats = (
+            supervision.ClientWatch(w.probe),
+            w.probe.create_publisher(GoalInfo, supervision.TOPIC, 1),
+        )
+
+        def beat(*goals):
+            for goal in goals:
+                message = GoalInfo()
+                message.goal_id.uuid = list(goal)
+                beats.publish(message)
+
+        w.spin(0.1, lambda: beat(own))
+        watch.goal = own
+        w.spin(1.0, lambda: beat(own, other))
+        assert watch.find_loss(timeout) is None
+        w.spin(0.9 * timeout, lambda: beat(other))
+        assert watch.find_loss(timeout) is None
+        w.spin(0.2 * timeout, lambda: beat(other))
+        assert 'has not published on supervised_goal for 0.2 s' in watch.find_loss(timeout)
