@@ -109,6 +109,7 @@ def connect(w: World, patch: pytest.MonkeyPatch) -> None:
         names = (service.service_name for node in w.nodes for service in node.services)
         return f'/{client.srv_name}' in names
 
+    # The client of rclpy, by the name of the module that creates it.
     patch.setattr(action_steps, 'ActionClient', lambda _, kind, __: ManualActionClient(w, kind))
     patch.setattr(Client, 'call_async', call)
     patch.setattr(Client, 'service_is_ready', is_ready)

@@ -17,6 +17,7 @@ import contextlib
 import itertools
 import math
 import time
+from types import SimpleNamespace
 from typing import Any
 import uuid
 from weakref import WeakKeyDictionary
@@ -31,6 +32,7 @@ import rclpy
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import GoalEvent, ServerGoalHandle
 from rclpy.clock import Clock, ClockType, ROSClock
+from rclpy.event_handler import QoSSubscriptionEventType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -395,6 +397,21 @@ def moving_world(**values: object) -> Iterator[World]:
     with world(manipulation(**values)) as w:
         w.until_code(Status.OK, w.probe.send_all)
         yield w
+
+
+def report_matches(node: Node, topic: str, *events: tuple[int, int]) -> None:
+    """Call a node back with how many publishers of a topic came, and how many left."""
+    (handler,) = (
+        handler
+        for subscription in node.subscriptions
+        if subscription.topic_name == f'/{topic}'
+        for handler in subscription.event_handlers
+        if handler.event_type == QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED
+    )
+    for came, left in events:
+        handler.callback(
+            SimpleNamespace(total_count_change=came, current_count_change=came - left)
+        )
 
 
 def check_refused(make_node: Callable[[], ManagedNode], words: str) -> None:

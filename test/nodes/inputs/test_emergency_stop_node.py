@@ -4,8 +4,7 @@
 """The emergency stop: reception, execution, persistence and release."""
 
 from isotruss_ros.core import Status
-from manual_world import Manager, moving_world, world
-from matches import follow
+from manual_world import Manager, moving_world, report_matches, world
 import numpy as np
 import probe
 from probe import manipulation as node
@@ -105,7 +104,7 @@ def test_the_service_stops_and_responds_with_the_reason():
 @pytest.mark.parametrize('events', [[(1, 0), (0, 1)], [(1, 1)]], ids=['in two', 'in one'])
 def test_a_publisher_that_left_before_its_message_counts_as_a_stop(events):
     with moving_world() as w:
-        follow(w.nodes[1], 'emergency_stop', *events)
+        report_matches(w.nodes[1], 'emergency_stop', *events)
         assert 'left before a message was received' in until_stopped(w)
 
 
@@ -131,8 +130,8 @@ def test_a_publisher_that_left_after_its_message_is_no_stop(message_first):
             if is_message:
                 w.deliver()
             else:
-                follow(w.nodes[1], 'emergency_stop', (1, 0))
-        follow(w.nodes[1], 'emergency_stop', (0, 1))
+                report_matches(w.nodes[1], 'emergency_stop', (1, 0))
+        report_matches(w.nodes[1], 'emergency_stop', (0, 1))
         w.spin(0.1, w.probe.send_all)
         assert w.code() == Status.OK
 

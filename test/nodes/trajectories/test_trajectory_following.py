@@ -11,8 +11,7 @@ from isotruss_ros.nodes.conversions.trajectory_goals import MAX_POINTS
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.manipulation.sparse_messages import MATCH_DELAY
 from isotruss_ros.nodes.simulator.node import Simulator
-from manual_world import world
-from matches import follow
+from manual_world import report_matches, world
 import numpy as np
 from probe import maker, N, ROBOT
 import pytest
@@ -132,19 +131,19 @@ def test_a_publisher_that_left_before_its_trajectory_was_received_ends_the_activ
     lost = f'a publisher of {TOPIC} left before a message was received'
     with world(node(), simulator()) as w:
         manipulation = w.nodes[1]
-        follow(manipulation, TOPIC, *events)
+        report_matches(manipulation, TOPIC, *events)
         assert lost in capfd.readouterr().err
         rollers = Rollers(w)
         rollers.until_moving(trajectory(HOME, 5.0 * AWAY, times=[0.0, 20.0]))
         rollers.spin(1.1 * MATCH_DELAY)
-        follow(manipulation, TOPIC, *events)
+        report_matches(manipulation, TOPIC, *events)
         rollers.until_still()
         assert rollers.said().startswith(f'trajectory aborted: {lost}')
         # One that was received is no longer waited for.
         rollers.spin(1.1 * MATCH_DELAY)
-        follow(manipulation, TOPIC, (1, 0))
+        report_matches(manipulation, TOPIC, (1, 0))
         rollers.until_moving(trajectory(rollers.places()[-1], HOME, times=[0.0, 20.0]))
-        follow(manipulation, TOPIC, (0, 1))
+        report_matches(manipulation, TOPIC, (0, 1))
         rollers.spin(SILENCE)
         assert rollers.follows()
 
