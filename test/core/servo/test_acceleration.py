@@ -15,7 +15,6 @@ from isotruss_ros.core.manipulation.acceleration import limit_acceleration
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limits import default_limits, Rows, stack_rows
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.core.servo import twist_servo
 from nightly import some_now
 import numpy as np
 import pytest
@@ -62,55 +61,53 @@ def test_without_contacts_braking_begins_at_the_nearest_admissible_speeds():
     assert braked.roller_velocities == pytest.approx([0.04, 0.0])
 
 
-def can_avoid_reversals(call, velocities):
+def can_avoid_reversals(command, previous, step, rows, velocities):
     """Return whether other admissible roller speeds move the object alike without reversals."""
-    command, previous, step, change, find_rows = call
-    kept, rows = np.concatenate([command.motion, command.contact_rows]), find_rows()
+    kept = np.concatenate([command.motion, command.contact_rows])
     sides = np.concatenate([rows.matrix, -rows.matrix])
     room = np.concatenate([rows.upper, -rows.lower])
-    bounds = (
-        np.stack(
-            [
-                np.where(step > REVERSAL, -REVERSAL, -change),
-                np.where(step < -REVERSAL, REVERSAL, change),
-            ],
-            axis=1,
-        )
-        + previous[:, None]
-    )
+    least = np.where(step > REVERSAL, -REVERSAL, -CHANGE)
+    largest = np.where(step < -REVERSAL, REVERSAL, CHANGE)
+    bounds = previous[:, None] + np.stack([least, largest], axis=1)
     finite = np.isfinite(room)
-    found = linprog(np.zeros(N), sides[finite], room[finite], kept, kept @ velocities, bounds)
-    return found.status != 2  # infeasible
+    result = linprog(np.zeros(N), sides[finite], room[finite], kept, kept @ velocities, bounds)
+    return result.status != 2  # infeasible
 
 
 @pytest.mark.parametrize(('module', 'first', 'slide', 'rate'), some_now(CASES, 1))
-def test_rollers_reverse_at_a_limit_only_as_the_twist_asks(
-    module, first, slide, rate, monkeypatch
-):
-    robot, commands, calls = driven(module, slide_along_limits=slide), [], []
-
-    def record(*arguments):
-        calls.append(arguments[:-1])
-        return limit_acceleration(*arguments)
-
-    monkeypatch.setattr(twist_servo, 'limit_acceleration', record)
+def test_a_turning_twist_at_a_limit_keeps_the_acceleration(module, first, slide, rate):
+    robot, speeds = driven(module, slide_along_limits=slide), []
     for cycle in range(300):  # in longer cycles to where the limit is near
         command = robot.step(heading(first), 10.0 * PERIOD)
         if cycle > 20 and command.scale < 0.5:
             break
     robot.step(heading(first))
-    calls.clear()
     for turned in np.arange(0.0, 180.0, rate):
-        commands.append(robot.step(heading(first + turned)))
-        assert commands[-1].status < Status.HALT_NO_TWIST
+        command = robot.step(heading(first + turned))
+        assert command.status < Status.HALT_NO_TWIST
         assert robot.change <= CHANGE * (1.0 + 1e-6)
-    speeds = [np.linalg.norm(command.achieved_twist[:2]) for command in commands]
+        speeds.append(np.linalg.norm(command.achieved_twist[:2]))
     assert np.abs(np.diff(speeds)).max() <= 6e-3
-    rollers = np.array([command.roller_velocities for command in commands])
-    steps = np.diff(rollers, axis=0)
-    back = np.minimum(*np.abs([steps[1:], steps[:-1]])) * (steps[1:] * steps[:-1] < 0.0)
-    for cycle in 2 + np.flatnonzero(back.max(axis=1) > REVERSAL * (1.0 + 1e-6)):
-        assert not can_avoid_reversals(calls[cycle], rollers[cycle])
+
+
+@examples(50)
+@given(st.integers(0, 2**31))
+def test_rollers_reverse_only_as_the_twist_requires(seed):
+    rng = np.random.default_rng(seed)
+    grip = disc_grip(ROBOT.home, 'north/R', 0.3)
+    rows = stack_rows(ROBOT.home, default_limits(ROBOT))
+    twist = 0.05 * rng.standard_normal(3)
+    command = solve_twist(ROBOT.home, grip, twist)
+    previous = solve_twist(ROBOT.home, grip, 0.9 * twist).roller_velocities
+    previous = previous + 0.2 * CHANGE * rng.uniform(-1.0, 1.0, N)
+    step = CHANGE * rng.uniform(-1.0, 1.0, N)
+    velocities = limit_acceleration(
+        command, previous, step, CHANGE, lambda: rows
+    ).roller_velocities
+    next_step = velocities - previous
+    back = np.minimum(np.abs(next_step), np.abs(step)) * (next_step * step < 0.0)
+    if back.max() > REVERSAL * (1.0 + 1e-6):
+        assert not can_avoid_reversals(command, previous, step, rows, velocities)
 
 
 def test_status_is_accelerating_until_the_twist_is_carried_out():
