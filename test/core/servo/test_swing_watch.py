@@ -29,6 +29,11 @@ def swinging(height, rate, known=None, noise=0.0, axis=0, watch=None, duration=9
     return False
 
 
+def test_the_third_swing_without_decay_is_an_oscillation():
+    assert not swinging(0.1, 12.0, 12.0, duration=2.75 * math.pi)
+    assert swinging(0.1, 12.0, 12.0, duration=3.25 * math.pi)
+
+
 @pytest.mark.parametrize(
     ('decay', 'detected'), [(0.9, False), (0.94, False), (0.965, True), (1.04, True)]
 )
@@ -97,7 +102,7 @@ def test_swings_are_compared_with_the_commanded_travel(share, detected):
     assert any(told) is detected
 
 
-@pytest.mark.parametrize(('mean', 'detected'), [(0.033, True), (0.3, False)])
+@pytest.mark.parametrize(('mean', 'detected'), [(0.033, True), (0.07, True), (0.3, False)])
 def test_oscillations_are_detected_from_irregular_poses_that_resolve_them(mean, detected):
     watch, rng, t, told = SwingWatch(12.0), np.random.default_rng(0), 0.0, []
     while t < 6.0:
