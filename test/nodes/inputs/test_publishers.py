@@ -103,12 +103,6 @@ def send_gripper(w, *ages):
         w.probe.send_joints(age, name=['gripper'], position=[0.0])
 
 
-def test_joint_states_of_a_gripper_are_not_judged():
-    with moving_world() as w:
-        w.spin(1.0, lambda: (w.probe.send_all(), send_gripper(w, -0.02, 3600.0, -3600.0)))
-        assert {message.code for _, message in w.probe.seen['status'][-60:]} <= {*MOVING}
-
-
 def test_joint_states_of_a_gripper_alone_are_named():
     with world(manipulation()) as w:
 
