@@ -21,7 +21,6 @@ from isotruss_ros.core import (
     read_object,
     Uncertainty,
 )
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.planning.grasp_plan import NEAR_SPEED_SHARE, Progress
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
@@ -100,6 +99,7 @@ def path(*poses):
         ({'measure': 'beauty' * 1000}, 'measure: .{1,90}: must be one of slip_margin'),
         ({'count': 2**32 - 1}, 'count 4294967295: must be from 1'),
         ({'time_limit': math.nan}, 'time_limit nan s'),
+        ({'uncertainty': '{friction: 5}'}, 'uncertainty: friction: 5: must be'),
         ({'carry': path((0.5, 0.3, 0.0))}, 'carry: 1 poses: must be none, or 2 to'),
     ],
 )
@@ -134,14 +134,9 @@ def test_reads_every_requirement():
     assert (arguments.seed, arguments.time_limit) == (5, 3.0)
     squeezed = read_goal(goal(squeeze=14.0, min_slip_margin=2.0), ROBOT).requirements
     assert (squeezed.squeeze, squeezed.min_slip_margin) == (14.0, 2.0)
-    assert read_goal(goal(), ROBOT).requirements == GraspRequirements(count=3)
-
-
-def test_a_goal_may_be_for_an_uncertain_robot():
     assert read_goal(goal(uncertainty='{friction: 0.2}'), ROBOT).uncertainty.friction == 0.2
-    assert read_goal(goal(), ROBOT).uncertainty is None
-    with pytest.raises(GraspError, match='uncertainty: friction: 5: must be'):
-        read_goal(goal(uncertainty='{friction: 5}'), ROBOT)
+    default = read_goal(goal(), ROBOT)
+    assert (default.requirements, default.uncertainty) == (GraspRequirements(count=3), None)
 
 
 def test_the_path_of_a_carry_turns_the_shorter_way():

@@ -4,6 +4,7 @@
 """The node `viewer`, with a browser that can send any message."""
 
 import contextlib
+from functools import partial
 import io
 import time
 
@@ -124,21 +125,17 @@ class BrokenShape(Disc):
         raise ZeroDivisionError('the outline of a user')
 
 
-def spin_as_run(spin_once, node):
-    """Return a function that spins once as `run` does."""
-
-    def spin(timeout_sec):
-        try:
-            spin_once(timeout_sec=timeout_sec)
-        except ZeroDivisionError as error:
-            node.fail(error)
-
-    return spin
+def spin_as_run(spin_once, node, timeout_sec):
+    """Spin once as `run` does."""
+    try:
+        spin_once(timeout_sec=timeout_sec)
+    except ZeroDivisionError as error:
+        node.fail(error)
 
 
 def test_an_error_of_drawing_ends_the_drag_but_not_the_stop_button():
     with viewed() as (w, node, browser):
-        w.executor.spin_once = spin_as_run(w.executor.spin_once, node)
+        w.executor.spin_once = partial(spin_as_run, w.executor.spin_once, node)
         w.probe.listen(Bool, 'stop', 'emergency_stop')
         browser.drag('handle', 'start', 0.5, 0.5)
         w.until(lambda: moves(w), w.probe.send_pose)

@@ -58,10 +58,14 @@ def test_a_roller_that_failed_by_parameter_is_held_and_the_rest_goes_on():
     expected = reachable_twists(
         ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER)), {FIRST}
     )
-    with world(node(failed_rollers=[FIRST])) as w:
+    with world(node(failed_rollers=[FIRST], failure_time=0.0)) as w:
         until_failed(w, FIRST)
         w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
         assert w.probe.last('status').reachable_dof == len(expected)
+        w.until(lambda: f'{len(expected)} of 3' in w.detail('reachable twists'), w.probe.send_all)
+        assert w.detail('failed rollers') == FIRST
+        assert w.report('manipulation').level == DiagnosticStatus.WARN
+        assert FIRST in w.report('manipulation').message
         assert_held(w, FIRST)
         w.change(failed_rollers=[FIRST, SECOND])
         until_failed(w, FIRST, SECOND)
@@ -175,11 +179,3 @@ def test_encoders_that_stand_still_stop_the_rollers():
         commands = w.probe.seen['command']
         w.until(lambda: not np.any([m.data for _, m in commands[-20:]]), w.probe.send_all)
         assert w.code() == Status.UNREACHABLE
-
-
-def test_diagnostics_list_failed_rollers_and_reachable_twists():
-    with world(node(failed_rollers=[FIRST])) as w:
-        w.until(lambda: w.detail('failed rollers') == FIRST, w.probe.send_all)
-        w.until(lambda: 'of 3' in w.detail('reachable twists'), w.probe.send_all)
-        assert w.report('manipulation').level == DiagnosticStatus.WARN
-        assert FIRST in w.report('manipulation').message

@@ -33,7 +33,6 @@ HOME = (*CENTER, 0.0)
 PROBED = (*CENTER, 0.3)
 
 
-#: For machines so busy that nodes wait for their turn: the follower goes on, the robot waits too.
 PATIENT = {'command_timeout': 5.0, 'rate': 50.0}
 ROBOT_SETTINGS = {'command_timeout': 0.5, 'rate': 50.0}
 
