@@ -6,7 +6,6 @@
 import contextlib
 import functools
 import importlib
-import importlib.util
 import io
 from pathlib import Path
 import struct
@@ -25,10 +24,19 @@ import pytest
 from robots import examples
 from sensor_msgs.msg import JointState
 
-pytestmark = pytest.mark.skipif(
-    not all(map(importlib.util.find_spec, ('mcap', 'rosbags', 'viser'))),
-    reason='needs mcap, rosbags and viser',
+for package in ('mcap', 'rosbags', 'viser'):
+    pytest.importorskip(package)
+from isotruss_ros.cli import replay  # noqa: E402,I100
+from isotruss_ros.viewer.panels import describe, describe_state  # noqa: E402
+from isotruss_ros.viewer.recording import (  # noqa: E402
+    read_recording,
+    RecordingError,
+    show_message,
 )
+from mcap.reader import make_reader  # noqa: E402
+from mcap.writer import CompressionType, Writer  # noqa: E402
+from rosbags.typesys import get_typestore, Stores  # noqa: E402
+
 ROBOT = load_robot('nine_member')
 SHIPPED = Path(__file__).parents[2] / 'docs' / 'images' / 'carry.mcap'
 #: First bytes of an MCAP file.
@@ -42,8 +50,6 @@ few_examples = examples(100)
 
 def pack_joints(number):
     """Return joint states in CDR, whose first position is a number in tenths of a millimetre."""
-    from rosbags.typesys import get_typestore, Stores
-
     store = get_typestore(Stores.ROS2_JAZZY)
     stamp = store.types['builtin_interfaces/msg/Time'](1, 2)
     header = store.types['std_msgs/msg/Header'](stamp, 'truss')
@@ -55,8 +61,6 @@ def pack_joints(number):
 
 def write(records, compression='ZSTD', text=TEXT, encoding='cdr', name=KIND, topic=TOPIC):
     """Return a recording of messages in CDR, one each tenth of a second, in small chunks."""
-    from mcap.writer import CompressionType, Writer
-
     stream = io.BytesIO()
     writer = Writer(stream, chunk_size=1000, compression=CompressionType[compression])
     writer.start('ros2')
@@ -76,8 +80,6 @@ def whole(compression='ZSTD'):
 
 def read(content, folder):
     """Return the numbers of the messages that are read of a file, and the text of its error."""
-    from isotruss_ros.viewer.recording import read_recording, RecordingError
-
     path, numbers = folder / 'recording.mcap', []
     path.write_bytes(content)
     try:
@@ -170,8 +172,6 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path, content, words):
     ],
 )
 def test_messages_that_are_no_joint_states_are_not_shown_as_such(tmp_path, capsys, changes):
-    from isotruss_ros.cli import replay
-
     path = tmp_path / 'other.mcap'
     path.write_bytes(write([pack_joints(0)], **changes))
     replay.main([str(path), '--once', '--port', '0'])
@@ -182,8 +182,6 @@ def test_messages_that_are_no_joint_states_are_not_shown_as_such(tmp_path, capsy
 @few_examples
 @given(st.binary(max_size=100))
 def test_a_message_of_random_bytes_raises_package_errors_only(tmp_path_factory, record):
-    from isotruss_ros.viewer.recording import read_recording, RecordingError, show_message
-
     path = tmp_path_factory.getbasetemp() / 'message.mcap'
     path.write_bytes(write([b'\0\1\0\0' + record]))
     with contextlib.suppress(RecordingError, PictureError, ConfigurationError):
@@ -192,15 +190,11 @@ def test_a_message_of_random_bytes_raises_package_errors_only(tmp_path_factory, 
 
 
 def test_a_missing_recording_is_refused(tmp_path, capsys):
-    from isotruss_ros.cli import replay
-
     assert replay.main([str(tmp_path / 'none.mcap'), '--once', '--port', '0']) == 1
     assert 'none.mcap: cannot be read: No such file or directory' in capsys.readouterr().err
 
 
 def test_replay_shows_the_readable_part_and_reports_the_damage_in_one_line(tmp_path, capsys):
-    from isotruss_ros.cli import replay
-
     path, content = tmp_path / 'half.mcap', whole()
     path.write_bytes(content[: len(content) // 2])
     assert replay.main([str(path), '--once', '--port', '0', '--speed', '1000']) == 0
@@ -211,8 +205,6 @@ def test_replay_shows_the_readable_part_and_reports_the_damage_in_one_line(tmp_p
 
 
 def test_an_exported_page_names_no_server(tmp_path, capsys):
-    from isotruss_ros.cli import replay
-
     path, page = tmp_path / 'whole.mcap', tmp_path / 'whole.html'
     path.write_bytes(whole())
     assert replay.main([str(path), '--page', str(page)]) == 0
@@ -220,8 +212,6 @@ def test_an_exported_page_names_no_server(tmp_path, capsys):
 
 
 def test_a_recording_moves_a_picture_as_the_robot_moved(tmp_path):
-    from isotruss_ros.viewer.recording import read_recording, show_message
-
     path, picture = tmp_path / 'joints.mcap', Picture(ROBOT, 0.3)
     path.write_bytes(write([pack_joints(200)]))
     ((time, topic, message),) = read_recording(path)
@@ -231,9 +221,6 @@ def test_a_recording_moves_a_picture_as_the_robot_moved(tmp_path):
 
 
 def test_the_shipped_recording_shows_a_held_object_by_the_present_message_definitions():
-    from isotruss_ros.viewer.recording import read_recording, show_message
-    from mcap.reader import make_reader
-
     picture = Picture(ROBOT, 0.3)
     for time, topic, message in read_recording(SHIPPED):
         show_message(picture, topic, message, time)
@@ -259,9 +246,6 @@ STATUS = fields_of(ManipulationStatus(code=10, squeeze=5.9, squeeze_deviation=0.
     ('topic', 'fields'), [('grasp/state', STATE), ('manipulation/status', STATUS)]
 )
 def test_a_picture_lacks_only_the_values_of_fields_that_a_recording_lacks(topic, fields):
-    from isotruss_ros.viewer.panels import describe, describe_state
-    from isotruss_ros.viewer.recording import show_message
-
     for lacking in fields.keys() - {'code'}:
         picture, message = Picture(ROBOT, 0.3), SimpleNamespace(**fields, later=1.0)
         delattr(message, lacking)
@@ -275,8 +259,6 @@ def test_a_picture_lacks_only_the_values_of_fields_that_a_recording_lacks(topic,
 
 
 def test_a_missing_field_is_reported_once_by_name(tmp_path, capsys):
-    from isotruss_ros.cli import replay
-
     path = tmp_path / 'older.mcap'
     older = {'name': 'isotruss_msgs/msg/ManipulationStatus', 'topic': 'manipulation/status'}
     record = bytes([0, 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0])
