@@ -55,16 +55,13 @@ def test_curve_depends_on_no_first_corner_or_frame():
     assert actual == pytest.approx(points, abs=1e-12)
 
 
-def test_polygons_with_few_corners_or_long_faces_stay_polygons():
+def test_polygons_with_few_or_sharp_corners_or_long_faces_stay_polygons():
     few, many = regular_polygon(12, 0.02), regular_polygon(24, 0.15)
     face = many.faces_at(0)[0].length
     assert few.smoothed(1.0) is few
     assert many.smoothed(0.999 * face) is many
     assert isinstance(many.smoothed(1.001 * face), SmoothOutline)
-
-
-def test_polygons_with_one_sharp_corner_stay_polygons():
-    corners = sampled(Disc(0.3), 48, 0.0).corners
-    pointed = np.append(corners[:40], 0.1455 - 0.0972j)
+    # One sharp corner.
+    pointed = np.append(sampled(Disc(0.3), 48, 0.0).corners[:40], 0.1455 - 0.0972j)
     polygon = Polygon(tuple(zip(pointed.real, pointed.imag, strict=True)))
     assert polygon.smoothed(1.0) is polygon
