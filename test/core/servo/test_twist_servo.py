@@ -22,7 +22,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
-from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 import pytest
 
@@ -276,20 +276,6 @@ def test_rollers_that_are_held_by_a_halt_are_not_flagged():
     assert not any(decision.failed for decision in run(made, robot, 1.2))
     made.receive(halt=None)
     assert run(made, robot, 1.2, begin=NOW + 1.2)[-1].failed
-
-
-def test_squeeze_control_without_fault_continues_with_another_force():
-    made = servo({'squeeze': SqueezeSettings(30.0)})
-    before = made.squeeze
-    made.apply(dataclasses.replace(made.settings, squeeze=SqueezeSettings(34.0)))
-    assert made.squeeze is before
-    assert made.squeeze.settings.force == 34.0
-
-
-def test_a_servo_without_guard_goes_by_the_robot_file_alone():
-    made = servo({'bounds': None})
-    with_guard = servo().decide(NOW).command
-    assert (made.decide(NOW).command.roller_velocities == with_guard.roller_velocities).all()
 
 
 def test_scipy_is_loaded_before_the_first_cycle(monkeypatch):
