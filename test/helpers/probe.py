@@ -172,10 +172,15 @@ class Probe(Node):
             header = make_header(self.past(0.0), tube)
             self.gauges.publish(FluidPressure(header=header, fluid_pressure=float(pressure)))
 
-    def send_wrench(self, wrench: tuple[float, float, float]) -> None:
+    def send_wrench(
+        self,
+        wrench: tuple[float, float, float],
+        age: float = 0.0,
+        frame: str = 'truss_object_aligned',
+    ) -> None:
         """Publish an external wrench on the object."""
         message = WrenchStamped(wrench=to_wrench_message(wrench))
-        message.header = make_header(self.past(0.0), 'truss_object_aligned')
+        message.header = make_header(self.past(age), frame)
         self.wrenches.publish(message)
 
     def send_command(self, velocities: Sequence[float]) -> None:

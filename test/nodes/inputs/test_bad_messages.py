@@ -124,7 +124,7 @@ def send_input(w, topic, stamp=None, **changes):
 
 
 @pytest.mark.parametrize(
-    ('node', 'topic', 'cases'), INPUTS, ids=lambda part: part if isinstance(part, str) else ''
+    ('node', 'topic', 'cases'), INPUTS, ids=[f'{node[2]}-{topic}' for node, topic, _ in INPUTS]
 )
 def test_every_invalid_input_is_named_until_there_are_valid_ones(node, topic, cases):
     make, codes, key = node
