@@ -92,9 +92,10 @@ def test_rates_of_criteria_are_those_of_exact_equilibria(name):
         assert np.abs(rates - criteria.rates[near, k]).max() <= share * scale.max()
 
 
+@pytest.mark.parametrize('sigmas', [(0.75, 1.2), (-0.5, 1.2)])
 @pytest.mark.parametrize('correlation', [-0.9, 0.0, 0.7, 1.0])
-def test_probability_of_two_violations_is_exact(correlation):
-    matrix, sigmas = np.array([[1.0, correlation], [correlation, 1.0]]), np.array([0.75, 1.2])
+def test_probability_of_two_violations_is_exact(correlation, sigmas):
+    matrix, sigmas = np.array([[1.0, correlation], [correlation, 1.0]]), np.array(sigmas)
     both = multivariate_normal(cov=matrix, allow_singular=True).cdf(sigmas)
     assert failure_probability(sigmas, matrix) == pytest.approx(1.0 - both, abs=1e-7)
 

@@ -92,10 +92,11 @@ def test_a_bad_command_changes_nothing(bad):
 
 def test_rollers_block_where_no_configuration_exists():
     robot = simulated()
-    command = np.zeros(N)
-    command[0] = -10.0
-    robot.command(command)
+    robot.command(SPEEDS)
+    robot.advance(0.1)
+    before = robot.config
+    robot.command(-10.0 * (np.arange(N) == 0))
     with pytest.raises(ConfigurationError):
         robot.advance(1.0)
-    assert robot.config is ROBOT.home
+    assert robot.config is before
     assert not robot.roller_velocities.any()
