@@ -23,14 +23,13 @@ CONFIG, BODY = gripped(35.0, squeeze=0.1)
 HELD = Grip.at_module(CONFIG.robot, 'north/Z', BODY, 0.5)
 
 
-def failed_rollers(positions, offsets, speeds, late=0.015):
+def failed_rollers(positions, offsets, speeds):
     """
     Return the rollers that failed in two seconds of cycles of 30 ms.
 
     :param positions: readings of all rollers over time [m].
     :param offsets: offsets of all rollers over time [m].
     :param speeds: commands of all rollers over time [m/s].
-    :param late: age of the measurements [s].
     """
     servo, ones = (
         TwistServo(ROBOT, ServoSettings(GRIP, 0.03, 1.0, failure_time=1.0)),
@@ -38,7 +37,7 @@ def failed_rollers(positions, offsets, speeds, late=0.015):
     )
     for number in range(67):
         now = 0.03 * number
-        time = now - late
+        time = now - 0.015
         state = RollerState(positions(time) * ones, 0.0 * ones, offsets(time) * ones)
         servo.receive(rollers=StampedInput(state, NOW + time))
         servo.command(speeds(now) * ones, NOW + now)
@@ -184,3 +183,15 @@ def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, 
         assert 'slipped' not in decision.message
     assert loop.squeeze == pytest.approx(loop.target, rel=0.05)
     assert decision.pose_delay < 5e-3
+
+
+def test_half_of_the_delay_of_a_tracker_is_estimated_within_two_swings():
+    loop, late, poses = SqueezeLoop(CONFIG, HELD), 2, []
+    for number in range(60):
+        poses.append(loop.plant.object_pose)
+        twist = (0.05 * np.sin(2.0 * np.pi * number / 30), 0.0, 0.0)
+        pose = StampedInput(poses[-1 - late :][0], loop.now)
+        decision = loop.cycle(twist, pose=pose)
+        assert decision.command.status < Status.HALT_NO_TWIST
+    delay = late * loop.period
+    assert 0.5 * delay < decision.pose_delay < delay
