@@ -10,51 +10,32 @@ from isotruss_ros.core.servo.decision import describe, describe_squeeze, halt_fo
 import numpy as np
 import pytest
 
-UNREACHABLE = 'the closest {} is (0.01, 0.02) m/s, 0.3 rad/s'
-
-
-def told(status, scale=1.0, limiting=(), keeps_contacts=True):
-    """Return the text about a command."""
-    achieved = np.array([0.01, 0.02, 0.3])
-    return describe(RollerCommand(np.ones(6), achieved, scale, status, limiting), keeps_contacts)
-
-
-@pytest.mark.parametrize('status', [Status.OK, Status.SLOWED_BARRIER, Status.SLIDING])
-def test_a_command_of_the_whole_twist_needs_no_words(status):
-    assert told(status) == ''
-
-
-@pytest.mark.parametrize('status', [Status.HALT_NO_TWIST, Status.HALT_SLIPPED])
-def test_halts_have_a_message_of_their_own(status):
-    assert told(status, 0.0) == ''
-
-
-def test_the_closest_twist_to_an_unreachable_one_is_named():
-    which = 'one that keeps the contacts'
-    assert told(Status.UNREACHABLE) == (
-        f'the twist is unreachable or would break contacts; {UNREACHABLE.format(which)}'
-    )
-    assert told(Status.UNREACHABLE, keeps_contacts=False) == (
-        f'the twist is unreachable; {UNREACHABLE.format("reachable one")}'
-    )
+CLOSEST = (
+    'the twist is unreachable or would break contacts; '
+    'the closest one that keeps the contacts is (0.01, 0.02) m/s, 0.3 rad/s'
+)
 
 
 @pytest.mark.parametrize(
-    ('status', 'how'),
+    ('status', 'scale', 'limiting', 'text'),
     [
-        (Status.SLOWED_OBJECT, 'slowed to'),
-        (Status.HALT_NO_TWIST - 1, 'slowed to'),
-        (Status.SLIDING, 'sliding with'),
+        (Status.OK, 1.0, (), ''),
+        (Status.SLOWED_BARRIER, 1.0, (), ''),
+        (Status.HALT_NO_TWIST, 0.0, (), ''),
+        (Status.SLOWED_OBJECT, 0.25, ('a', 'b'), 'slowed to 25 % by the limits of a, b'),
+        (Status.HALT_NO_TWIST - 1, 0.25, ('a',), 'slowed to 25 % by the limits of a'),
+        (Status.SLIDING, 0.25, ('a',), 'sliding with 25 % by the limits of a'),
+        (Status.UNREACHABLE, 1.0, (), CLOSEST),
+        (Status.UNREACHABLE, 0.5, ('a',), f'{CLOSEST}; slowed to 50 % by the limits of a'),
     ],
 )
-def test_the_remaining_share_of_a_twist_is_named_with_its_limits(status, how):
-    assert told(status, 0.25, ('a', 'b')) == f'{how} 25 % by the limits of a, b'
-    assert told(status, 0.999).startswith(f'{how} 99.9 %: more would need roller speeds')
-
-
-def test_unreachable_and_slowed_are_both_named():
-    text = told(Status.UNREACHABLE, 0.5, ('a',))
-    assert text.endswith('0.3 rad/s; slowed to 50 % by the limits of a')
+def test_the_message_names_the_closest_twist_and_the_remaining_share(
+    status, scale, limiting, text
+):
+    command = RollerCommand(np.ones(6), np.array([0.01, 0.02, 0.3]), scale, status, limiting)
+    assert describe(command, True) == text
+    if text.startswith(CLOSEST):  # a joint has no contacts
+        assert describe(command, False).startswith('the twist is unreachable; the closest reach')
 
 
 def test_a_squeeze_with_a_deviation_above_its_half_is_unknown():
