@@ -117,15 +117,15 @@ NEAR_WRINKLING = {'friction': 1.2, 'wrench': (0.0, 0.0, 0.0), 'depth': 0.0454}
 NO_CONTACT = {'wrench': (0.0, 0.0, 0.0), 'depth': -0.001}
 UNCERTAIN = [
     ({'friction': 0.62}, CALIBRATED, 'first order'),
-    (NEAR_WRINKLING, replace(CERTAIN, pressure=0.05), 'samples'),
     (NO_CONTACT, replace(CERTAIN, position=0.003), 'samples'),
+    (NEAR_WRINKLING, replace(CERTAIN, pressure=0.05), 'samples'),
     (NEAR_WRINKLING, replace(CERTAIN, size=0.03), 'samples'),
     ({'friction': 0.65}, core.Uncertainty(), 'first order'),
     ({'friction': 0.8}, core.Uncertainty(stiffness=0.5), 'first order'),
 ]
 
 
-@pytest.mark.parametrize(('grasp', 'uncertainty', 'method'), some_now(UNCERTAIN, 3))
+@pytest.mark.parametrize(('grasp', 'uncertainty', 'method'), some_now(UNCERTAIN, 2))
 def test_chance_is_the_frequency_of_held_draws(grasp, uncertainty, method):
     settled = settle(**grasp)
     share, error = share_held(settled, uncertainty, 80)
@@ -198,7 +198,7 @@ def test_opposite_offsets_of_a_belief_change_the_chance():
     assert chances[1] < 0.1 * chances[0]
 
 
-@pytest.mark.parametrize('uncertainty', [CALIBRATED, core.Uncertainty()])
+@pytest.mark.parametrize('uncertainty', some_now([CALIBRATED, core.Uncertainty()]))
 def test_gradient_of_the_chance_is_that_of_grasps_settled_afresh(uncertainty):
     settled = settle(0.66)
     gradient = core.grasp_gradient(settled).chance(uncertainty)
