@@ -193,11 +193,15 @@ class Uncertainty(Record):
         Return the derivatives (p + 1,) of the chance to first order, the last by the size.
 
         :param gradient: derivatives of the grasp.
+        :raises GraspError: the grasp has no equilibrium about which the chance can be linearised.
         """
         grip, columns = gradient.settled.equilibrium, gradient.parameters
-        rates = np.zeros(columns.size + 1)
         if grip is None:
-            return rates
+            raise GraspError(
+                'no gradient of the chance: the grasp has no equilibrium; follow the gradient of '
+                'the slip margin until it has'
+            )
+        rates = np.zeros(columns.size + 1)
         steps = STEP * np.maximum(np.sqrt(np.diag(self.covariance(grip))), 1e-3)
         for k, step in enumerate(np.diag(steps)):  # changes of one parameter
             for change in (step, -step):  # central difference
