@@ -25,7 +25,10 @@ def settle(x: float, y: float) -> SettledGrasp:
 
 grasps = [settle(*center) for center in zip(x.flat, y.flat, strict=True)]
 margin = np.reshape([g.slip_margin if g.held else np.nan for g in grasps], x.shape)
-chance = np.reshape([g.chance(uncertainty).probability for g in grasps], x.shape)
+# Without an equilibrium the chance takes samples, a second each, and is small.
+chance = np.reshape(
+    [g.chance(uncertainty).probability if g.equilibrium else 0.0 for g in grasps], x.shape
+)
 safest = np.unravel_index(chance.argmax(), x.shape)
 firmest = np.nanargmax(margin[:, safest[1]]), safest[1]  # the margin does not depend on x
 figure = Figure(figsize=(9.0, 2.8), layout='constrained')
