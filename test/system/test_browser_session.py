@@ -89,6 +89,7 @@ class Session:
 
     def grab(self, page, way):
         """Take the handle and move it right and down, by so many pixels each."""
+        self.until(lambda: len(blue(pixels(page))[0]) > SOME, 'the handle')
         y, x = middle(blue(pixels(page)))
         page.mouse.move(x, y)
         page.mouse.down()

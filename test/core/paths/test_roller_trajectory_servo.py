@@ -211,6 +211,17 @@ def test_arrives_on_random_paths_from_near_their_beginning(rng):
     check_speeds(run.commands)
 
 
+def test_rollers_that_pass_by_the_end_have_not_arrived():
+    """As it is measured late, they are elsewhere by the time they seem to be there."""
+    quick = RollerTrajectory(ROBOT, [[0.0] * N, [0.04] * N], [0.0, 0.04 / MAX_SPEED])
+    for late in (0, 1, 3, 7):
+        # Such that the measurement is at the end to the micrometre while they go on.
+        for ahead in np.linspace(0.0, MAX_SPEED * PERIOD, 5):
+            run = Run(late=late, begin=np.full(N, -ahead))
+            assert run.follow(quick).failure == ''
+            assert run.away(quick) <= TOLERANCE
+
+
 @pytest.mark.parametrize(('off', 'arrives'), [(4e-4, True), (6e-4, False)])
 def test_rollers_that_come_no_nearer_have_arrived_where_they_are_near(off, arrives):
     """As encoders of half a millimetre have it."""

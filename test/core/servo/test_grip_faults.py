@@ -13,6 +13,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import StampedInput
 import numpy as np
 import pytest
+import robots
 from squeeze_loop import SqueezeLoop
 
 CONFIG, BODY = gripped(35.0, squeeze=0.1)
@@ -98,6 +99,21 @@ def test_new_settings_of_the_squeeze_acknowledge_a_fault():
 )
 def test_a_jump_by_more_than_20_mm_is_a_loss(jump, fault):
     assert held().cycle(away=jump).command.status is fault
+
+
+def test_one_pose_at_which_the_object_would_not_touch_the_members_is_no_fault():
+    config, body = gripped(35.0, squeeze=0.04)
+    grip = Grip.at_module(config.robot, 'north/Z', attach_grip(config, body).body, 0.5)
+    start, end = robots.member_ends(config, 'north/P-Z')
+    axis = (end - start) / abs(end - start)
+    side = ((grip.body.middle - start) / axis).imag
+    away = 8e-3 * 1j * np.sign(side) * axis  # normal to the member, from it
+    radii = 0.15 + 0.5 * config.robot.description.tube_diameter
+    assert abs(side) < radii < abs(side) + abs(away)
+    loop = SqueezeLoop(config, grip, follows=False, pose_gain=4.0, frequency=FREQUENCY)
+    for number in range(12):
+        loop.cycle((0.0, 0.01, 0.0), away=(away.real, away.imag, 0.0) if number == 8 else CLOSED)
+    assert max(loop.statuses) < Status.HALT_NO_TWIST
 
 
 def test_a_slipped_object_is_not_moved_while_its_squeeze_is_controlled():
