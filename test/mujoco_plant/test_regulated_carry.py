@@ -109,7 +109,8 @@ def test_a_push_decays(grasp, robot):
     carry.push(PUSH)
     carry.run(4.0)
     errors = np.array(carry.errors)
-    swings = np.hypot.reduce(errors - errors[-round(0.5 * RATE) :].mean(axis=0), axis=1)
+    rest = errors[-round(0.5 * RATE) :].mean(axis=0)  # noqa: E203
+    swings = np.hypot.reduce(errors - rest, axis=1)
     first, last = (swings[span].max() for span in (slice(-400, -300), slice(-100, None)))
     assert last < 0.2 * first
     assert max(carry.statuses) < Status.HALT_NO_TWIST

@@ -68,7 +68,7 @@ class Session:
             assert 'error of the viewer' not in log, log
             assert time.monotonic() < end, f'{words}: not within {DEADLINE} s'
 
-    def open(self):
+    def open_page(self):
         """Return a page that draws the robot."""
         page = open_page(self._browser, 0.5)
         page.on('pageerror', lambda error: self.errors.append(str(error)))
@@ -176,7 +176,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         ('viewer', shown | SERVED | {'rate': 10.0}),
     ]
     with session(tmp_path, nodes) as s:
-        page = s.open()
+        page = s.open_page()
         page.get_by_text('slip margin').wait_for()
         s.until(lambda: count_green(pixels(page)) > SOME, 'an object drawn as held')
         # Nothing moves while the control is off: no twist was published.
@@ -196,7 +196,7 @@ def test_a_session_ends_neither_a_node_nor_a_control(tmp_path):
     shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
     nodes = [*list_nodes('elastic', shown), ('viewer', shown | SERVED)]
     with session(tmp_path, nodes) as s:
-        page, end = s.open(), time.monotonic() + 60.0 * SESSION_MINUTES
+        page, end = s.open_page(), time.monotonic() + 60.0 * SESSION_MINUTES
         while time.monotonic() < end:
             s.take_control(page)
             s.drag(page)
@@ -205,7 +205,7 @@ def test_a_session_ends_neither_a_node_nor_a_control(tmp_path):
             s.ask(page, 'pick', 'held at|already held')
             s.drag(page)
             s.reload(page)
-            other = s.open()
+            other = s.open_page()
             s.take_control(other)
             s.drag(other)
             other.close()
@@ -224,7 +224,7 @@ def test_a_browser_that_freezes_in_mid_drag_commands_nothing_more(tmp_path, word
     # So slow that the drag does not end by itself.
     viewer = ('viewer', shown | SERVED | {'max_speed': 0.002})
     with session(tmp_path, [*list_nodes('elastic', shown), viewer]) as s:
-        page = s.open()
+        page = s.open_page()
         s.take_control(page)
         s.grab(page, 50)
         s.until(s.is_commanded, 'a twist')

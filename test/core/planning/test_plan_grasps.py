@@ -254,7 +254,7 @@ def test_a_search_that_waits_for_an_executor_stops_on_request():
     futures, asked = [], []
 
     class Executor:
-        def submit(self, *_):
+        def submit(self, *_):  # noqa: CNL100
             futures.append(Future())
             return futures[-1]
 

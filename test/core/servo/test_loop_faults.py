@@ -177,7 +177,8 @@ def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, 
             states.append(StampedInput(state, loop.now))
             poses.append(StampedInput(loop.plant.object_pose, loop.now))
         twist = (0.0, 0.0, 0.8 * (loop.now - first))
-        rollers, pose = states[-1 - rollers_late :][0], poses[-1 - pose_late :][0]
+        rollers = states[-1 - rollers_late :][0]  # noqa: E203
+        pose = poses[-1 - pose_late :][0]  # noqa: E203
         decision = loop.cycle(twist, every * loop.period, rollers=rollers, pose=pose)
         assert decision.command.status < Status.HALT_NO_TWIST
         assert 'slipped' not in decision.message
@@ -190,7 +191,7 @@ def test_half_of_the_delay_of_a_tracker_is_estimated_within_two_swings():
     for number in range(60):
         poses.append(loop.plant.object_pose)
         twist = (0.05 * np.sin(2.0 * np.pi * number / 30), 0.0, 0.0)
-        pose = StampedInput(poses[-1 - late :][0], loop.now)
+        pose = StampedInput(poses[-1 - late :][0], loop.now)  # noqa: E203
         decision = loop.cycle(twist, pose=pose)
         assert decision.command.status < Status.HALT_NO_TWIST
     delay = late * loop.period
