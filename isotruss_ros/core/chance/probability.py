@@ -21,7 +21,6 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
-from isotruss_ros.core.holding.settled_grasp import LostContact
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -112,20 +111,26 @@ def changed_grip(grip: HeldGrip, change: Array) -> HeldGrip:
 
 
 def sample_friction(
-    grip: HeldGrip | LostContact,
+    inputs: GraspInputs,
+    grip: HeldGrip | None,
     covariance: Array,
     samples: int,
     seed: int,
     on_progress: Callable[[float], None] | None,
 ) -> Array:
-    """Return the required friction (s,) in random samples; infinite if the object is not held."""
+    """
+    Return the required friction (s,) in random samples; infinite if the object is not held.
+
+    :param inputs: nominal inputs of the grasp.
+    :param grip: nominal equilibrium; None: there is none.
+    """
     rng = np.random.default_rng(seed)
     changes = rng.multivariate_normal(np.zeros(len(covariance)), covariance, samples)
     required: list[float] = []
     # The first equilibrium with each set of corners in contact, its change, and the derivatives of
     # its unknowns, by which Newton's method starts at linearly extrapolated unknowns.
     models = {}
-    if isinstance(grip, HeldGrip):
+    if grip is not None:
         nominal = np.zeros(len(covariance))
         models[grip.contacts.corners.tobytes()] = grip, nominal, find_unknown_rates(grip)[0]
     for i, change in enumerate(changes):
@@ -134,7 +139,7 @@ def sample_friction(
             for near, near_change, rates in models.values()
         ]
         try:
-            drawn = attach_grip(*changed_inputs(grip.inputs, change), starts=starts)
+            drawn = attach_grip(*changed_inputs(inputs, change), starts=starts)
             held = assess_equilibrium(drawn.statics.body.pose, drawn, math.inf).held
             required.append(drawn.required_friction if held else math.inf)
             corners = drawn.contacts.corners.tobytes()

@@ -177,7 +177,7 @@ class Uncertainty(Record):
         if not samples:
             return chance
         # The equilibrium does not depend on friction, so friction is not drawn.
-        required = sample_friction(nominal, covariance, samples, seed, on_progress)
+        required = sample_friction(nominal.inputs, grip, covariance, samples, seed, on_progress)
         chances = scipy.special.ndtr((settled.friction - required) / max(self.friction, EPSILON))
         return replace(
             chance,

@@ -173,10 +173,11 @@ class SettledGrasp(
 
         :param uncertainty: standard deviations of the parameters.
         :param samples: number of equilibria with random parameters; 0: to first order; None: 200
-            for objects with corners, otherwise to first order.
+            for objects with corners and without a nominal equilibrium, otherwise to first order.
         :param seed: seed of the random parameters.
         :param on_progress: function that is called with the completed fraction, 0 to 1.
-        :raises GraspError: the number of samples is invalid, or the equilibrium is neutral.
+        :raises GraspError: the number of samples is invalid, the equilibrium is neutral, or there
+            is none to linearise about to first order.
         """
         return uncertainty.chance(self, samples, seed, on_progress)
 

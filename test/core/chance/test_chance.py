@@ -172,7 +172,8 @@ def test_samples_without_a_configuration_are_left_out():
     covariance = np.zeros((18, 18))
     roller = HOME.robot.roller_names.index('east/Q')
     covariance[roller, roller] = 1.0
-    required = sample_friction(settle().equilibrium, covariance, 40, 0, None)
+    grip = settle().equilibrium
+    required = sample_friction(grip.inputs, grip, covariance, 40, 0, None)
     assert 5 < len(required) < 30
 
 
