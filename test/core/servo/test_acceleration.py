@@ -26,6 +26,8 @@ N = len(ROBOT.roller_names)
 ACCELERATION = ROBOT.description.max_acceleration
 PERIOD = 0.01
 CHANGE = ACCELERATION * PERIOD
+GRIP = disc_grip(ROBOT.home, 'north/R', 0.3)
+ROWS = stack_rows(ROBOT.home, default_limits(ROBOT))
 #: Smallest change of a roller's speed forth and back that counts as a reversal [m/s].
 REVERSAL = 1e-3
 
@@ -94,20 +96,18 @@ def test_a_turning_twist_at_a_limit_keeps_the_acceleration(module, first, slide,
 @given(st.integers(0, 2**31))
 def test_rollers_reverse_only_as_the_twist_requires(seed):
     rng = np.random.default_rng(seed)
-    grip = disc_grip(ROBOT.home, 'north/R', 0.3)
-    rows = stack_rows(ROBOT.home, default_limits(ROBOT))
     twist = 0.05 * rng.standard_normal(3)
-    command = solve_twist(ROBOT.home, grip, twist)
+    command = solve_twist(ROBOT.home, GRIP, twist)
     share = rng.uniform(0.7, 1.3)
-    previous = solve_twist(ROBOT.home, grip, share * twist).roller_velocities
+    previous = solve_twist(ROBOT.home, GRIP, share * twist).roller_velocities
     change, step, roller = command.roller_velocities - previous, np.zeros(N), rng.integers(N)
     step[roller] = -CHANGE * np.sign(change[roller])
-    limited = limit_acceleration(command, previous, step, CHANGE, lambda: rows)
+    limited = limit_acceleration(command, previous, step, CHANGE, lambda: ROWS)
     velocities = limited.roller_velocities
     assert command.contact_rows @ velocities == pytest.approx(0.0, abs=1e-9)
     back = (velocities - previous)[roller] * np.sign(change[roller])
     if back > REVERSAL * (1.0 + 1e-6):
-        assert not can_avoid_reversals(command, previous, step, rows, velocities)
+        assert not can_avoid_reversals(command, previous, step, ROWS, velocities)
 
 
 def test_status_is_accelerating_until_the_twist_is_carried_out():
@@ -175,23 +175,21 @@ def test_a_robot_of_little_acceleration_stops_before_its_limits():
 @given(st.integers(0, 2**31))
 def test_commands_on_the_way_keep_contacts_and_limits(seed):
     rng = np.random.default_rng(seed)
-    grip = disc_grip(ROBOT.home, 'north/R', 0.3)
-    rows = stack_rows(ROBOT.home, default_limits(ROBOT))
-    one, other = (solve_twist(ROBOT.home, grip, 0.1 * rng.standard_normal(3)) for _ in range(2))
+    one, other = (solve_twist(ROBOT.home, GRIP, 0.1 * rng.standard_normal(3)) for _ in range(2))
     step = CHANGE * rng.uniform(-1.0, 1.0, N)
-    found = limit_acceleration(other, one.roller_velocities, step, CHANGE, lambda: rows)
+    found = limit_acceleration(other, one.roller_velocities, step, CHANGE, lambda: ROWS)
     assert np.abs(found.roller_velocities - one.roller_velocities).max() <= CHANGE * (1.0 + 1e-9)
-    jacobian = grip_jacobian(ROBOT.home, grip)
+    jacobian = grip_jacobian(ROBOT.home, GRIP)
     assert jacobian[3:] @ found.roller_velocities == pytest.approx(0.0, abs=1e-12)
     assert jacobian[:3] @ found.roller_velocities == pytest.approx(found.achieved_twist)
-    assert rows.slack(found.roller_velocities).min() >= -1e-9
+    assert ROWS.slack(found.roller_velocities).min() >= -1e-9
 
 
 def test_a_violated_limit_changes_the_speeds_by_the_least():
     """The point of a half space next to another one is on the normal of its bound."""
-    grip, rng = disc_grip(ROBOT.home, 'north/R', 0.3), np.random.default_rng(0)
-    wanted = solve_twist(ROBOT.home, grip, heading(30.0))
-    contacts = grip_jacobian(ROBOT.home, grip)[3:]
+    rng = np.random.default_rng(0)
+    wanted = solve_twist(ROBOT.home, GRIP, heading(30.0))
+    contacts = grip_jacobian(ROBOT.home, GRIP)[3:]
     normal = rng.standard_normal(N)
     normal -= np.linalg.pinv(contacts) @ contacts @ normal
     previous = wanted.roller_velocities + 2.0 * CHANGE * normal / np.abs(normal).max()
@@ -203,14 +201,13 @@ def test_a_violated_limit_changes_the_speeds_by_the_least():
 
 
 def test_failed_rollers_stand_still_while_others_avoid_reversals():
-    grip, roller = disc_grip(ROBOT.home, 'north/R', 0.3), ROBOT.roller_names[5]
-    command = solve_twist(ROBOT.home, grip, 0.2 * heading(30.0), [roller])
+    roller = ROBOT.roller_names[5]
+    command = solve_twist(ROBOT.home, GRIP, 0.2 * heading(30.0), [roller])
     speeds, step = command.roller_velocities, np.zeros(N)
     step[0] = -np.sign(speeds[0]) * CHANGE
     previous = speeds - 0.5 * CHANGE * np.sign(speeds)
     previous[5] = 0.0
-    rows = stack_rows(ROBOT.home, default_limits(ROBOT))
-    changed = limit_acceleration(command, previous, step, CHANGE, lambda: rows)
+    changed = limit_acceleration(command, previous, step, CHANGE, lambda: ROWS)
     assert changed.roller_velocities[5] == 0.0
     assert (changed.roller_velocities != speeds).any()
     assert changed.achieved_twist == pytest.approx(command.achieved_twist, abs=1e-12)
