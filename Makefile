@@ -39,7 +39,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls mutants measure soak neighbours coverage \
 	format clean
-.PHONY: unit-tests system-tests docs-venv noble-venv noble-some noble-all FORCE
+.PHONY: unit-tests system-tests long-tests session docs-venv noble-venv noble-some noble-all plant-some FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco, SENSORS=real'
@@ -48,7 +48,8 @@ help:
 	@echo 'make wheel    build the wheel, install it into an empty environment, and run the Python of README.md there'
 	@echo 'make noble    some tests with the versions of Ubuntu 24.04, in .noble'
 	@echo 'make matrix   tests without ROS with the versions of Ubuntu 24.04, of Debian 13, and the newest, in .matrix'
-	@echo 'make nightly  long checks: all tests, demo and paper as in make noble; matrix, neighbours, soak, calls, mutants, plant, demo'
+	@echo 'make nightly  long checks within an hour: all tests, demo and paper as in make noble; matrix, neighbours, a session in Chromium,'
+	@echo '              soak, calls, mutants, some of plant, demos; states the time of each'
 	@echo 'make paper    compute and draw the figures of the paper: docs/paper.md'
 	@echo 'make plant    compare our model with MuJoCo: docs/plant.md'
 	@echo 'make pictures draw the outdated pictures and films of README and site again'
@@ -90,20 +91,34 @@ wheel: venv
 noble:
 	+$(MAKE) noble-some $(NOBLE)
 
+# Runs another target, and states the time of it, whether it succeeds or not.
+timed = begin=$$(date +%s); $(MAKE) $(1); status=$$?; \
+	echo "nightly: $(1): $$(($$(date +%s) - begin)) s"; exit $$status
+
 # Within an hour on two cores. The versions of .noble run the daily tests, those of .venv the long ones.
 nightly: venv
-	+$(MAKE) noble-all $(NOBLE)
-	+$(MAKE) matrix MATRIX=newest EXAMPLES_SHARE=0.02
-	+$(MAKE) neighbours SEEDS=1
-	$(PYTEST) --dist loadgroup -m nightly
-	+$(MAKE) soak MINUTES=4 WALKS=60
-	+$(MAKE) calls CALLS=15000
-	+$(MAKE) mutants MUTANTS=40
-	+$(MAKE) plant
-	+$(MAKE) measure
-	+$(MAKE) demo SENSORS=real
-	+$(MAKE) demo PLANT=mujoco
-	+$(MAKE) demo PLANT=mujoco SENSORS=real
+	+@$(call timed,noble-all $(NOBLE))
+	+@$(call timed,matrix MATRIX=newest EXAMPLES_SHARE=0.02)
+	+@$(call timed,neighbours SEEDS=1)
+	+@$(call timed,long-tests)
+	+@$(call timed,session)
+	+@$(call timed,soak MINUTES=3 WALKS=60)
+	+@$(call timed,calls CALLS=12000)
+	+@$(call timed,mutants MUTANTS=40)
+	+@$(call timed,plant-some)
+	+@$(call timed,measure)
+	+@$(call timed,demo SENSORS=real)
+	+@$(call timed,demo PLANT=mujoco)
+	+@$(call timed,demo PLANT=mujoco SENSORS=real)
+
+SESSION := test/system/test_browser_session.py
+
+long-tests: venv
+	$(PYTEST) --dist loadgroup -m nightly --ignore $(SESSION)
+
+# Ten minutes in Chromium, beside nothing else: its pages go by the clock.
+session: venv
+	$(BIN)/python -m pytest -m nightly $(SESSION)
 
 # What other versions of NumPy, SciPy, MuJoCo and the readers of files can change.
 matrix:
@@ -140,6 +155,10 @@ paper: venv
 
 plant: venv
 	$(BIN)/python -m studies.comparison
+
+# Some cases of each comparison, with the same bounds; the page stays as it is.
+plant-some: venv
+	$(BIN)/python -m studies.comparison --some
 
 # By what they show and what draws them; the films need Chromium and EGL, that in MuJoCo a machine that does
 # nothing else.

@@ -24,7 +24,7 @@ from studies.paper.tables import write_csv
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Compute all comparisons in parallel on all cores, and write the page.
+    Compute all comparisons in parallel on all cores, and write the page of all cases.
 
     :param arguments: arguments of the command line; None: those of the process.
     :return: 0 if all differences are within their bounds, else 1.
@@ -33,6 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--output', type=Path, default=Path('docs'), help='folder of the page (default: docs)'
     )
+    parser.add_argument(
+        '--some', action='store_true', help='check some cases of each comparison; write nothing'
+    )
     options = parser.parse_args(arguments)
     console = Console()
     found: dict[str, Section] = {}
@@ -40,7 +43,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with WorkerPool() as pool, console.status('comparing') as status:
             # The last ones take longest.
-            tasks = {pool.executor.submit(make, name): name for name in reversed(SECTIONS)}
+            tasks = {
+                pool.executor.submit(make, name, options.some): name for name in reversed(SECTIONS)
+            }
             for task in as_completed(tasks):
                 found[tasks[task]] = task.result()
                 left = ', '.join(name for name in SECTIONS if name not in found)
@@ -50,8 +55,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         console.print(f'comparison failed: {error}', style='red', markup=False)
         return 1
     sections = [found[name] for name in SECTIONS]
-    write(sections, options.output)
-    console.print(f'written: {options.output / "plant.md"}, {options.output / FOLDER}')
+    if not options.some:
+        write(sections, options.output)
+        console.print(f'written: {options.output / "plant.md"}, {options.output / FOLDER}')
     broken = [check for section in sections for check in section.checks if not check.kept]
     for check in broken:
         console.print(': '.join(check.row()), style='red', markup=False)

@@ -102,7 +102,7 @@ def test_python_examples_of_the_pages_run(page, capsys):
 
 @pytest.mark.parametrize('page', TEXTS)
 def test_named_make_targets_exist(page):
-    for target in re.findall(r'(?:`|^)make ([a-z]\w*)', TEXTS[page], re.MULTILINE):
+    for target in re.findall(r'(?:`|^)make ([a-z][\w-]*)', TEXTS[page], re.MULTILINE):
         assert re.search(rf'^{target}:', MAKEFILE, re.MULTILINE), target
 
 
