@@ -42,9 +42,14 @@ class Constraints:
         bisection_nodes = [topology.end, b, c, a, b[topology.previous]]
         rows = np.concatenate([lengths, lengths, *5 * [bisections]])
         nodes = np.concatenate([self._heads, self._tails, *bisection_nodes])
-        # Places of the entries in a dense matrix with one complex column for each node.
+        # Places of the entries in a dense matrix with one complex column for each node, whose real
+        # and imaginary parts are in the columns of x and y; and that matrix without the entries.
         self._flat_indices = rows * n + nodes
         self._ground_rows = np.arange(5 * m, self.n_rows)
+        self._ground_matrix = np.zeros(self.n_rows * n, dtype=np.complex128)
+        self._ground_matrix.view(np.float64)[
+            self._ground_rows * self.n_columns + topology.grounded
+        ] = 1.0
         # Sparsity pattern of the real matrix. Its data are the numbers of the entries: each
         # gradient's x and y, then the fixed coordinates.
         self._pattern: csc_matrix | None = None
@@ -83,12 +88,9 @@ class Constraints:
             entries = np.concatenate([gradients.view(np.float64), np.ones(len(self._ground_rows))])
             data = entries[pattern.data - 1]
             return csc_matrix((data, pattern.indices, pattern.indptr), shape=pattern.shape)
-        # The real and imaginary parts of an entry are in the columns of x and y.
-        complex_matrix = np.zeros(self.n_rows * len(points), dtype=np.complex128)
-        complex_matrix[self._flat_indices] = gradients
-        matrix = complex_matrix.view(np.float64).reshape(self.n_rows, self.n_columns)
-        matrix[self._ground_rows, self._topology.grounded] = 1.0
-        return matrix
+        matrix = self._ground_matrix.copy()
+        matrix[self._flat_indices] = gradients
+        return matrix.view(np.float64).reshape(self.n_rows, self.n_columns)
 
     def gradients(self, points: Points) -> Points:
         """
@@ -98,17 +100,14 @@ class Constraints:
         the 4m lengths of `spans` by their end nodes [-], then by their start nodes, and last those
         of the m bisections by the next C, own B, own C, joint A and previous B [1/m].
         """
-        spans = self.spans(points).reshape(4, -1)
-        lengths = np.abs(spans)
-        directions = spans / lengths
+        spans = self.spans(points)
+        by_ends = spans / np.abs(spans)
         # Gradients i v/|v|^2 = i/conj(v) of the angles of the members, and of the rods along
         # v = AB + AC, whose angles count twice in `bisection`.
-        _, to_b, to_c, _ = spans
-        member = 1j * directions[0] / lengths[0]
+        along_member, to_b, to_c, _ = spans.reshape(4, -1)
+        member, rod = 1j / along_member.conj(), 2j / (to_b + to_c).conj()
         previous_member = member[self._topology.previous]
-        rod = 2j / (to_b + to_c).conj()
         bisections = member, -member - rod, previous_member - rod, 2.0 * rod, -previous_member
-        by_ends = directions.ravel()
         return np.concatenate([by_ends, -by_ends, *bisections])
 
     def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:

@@ -77,13 +77,13 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     # A coefficient a + ib of a node stands for a vx + b vy of its velocity.
     by_nodes = np.zeros((len(names), 3, len(points)), dtype=np.complex128)
     axes: list[complex] = []
-    for (vx, vy, omega), (start, end) in zip(by_nodes, nodes.lines.tolist(), strict=True):
+    for member, (start, end) in enumerate(nodes.lines.tolist()):
         span = complex(points[end] - points[start])
         axes.append(span / abs(span))
-        vx[start], vy[start] = 1.0, 1j
+        by_nodes[member, 0, start], by_nodes[member, 1, start] = 1.0, 1j
         # Angular velocity: Re(conj(turn) (velocity of the end - velocity of the start)).
         turn = 1j / span.conjugate()
-        omega[start], omega[end] = -turn, turn
+        by_nodes[member, 2, start], by_nodes[member, 2, end] = -turn, turn
     rows = config.roller_rows(by_nodes.view(np.float64).reshape(3 * len(names), -1))
     by_speeds = rows.reshape(len(names), 3, -1)
     # A roller moves the material along its member, so that the object rolls (17).
@@ -125,23 +125,33 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     points = [0.5 * (patch[0].point + patch[-1].point) for patch in patches]
     distance = abs(points[1] - points[0])
     _require_apart(distance)
-    # (15): velocities x + iy of the material at both points, for roller speeds of 1 m/s.
-    x, y, spins = members.swapaxes(0, 1)
-    arms = np.array([point - patch[0].start for point, patch in zip(points, patches, strict=True)])
-    velocities = x + 1j * (y + arms[:, None] * spins)
-    # Relative velocity along (real) and across the line from the first to the second point.
-    line = (points[1] - points[0]) / distance
-    relative = (velocities[1] - velocities[0]) * line.conjugate()
+    # Rows Re(a v_0 + b v_1) + c omega_0 + d omega_1, with coefficients (a, b, c, d) of the
+    # velocities v of the material at both points (15), and of both members' angular velocities.
+    along = (points[1] - points[0]).conjugate() / distance
+    across = -1j * along
     # Motion of the object (18).
-    face_spins = [spin for patch, spin in zip(patches, spins, strict=True) if len(patch) > 1]
-    rotation = face_spins[0] if face_spins else relative.imag / distance
+    faces = [owner for owner, patch in enumerate(patches) if len(patch) > 1]
+    by_line, spin_0, spin_1 = across / distance, 0.0, 0.0
+    if faces:
+        by_line, spin_0, spin_1 = 0j, 1.0 - faces[0], float(faces[0])
     from_midpoint = grip.body.center - 0.5 * (points[0] + points[1])
-    center = 0.5 * (velocities[0] + velocities[1]) + 1j * from_midpoint * rotation
-    # Residuals: opening rate, zero for a disc at a module at constant angle (14); and with faces,
-    # their rotations relative to the line through the points, and to each other.
-    residuals = [relative.real]
-    if face_spins:
-        residuals.append(relative.imag - distance * rotation)
-    if len(face_spins) == 2:
-        residuals.append(grip.body.arm * (spins[1] - spins[0]))
-    return np.array([center.real, center.imag, rotation, *residuals])
+    x, y = from_midpoint.real, from_midpoint.imag
+    rows = [
+        (0.5 + y * by_line, 0.5 - y * by_line, -y * spin_0, -y * spin_1),
+        (-0.5j - x * by_line, -0.5j + x * by_line, x * spin_0, x * spin_1),
+        (-by_line, by_line, spin_0, spin_1),
+        # Residuals: opening rate, zero for a disc at a module at constant angle (14); and with
+        # faces, their rotations relative to the line through the points, and to each other.
+        (-along, along, 0.0, 0.0),
+    ]
+    if faces:
+        rows.append((-across, across, -distance * spin_0, -distance * spin_1))
+    if len(faces) == 2:
+        rows.append((0j, 0j, -grip.body.arm, grip.body.arm))
+    # The velocity of a point is vx + i vy + i arm omega, by the motion of its member's start.
+    arm_0, arm_1 = points[0] - patches[0][0].start, points[1] - patches[1][0].start
+    by_members = [
+        (a.real, -a.imag, c - (a * arm_0).imag, b.real, -b.imag, d - (b * arm_1).imag)
+        for a, b, c, d in rows
+    ]
+    return np.array(by_members).dot(members.reshape(6, -1))

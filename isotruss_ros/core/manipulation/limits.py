@@ -18,7 +18,7 @@ from typing import ClassVar, NamedTuple, Protocol
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, identity
 import numpy as np
 
 #: Largest decay rate of the distance of a member length from its bound [1/s]; control loops run at
@@ -85,8 +85,8 @@ class RollerSpeedLimit:
 
     def rows(self, config: Configuration) -> Rows:
         """Return one row for each roller; see `Limit.rows`."""
-        bound = np.full(len(config.robot.roller_names), self.max_speed)
-        return Rows(np.eye(len(bound)), -bound, bound)
+        bound = np.array(len(config.robot.roller_names) * [self.max_speed])
+        return Rows(identity(len(bound)), -bound, bound)
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
         """Return the rollers' names; see `Limit.row_names`."""

@@ -18,7 +18,13 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_names, Topology
-from isotruss_ros.core.numerics.arrays import Array, covariance_matrix, Indices, MAX_MAGNITUDE
+from isotruss_ros.core.numerics.arrays import (
+    Array,
+    covariance_matrix,
+    identity,
+    Indices,
+    MAX_MAGNITUDE,
+)
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,6 +63,8 @@ class WorkingRollers:
 
     def spread(self, values: Array) -> Array:
         """Return values of all rollers, zero for failed ones, from those of working rollers."""
+        if len(self.indices) == self.count:
+            return values
         spread = np.zeros((*values.shape[:-1], self.count))
         spread[..., self.indices] = values
         return spread
@@ -97,15 +105,15 @@ class Reach(NamedTuple):
         """Return the reachable twists from a Jacobian (3 + g, r) as of `grip_jacobian`."""
         # Rows of the twist, in units of surface speed, then of the contacts.
         count, rows = len(weights), jacobian.take(working.indices, -1)
-        rows[:count] *= weights[:, None]
         motion, twist_rows, contact_rows = jacobian[:count], rows[:count], rows[count:]
+        twist_rows *= weights[:, None]
         # Full rank: the smallest eigenvalue of the Gram matrix shows it in less time than the
         # singular value decompositions below.
         squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0].tolist()
         if squares[0] > 100.0 * RANK_TOLERANCE**2 * max(1.0, squares[-1]):
             opening = np.zeros(len(contact_rows))
             opening[:1] = 1.0
-            return cls(working, motion, rows, np.eye(count), weights, opening)
+            return cls(working, motion, rows, identity(count), weights, opening)
         # Orthonormal rows of the contact constraints.
         row_basis, gains, speed_basis = np.linalg.svd(contact_rows, full_matrices=False)
         effective = gains > RANK_TOLERANCE
@@ -145,9 +153,10 @@ def find_task(
     desired = reach.weights * (twist / size)
     norm = math.sqrt(desired.dot(desired))
     # Projection on the reachable twists.
-    closest = reach.directions.dot(desired)
-    unreachable = closest.dot(reach.directions) - desired
-    missed = math.sqrt(unreachable.dot(unreachable)) / (norm or 1.0)
+    closest, missed = reach.directions.dot(desired), 0.0
+    if dof < len(desired):
+        unreachable = closest.dot(reach.directions) - desired
+        missed = math.sqrt(unreachable.dot(unreachable)) / (norm or 1.0)
     status = Status.OK if missed <= ROUNDING else Status.UNREACHABLE
     # Right-hand side of (20): of the twist, then of the contacts.
     direction = np.zeros(len(reach.rows))

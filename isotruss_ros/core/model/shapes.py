@@ -157,6 +157,8 @@ class Shape(ABC):
         deepest = PatchEnd(corner, point, (point * normal.conjugate()).real, 0.0)
         depth = max(deepest.height - skin, PLANNED_DEPTH * tube_radius)
         ends = self._ends_above(deepest.height - depth, deepest, normal, tube_radius)
+        if len(ends) == 1:
+            return ends
         # Of ends with equal heights, the main end is the one nearest to the middle of the object.
         main_height = max(end.height for end in ends) - NEGLIGIBLE_SHARE * depth
         main = min(
@@ -303,6 +305,10 @@ class Disc(Shape):
     def reach(self) -> float:
         """Return the largest distance of the surface from the origin [m]."""
         return 0.5 * self.diameter
+
+    def point_at(self, corner: int, normal: complex) -> complex:
+        """Return the point of the surface with a given normal; see `Shape.point_at`."""
+        return 0.5 * self.diameter * normal
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points and radii of curvature at given normals; see `Shape.surface_at`."""

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import functools
+
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
@@ -55,6 +57,14 @@ def finite_array(
         form = 'a finite number'
     bound = '' if most == LARGEST_NUMBER else f', at most {most:g}'
     raise error(f'{what}: {shown}: must be {form}{bound}')
+
+
+@functools.lru_cache(maxsize=16)
+def identity(size: int) -> Array:
+    """Return the identity matrix (size, size), cached and read-only."""
+    matrix = np.eye(size)
+    matrix.flags.writeable = False
+    return matrix
 
 
 def finite_rows(

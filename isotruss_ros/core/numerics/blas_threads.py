@@ -54,8 +54,11 @@ def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        counts = [(set_count, get_count()) for get_count, set_count in _find_libraries()]
-        multithreaded = [(set_count, count) for set_count, count in counts if count > 1]
+        multithreaded = [
+            (set_count, count)
+            for get_count, set_count in _find_libraries()
+            if (count := get_count()) > 1
+        ]
         for set_count, _ in multithreaded:
             set_count(1)
         try:
