@@ -113,8 +113,9 @@ nightly: venv
 
 SESSION := test/system/test_browser_session.py
 
+# The picks, which wait more than they compute, begin first, as the largest group.
 long-tests: venv
-	$(PYTEST) --dist loadgroup -m nightly --ignore $(SESSION)
+	$(PYTEST) -n 3 --dist loadgroup -m nightly --ignore $(SESSION)
 
 # Ten minutes in Chromium, beside nothing else: its pages go by the clock.
 session: venv

@@ -9,14 +9,8 @@ from studies.comparison.estimated_carries import carry, SIX, THREE
 from studies.comparison.random_carries import BOX, DISC
 
 pytestmark = [needs_mujoco, pytest.mark.nightly]
-CASES = [
-    (DISC, THREE, 1.0),
-    (BOX, SIX, 1.0),
-    (DISC, SIX, 0.6),
-    (BOX, THREE, 0.6),
-    (DISC, THREE, 1.5),
-    (BOX, SIX, 1.5),
-]
+#: Each object, each set of joints, and each stiffness at least once.
+CASES = [(BOX, SIX, 1.0), (BOX, THREE, 0.6), (DISC, THREE, 1.5)]
 
 
 @pytest.mark.parametrize(('kind', 'names', 'stiffness'), CASES)

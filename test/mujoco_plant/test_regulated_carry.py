@@ -32,8 +32,8 @@ ROBOTS = [
 ]
 #: Grasps and robots whose pushes are tested.
 PUSHED = [*zip(GRASPS, ROBOTS, strict=True), ('disc 0.1 m', ROBOTS[5]), ('box', ROBOTS[0])]
-#: Seeds of paths, and grasps.
-NOISY = [*list(enumerate(GRASPS))[:5], (5, 'disc 0.3 m')]
+#: Seeds of paths, and grasps: a smallest disc, and objects with corners and faces.
+NOISY = [(0, 'disc 0.1 m'), (3, 'box'), (4, 'brick')]
 PUSH, NOISE = (1.0, 0.0, 0.0), (1e-3, np.radians(0.5))
 #: Grasps, and settings of carries in which a push grows: a forced gain, or unknown masses.
 GROWING = [

@@ -149,8 +149,8 @@ def estimated(names=THREE, held=True, speed=0.03, duration=2.0):
     return deepcopy(_estimated(names, held, speed, duration))
 
 
-#: Of a held object; each takes half a second.
-RUNS = 200
+#: Of a held object; each takes a quarter of a second.
+RUNS = 80
 
 
 def test_joint_covariance_has_the_offsets_and_the_error_of_the_model():

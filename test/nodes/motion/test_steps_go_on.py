@@ -186,8 +186,7 @@ def test_the_nodes_of_the_view_place_pick_and_move_in_mujoco(monkeypatch):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize('sim_time', [True, False])
-@pytest.mark.parametrize('seed', range(5))
-def test_of_a_hundred_disturbed_steps_none_is_aborted(monkeypatch, seed, sim_time):
+@pytest.mark.parametrize(('seed', 'sim_time'), [(k, k % 2 == 0) for k in range(4)])
+def test_of_forty_disturbed_steps_none_is_aborted(monkeypatch, seed, sim_time):
     goals = (PICK, None, None, None, PLACE, PICK, None, None, None, PLACE)
     check_steps(monkeypatch, goals, seed, sim_time, is_held=False)
