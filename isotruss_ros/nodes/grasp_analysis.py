@@ -119,6 +119,8 @@ class GraspAnalysisNode(ManagedNode):
         response.success = report.grasp is not None
         response.message = report.message
         response.state = to_state_message(report, self.robot.frame)
+        if report.grasp is not None:
+            response.state.nonlinearity = report.grasp.settled.nonlinearity
         return response
 
     def _step(self, now: float) -> None:

@@ -99,7 +99,6 @@ def _describe_grasp(
         max_contact_force=float(held.normal_forces.max()),
         total_force=float(held.normal_forces.sum()),
         utilisation=float(held.sections.used.max()),
-        nonlinearity=held.nonlinearity,
         travel=travel,
         rigidity=min(shape_margins(config).rigidity for config in configs),
         path=path,

@@ -50,7 +50,6 @@ class PlannedGrasp(
     max_contact_force: float  #: largest normal force of a member [N]
     total_force: float  #: sum of the normal forces of the members [N]
     utilisation: float  #: largest utilisation of a member [-]; the model holds below 1
-    nonlinearity: float  #: nonlinearity of the contact forces, see `SettledGrasp` [-]
     travel: float  #: largest travel of a roller along the path [m]
     rigidity: float  #: smallest rigidity index along the path, 1 at home [-]
     path: Array  #: (k, r) waypoints of the rollers to the grasp, joined by straight lines [m]
@@ -64,6 +63,11 @@ class PlannedGrasp(
         robot, members = self.config.robot, set(self.grip.members)
         at_module = (name for name in robot.module_names if members == {*members_at(robot, name)})
         return next(at_module, None)
+
+    @property
+    def nonlinearity(self) -> float:
+        """Return the nonlinearity of the contact forces, see `SettledGrasp` [-]."""
+        return self.equilibrium.nonlinearity
 
     @property
     def outside_model(self) -> bool:
@@ -144,7 +148,7 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
         'module': grasp.module or '',
         'members': list(grasp.members),
         'roller_positions': grasp.roller_positions.tolist(),
-        **{name: getattr(grasp, name) for name in float_names},
+        **{name: getattr(grasp, name) for name in (*float_names, 'nonlinearity')},
         **chance,
     }
 

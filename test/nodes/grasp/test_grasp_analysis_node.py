@@ -70,7 +70,6 @@ def check_analysis(state, expected, settled):
     used = dict(zip(state.members, state.utilisation, strict=True))
     assert used == pytest.approx(settled.utilisation, rel=1e-6, abs=1e-9)
     assert np.reshape(state.stiffness, (3, 3)) == pytest.approx(settled.stiffness)
-    assert state.nonlinearity == pytest.approx(settled.nonlinearity)
     assert (state.held, state.hold_message) == (settled.held, settled.reason)
     assert state.force_closure == settled.force_closure
     assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-4)
@@ -89,6 +88,7 @@ def test_publishes_the_result_of_the_analysis():
         away = [abs(complex(c.position.x, c.position.y) - center) for c in state.contacts]
         assert away == pytest.approx([0.5 * DIAMETER] * len(away))
         assert state.computing_time > 0.0
+        assert math.isnan(state.nonlinearity)
         w.until(lambda: w.probe.last('wrench') is not None, feed(w))
         published = w.probe.last('wrench')
         assert published.header.frame_id == 'truss_object_aligned'
@@ -168,6 +168,7 @@ def test_the_service_analyses_any_object_in_its_pose(friction):
         answer = w.call('analyze_grasp', request)
         assert answer.success, answer.message
         check_analysis(answer.state, expected, settled)
+        assert answer.state.nonlinearity == pytest.approx(settled.nonlinearity)
 
 
 @pytest.mark.parametrize(
