@@ -9,6 +9,7 @@ from collections.abc import Callable
 import math
 import time
 
+from isotruss_ros.nodes.framework.rclpy_handles import call_timer, can_pace
 from isotruss_ros.nodes.framework.topics import take_waiting
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
@@ -63,6 +64,8 @@ class Cycle:
         # Timers of the system clock would stop for an hour if it is set back by an hour.
         create_timer = node.create_steady_timer if self.is_steady else node.create_timer
         self._timer = create_timer(1.0 / self._values.rate, self._tick)
+        #: Whether `PacedExecutor` calls the cycle in place of its timer.
+        self.is_paced = self.is_steady and can_pace(self._timer, node.subscriptions)
         if stopped is not None and not self.is_steady:
             node.create_steady_timer(WATCH_PERIOD, self._check)
 
@@ -77,7 +80,7 @@ class Cycle:
 
     def run(self) -> None:
         """Run the next cycle; called by `PacedExecutor` in place of a timer."""
-        self._timer.handle.call_timer()
+        call_timer(self._timer)
         self._tick()
 
     def summary(self) -> dict[str, object]:
@@ -150,12 +153,12 @@ class PacedExecutor(SingleThreadedExecutor):
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """
-        Wait for the next control cycle and run it; without a cycle on the steady clock, as rclpy.
+        Wait for the next control cycle and run it; without a paced cycle, as rclpy.
 
-        :param timeout_sec: longest wait if the node has no steady cycle [s].
+        :param timeout_sec: longest wait if the node has no paced cycle [s].
         """
         cycle = self._node.cycle
-        if cycle is None or not cycle.is_steady:
+        if cycle is None or not cycle.is_paced:
             super().spin_once(timeout_sec)
             return
         time.sleep(max(0.0, min(cycle.time_left() - INPUT_LEAD, MAX_CALLBACK_DELAY)))

@@ -19,6 +19,7 @@ from isotruss_ros.nodes.framework.command_line import refuse_arguments, start_ro
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.diagnostics import ReasonLog
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
+from isotruss_ros.nodes.framework.rclpy_handles import read_overrides
 from isotruss_ros.nodes.framework.topics import NO_PUBLISHER_EVENTS, RELIABLE
 import rclpy
 from rclpy.clock import Clock
@@ -62,11 +63,10 @@ class StoppableNode(Node):
         )
         self.reasons = ReasonLog(lambda text: self.get_logger().warning(text))
         try:
-            # rclpy itself cannot declare an empty list of a parameter file.
-            with self.handle:
-                overrides = self.handle.get_parameters(Parameter)
+            specs = (*self.base_specs, *self.specs)
+            overrides = read_overrides(self, [spec.name for spec in specs])
             overrides |= {override.name: override for override in parameter_overrides}
-            self.values = Parameters(self, (*self.base_specs, *self.specs), overrides)
+            self.values = Parameters(self, specs, overrides)
             self.start()
         except IsotrussError:
             self.destroy_node()

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from isotruss_ros.nodes.framework.rclpy_handles import take_message
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -102,7 +103,7 @@ def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> lis
 def take_queued(subscription: Subscription, most: int) -> Iterator[tuple[Any, dict[str, Any]]]:
     """Yield the queued messages of a subscription, each with its information, in their order."""
     for _ in range(most):
-        taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        taken = take_message(subscription)
         if taken is None:
             return
         yield taken

@@ -11,6 +11,27 @@ from isotruss_ros.nodes.framework.topics import subscribe_newest
 from probe import begin_context, DEADLINE, manipulation, Probe
 import pytest
 import rclpy
+from rclpy.executors import Executor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+
+#: Methods of rclpy's handles: class, and functions of rclpy that call the method.
+CALLS = {
+    'call_timer': (rclpy_implementation.Timer, [Executor._take_timer]),
+    'take_message': (rclpy_implementation.Subscription, [Executor._take_subscription]),
+    'get_parameters': (rclpy_implementation.Node, [Node.__init__]),
+}
+
+
+@pytest.fixture(params=CALLS)
+def renamed(request, monkeypatch):
+    """Replace rclpy by one in which a method of a handle has another name."""
+    kind, callers = CALLS[request.param]
+    monkeypatch.setattr(kind, 'renamed', getattr(kind, request.param), raising=False)
+    monkeypatch.delattr(kind, request.param)
+    for caller in callers:
+        names = [n if n != request.param else 'renamed' for n in caller.__code__.co_names]
+        monkeypatch.setattr(caller, '__code__', caller.__code__.replace(co_names=tuple(names)))
 
 
 @pytest.fixture
@@ -60,6 +81,12 @@ def test_a_twist_from_before_the_activation_moves_nothing(nodes):
     send = lambda: (probe.send_joints(), probe.send_pose())  # noqa: E731
     until(executor, probe, lambda: len(probe.seen['command']) > 5, send)
     assert not any(any(m.data) for _, m in probe.seen['command'])
+    move(executor, probe)
+
+
+def test_a_twist_moves_the_rollers_with_an_rclpy_that_lacks_a_method_of_handles(renamed, nodes):
+    node, probe, executor = nodes
+    assert node.values.rate == 200.0
     move(executor, probe)
 
 
