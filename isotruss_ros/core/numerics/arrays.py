@@ -60,7 +60,7 @@ def finite_array(
 
 
 @functools.lru_cache(maxsize=16)
-def identity(size: int) -> Array:
+def identity(size: int) -> NDArray[np.float64]:
     """Return the identity matrix (size, size), cached and read-only."""
     matrix = np.eye(size)
     matrix.flags.writeable = False
