@@ -21,17 +21,10 @@ def twist(path, time, step=1e-6):
     return (path.pose(time + step) - path.pose(time)) / step
 
 
-def circle(count, radius=0.2, angle=2.0 * math.pi):
-    """Return poses along an arc from (radius, 0), headed along it."""
-    turned = np.linspace(0.0, angle, count)
-    return np.column_stack(
-        [radius * np.cos(turned), radius * np.sin(turned), turned + 0.5 * math.pi]
-    )
-
-
 @pytest.mark.parametrize('smooth', [False, True])
 def test_rests_at_its_ends(smooth):
-    path = ObjectPath(circle(12), SPEED, TURN_RATE, smooth)
+    poses = [(0.2, 0.0, 1.6), (0.0, 0.2, 3.1), (-0.2, 0.0, 4.7)]
+    path = ObjectPath(poses, SPEED, TURN_RATE, smooth)
     for time, pose in ((-1.0, path.poses[0]), (1e9, path.poses[-1])):
         assert path.pose(time) == pytest.approx(pose)
         assert not twist(path, time).any()
@@ -63,45 +56,10 @@ def test_repeated_poses_take_no_time():
     assert path.times == pytest.approx(once.times)
 
 
-def catmull_rom(poses, share):
-    """Return the point in the middle span of four poses by the pyramid of Barry and Goldman."""
-    steps = np.diff(poses, axis=0)
-    times = np.maximum(np.hypot(*steps[:, :2].T) / SPEED, np.abs(steps[:, 2]) / TURN_RATE)
-    knots = np.concatenate([[0.0], np.cumsum(np.sqrt(times))])
-    at = knots[1] + share * (knots[2] - knots[1])
-
-    def mix(one, other, i, j):
-        return ((knots[j] - at) * one + (at - knots[i]) * other) / (knots[j] - knots[i])
-
-    a = [mix(poses[i], poses[i + 1], i, i + 1) for i in range(3)]
-    b = [mix(a[i], a[i + 1], i, i + 2) for i in range(2)]
-    return mix(b[0], b[1], 1, 2)
-
-
-def distance(point, poses):
-    """Return how far a point is from the lines between poses, angles taken for lengths."""
-    begin, steps = poses[:-1], np.diff(poses, axis=0)
-    share = ((point - begin) * steps).sum(axis=1) / (steps**2).sum(axis=1)
-    nearest = begin + np.clip(share, 0.0, 1.0)[:, np.newaxis] * steps
-    return np.linalg.norm(nearest - point, axis=1).min()
-
-
-@robots.examples(50)
-@given(strategies.integers(0, 2**32 - 1))
-def test_smooth_path_is_the_centripetal_spline(seed):
-    rng = np.random.default_rng(seed)
-    spread = rng.uniform(0.02, 1.0, (4, 1))  # poses near to each other and far apart
-    poses = np.cumsum(spread * rng.uniform(-0.5, 0.5, (4, 3)), axis=0)
-    path = ObjectPath(poses, SPEED, TURN_RATE, smooth=True)
-    for share in (0.2, 0.5, 0.9):
-        # The path is cut into pieces of about 5 mm; their chords are off by less.
-        assert distance(catmull_rom(poses, share), path.poses) < 2e-3
-
-
-def test_smooth_path_of_three_poses_is_a_parabola():
+def test_smooth_path_of_three_poses_is_the_parabola_of_the_centripetal_spline():
     poses = np.array([(0.0, 0.0, 0.0), (0.3, 0.1, 0.2), (0.4, -0.2, 0.5)])
     path = ObjectPath(poses, SPEED, TURN_RATE, smooth=True)
-    # Of the roots of the times from pose to pose, in pieces of about 5 mm: 64 of them.
+    # Knots are the roots of the times between poses; each segment has 64 pieces of about 5 mm.
     lengths = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     first, second = np.sqrt(lengths / SPEED)
     at = np.concatenate([np.linspace(0.0, first, 65)[:-1], np.linspace(first, first + second, 65)])
@@ -126,15 +84,6 @@ paths = strategies.builds(
 
 
 @robots.examples(100)
-@given(paths, strategies.integers(0, 2**32 - 1))
-def test_limits_are_kept_between_any_two_times(path, seed):
-    begin, end = np.sort(np.random.default_rng(seed).uniform(0.0, path.duration, 2))
-    change = path.pose(end) - path.pose(begin)
-    assert math.hypot(*change[:2]) <= path.speed * (end - begin) * (1.0 + 1e-9) + 1e-12
-    assert abs(change[2]) <= path.turn_rate * (end - begin) * (1.0 + 1e-9) + 1e-12
-
-
-@robots.examples(100)
 @given(paths)
 def test_one_of_the_limits_is_reached_on_every_piece(path):
     for before, after, begin, end in zip(
@@ -150,7 +99,6 @@ def test_one_of_the_limits_is_reached_on_every_piece(path):
 GOOD = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)]
 BAD = {
     'no poses': (([], 0.1, 0.1), 'has 0 poses; must be two or more'),
-    'ragged': (([(0, 0, 0), (1, 1)], 0.1, 0.1), 'must be 2 x 3 finite numbers'),
     'nan': (([(0, 0, 0), (0, math.nan, 0)], 0.1, 0.1), 'must be 2 x 3 finite numbers'),
     'far': (([(0, 0, 0), (1e15, 0, 0)], 0.1, 0.1), 'at most 1e.12'),
     'half a turn': (([(0, 0, 0), (0, 0, math.pi)], 0.1, 0.1), 'pose in between'),
@@ -190,7 +138,7 @@ def test_pieces_of_long_smooth_paths_are_longer(step):
     strategies.floats(),
     strategies.booleans(),
 )
-def test_any_numbers_make_a_path_or_are_refused(poses, speed, turn_rate, smooth):
+def test_any_numbers_are_a_path_or_are_refused(poses, speed, turn_rate, smooth):
     try:
         path = ObjectPath(poses, speed, turn_rate, smooth)
     except PathError:

@@ -6,7 +6,6 @@
 import re
 
 from hypothesis import given
-from hypothesis import strategies as st
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
@@ -69,8 +68,8 @@ def test_speed_is_the_derivative_of_the_position_and_within_the_limit(rng):
     path = RollerTrajectory(ROBOT, positions, times)
     step = 1e-4
     for time in rng.uniform(-0.1, path.duration + 0.1, 30):
-        found = (path.at(time + step).positions - path.at(time - step).positions) / (2.0 * step)
-        assert path.at(time).velocities == pytest.approx(found, abs=MAX_ACCELERATION * step)
+        rate = (path.at(time + step).positions - path.at(time - step).positions) / (2.0 * step)
+        assert path.at(time).velocities == pytest.approx(rate, abs=MAX_ACCELERATION * step)
         assert np.abs(path.at(time).velocities).max() <= MAX_SPEED * (1.0 + 2e-6)
 
 
@@ -85,15 +84,6 @@ def test_speed_changes_within_the_acceleration_of_the_rollers(rng):
         assert np.abs(change).max() <= MAX_ACCELERATION * step * (1.0 + 1e-6) + 1e-12
 
 
-def test_blends_may_overlap_by_the_tolerance_of_the_acceleration():
-    speed = 0.5 * MAX_SPEED
-    step = (1.0 - 5e-7) * speed / MAX_ACCELERATION
-    end = np.full(N, speed * step)
-    path = RollerTrajectory(ROBOT, [ORIGIN, end], [1.0, 1.0 + step])
-    assert path.at(path.duration).positions == pytest.approx(end, rel=1e-6)
-    assert path.at(1.0 + 0.5 * step).velocities == pytest.approx(speed, rel=1e-6)
-
-
 def test_refuses_more_acceleration_than_the_rollers_have():
     quick = [ORIGIN, [0.009] * N, ORIGIN]
     with pytest.raises(ConfigurationError, match=r'1\.35 m/s\^2 from point 0 to 1; must be at mo'):
@@ -101,25 +91,15 @@ def test_refuses_more_acceleration_than_the_rollers_have():
     RollerTrajectory(ROBOT, quick, [0.0, 0.2, 0.4])
 
 
-def test_speed_limit_tolerates_rounding():
-    way = MAX_SPEED * 0.3
-    path = RollerTrajectory(ROBOT, [ORIGIN, [way] * N], [0.1, 0.4])  # 0.4 - 0.1 is less than 0.3
-    assert path.at(0.2).velocities == pytest.approx([MAX_SPEED] * N)
-
-
-SHORT, LONG = [0.0] * (N - 1), [0.0] * (N + 1)
+SHORT = [0.0] * (N - 1)
 PAIR, THREE = [0.0, 1.0], [ORIGIN] * 3
 BAD = {
     'no point': ([], PAIR, 'the trajectory has no points'),
-    'one row': (ORIGIN, PAIR, f'0.0: must be {N} finite numbers'),
     'too few': ([SHORT, SHORT], PAIR, f'must be {N} finite numbers'),
-    'too many': ([LONG, LONG], PAIR, f'must be {N} finite numbers'),
-    'of two lengths': ([ORIGIN, SHORT], PAIR, f'must be {N} finite numbers'),
     'nan': ([ORIGIN, [np.nan] * N], PAIR, 'nan'),
     'too quick': ([ORIGIN, [*SHORT, -1.001 * MAX_SPEED]], PAIR, '0.1001 m/s; must be at most 0.1'),
     'without end': ([[1e308] * N, [-1e308] * N], PAIR, 'inf m/s; must be at most 0.1'),
     'too few times': (THREE, PAIR, 'must be 3 finite numbers'),
-    'time nan': (THREE, [0.0, np.nan, 2.0], 'must be 3 finite numbers'),
     'negative time': (THREE, [-1e-9, 1.0, 2.0], 'time -1e-09 s of point 0'),
     'the same time twice': (THREE, [0.0, 1.0, 1.0], 'time 1 s of point 2'),
     'back in time': (THREE, [0.0, 1.0, 0.5], 'time 0.5 s of point 2'),
@@ -132,24 +112,3 @@ BAD = {
 def test_invalid_positions_and_times_are_refused(positions, times, words):
     with pytest.raises(ConfigurationError, match=re.escape(words)):
         RollerTrajectory(ROBOT, positions, times)
-
-
-numbers = st.one_of(st.floats(-0.02, 0.02), st.floats(), st.sampled_from([0.0, 1e308, 5e-324]))
-rows = st.lists(numbers, min_size=N, max_size=N)
-near = st.lists(st.floats(-0.02, 0.02), min_size=N, max_size=N)
-steps = st.one_of(st.floats(0.1, 9.0), st.floats(0.0))
-
-
-@examples(300)
-@given(st.lists(st.tuples(st.one_of(near, near, near, rows), steps), max_size=3))
-def test_any_numbers_are_a_path_that_rollers_can_keep_to_or_refused(points):
-    with np.errstate(all='ignore'):
-        times = np.cumsum([step for _, step in points])
-    try:
-        path = RollerTrajectory(ROBOT, [row for row, _ in points], times)
-    except ConfigurationError:
-        return
-    for time in (0.0, *times):
-        wanted = path.at(time)
-        assert np.isfinite(wanted.positions).all()
-        assert np.abs(wanted.velocities).max() <= MAX_SPEED * (1.0 + 1e-6)
