@@ -3,8 +3,10 @@
 
 """Simulated object between elastic tubes: equilibrium, rolling and loss."""
 
+from dataclasses import replace
+
 from grips import backed_off, gripped
-from isotruss_ros.core import ConvexObject, ElasticObject, HoldStatus, settle_grasp
+from isotruss_ros.core import ConvexObject, ElasticObject, HoldStatus, Robot, settle_grasp
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
@@ -37,9 +39,11 @@ def follow(simulated, places):
     return simulated.pose(CONFIG)
 
 
-def test_the_object_is_held_if_the_settled_grasp_is():
-    settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
-    simulated = held()
+@pytest.mark.parametrize('scale', [1.0, 0.7])
+def test_the_object_is_held_if_the_settled_grasp_is(scale):
+    robot = Robot(replace(ROBOT.description, stiffness_scale=scale))
+    settled = settle_grasp(robot.configuration(CONFIG.roller_positions), CYLINDER, FRICTION)
+    simulated = held(stiffness_scale=scale)
     assert simulated.pose(CONFIG) == pytest.approx(settled.pose, abs=1e-9)
     assert simulated.slip_margin == pytest.approx(settled.slip_margin, rel=1e-6)
     forces = dict(

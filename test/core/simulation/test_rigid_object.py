@@ -7,9 +7,11 @@ from grips import backed_off, closed_to, gripped
 from held_grips import APART, box_between
 from isotruss_ros.core import (
     ConvexObject,
+    ElasticObject,
     Pose,
     RigidObject,
     RollerFaults,
+    RollingGrip,
     settle_grasp,
     SimulatedRobot,
 )
@@ -90,13 +92,25 @@ def test_an_object_is_held_until_the_grip_opens():
     assert scene.robot.object_pose == left
 
 
+@pytest.mark.parametrize('kind', [RigidObject, ElasticObject])
 @pytest.mark.parametrize(('angle', 'kept'), [(0.0, 0.0), (-3.0, -3.0), (4.0, 4.0 - 2.0 * np.pi)])
-def test_angle_is_preserved_and_within_half_a_turn(angle, kept):
-    lying = RigidObject(CYLINDER.moved_to((*CYLINDER.pose[:2], angle)), FRICTION)
-    assert lying.pose(ROBOT.home) == pytest.approx((*CYLINDER.pose[:2], kept))
-    lying.follow(CLOSED)
-    assert set(lying.rolling.grip.members) == GRASPING
-    assert lying.pose(CLOSED) == pytest.approx((*CYLINDER.pose[:2], kept), abs=0.01)
+def test_angle_is_preserved_and_within_half_a_turn(kind, angle, kept):
+    thing = kind(CYLINDER.moved_to((*CYLINDER.pose[:2], angle)), FRICTION)
+    assert thing.pose(ROBOT.home) == pytest.approx((*CYLINDER.pose[:2], kept))
+    thing.follow(CLOSED)
+    assert thing.pose(CLOSED) == pytest.approx((*CYLINDER.pose[:2], kept), abs=0.01)
+
+
+def test_an_object_that_leaves_its_grip_stays_at_its_last_pose():
+    thing = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, box_between()))
+    apart = np.array([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
+    near, far = (ROBOT.home.moved_to(share * apart) for share in (0.1, 1.0))
+    thing.follow(near)
+    last = thing.pose(near)
+    thing.follow(far)
+    assert thing.rolling is None
+    assert thing.pose(far) == pytest.approx(last)
+    assert last != pytest.approx(box_between().body.pose, abs=1e-3)
 
 
 @pytest.mark.parametrize(
