@@ -56,26 +56,29 @@ def foresee(grip, displacement):
 
 def test_a_disc_is_carried_to_the_end():
     grip = held('disc 0.2 m')
-    found = foresee(grip, (0.2, -0.1, 0.5))
-    assert (found.share, found.why) == (1.0, '')
-    assert found.pose == pytest.approx(np.add(grip.pose, (0.2, -0.1, 0.5)), abs=1e-3)
-    assert 3.0 < found.slip_margin <= grip.slip_margin(FRICTION)
+    foresight = foresee(grip, (0.2, -0.1, 0.5))
+    assert (foresight.share, foresight.why) == (1.0, '')
+    assert foresight.pose == pytest.approx(np.add(grip.pose, (0.2, -0.1, 0.5)), abs=1e-3)
+    assert 3.0 < foresight.slip_margin <= grip.slip_margin(FRICTION)
 
 
 def test_a_path_ends_where_the_margin_is_the_least_one():
     grip = held('box')
-    found = foresee(grip, (0.3, 0.2, 0.0))
-    assert 0.0 < found.share < 0.5
-    assert MIN_RELATIVE_MARGIN <= found.slip_margin / grip.squeeze < MIN_RELATIVE_MARGIN + 0.01
-    assert 'the slip margin is' in found.why
+    foresight = foresee(grip, (0.3, 0.2, 0.0))
+    assert 0.0 < foresight.share < 0.5
+    assert MIN_RELATIVE_MARGIN <= foresight.slip_margin / grip.squeeze < MIN_RELATIVE_MARGIN + 0.01
+    assert 'the slip margin is' in foresight.why
 
 
 def test_a_path_ends_where_friction_is_insufficient():
     grip = held('brick')
     start = np.array(grip.pose)
-    found = foresee_path(grip, 0.9 * grip.required_friction, np.array([start, start + 0.1]))
-    assert found.share == 0.0
-    assert found.why == 'the equilibrium needs a larger coefficient of friction than the given one'
+    foresight = foresee_path(grip, 0.9 * grip.required_friction, np.array([start, start + 0.1]))
+    assert foresight.share == 0.0
+    assert (
+        foresight.why
+        == 'the equilibrium needs a larger coefficient of friction than the given one'
+    )
 
 
 def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
@@ -86,18 +89,18 @@ def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
     grip = roll_grip(replace(grip, anchors=rubbed), grip.config)
     poses = np.array([grip.pose, np.add(grip.pose, (0.005, 0.0, 0.0))])
     expected = foresee_path(grip, 1.2, poses)
-    found, anew = (
+    foresight, anew = (
         foresee_grip(grip.config, grip.body, 1.2, poses, record)
         for record in (GripRecord.of(grip), None)
     )
-    assert found.slip_margin == pytest.approx(expected.slip_margin, rel=0.15)
+    assert foresight.slip_margin == pytest.approx(expected.slip_margin, rel=0.15)
     assert anew.slip_margin > 1.3 * expected.slip_margin
 
 
 def test_a_path_beyond_the_reach_of_the_robot_ends_there():
-    found = foresee(held('disc 0.2 m'), (0.0, 3.0, 0.0))
-    assert 0.0 < found.share < 1.0
-    assert found.why
+    foresight = foresee(held('disc 0.2 m'), (0.0, 3.0, 0.0))
+    assert 0.0 < foresight.share < 1.0
+    assert foresight.why
 
 
 def follow_in_loop(robot, body, members, displacement, period=0.04):

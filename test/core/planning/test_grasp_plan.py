@@ -5,6 +5,7 @@
 
 from hypothesis import given
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.planning.grasp_plan import (
     export_path,
@@ -24,6 +25,7 @@ import pytest
 from robots import examples, generators, preset
 
 HOME = preset('nine_member').home
+SIDES = ('south/P-Q', 'north/R-P')
 
 
 @pytest.fixture(scope='module')
@@ -82,10 +84,6 @@ def test_the_closest_violation_is_the_latest_one_and_of_bounds_the_nearest():
             'min_slip_margin: the slip margin is 0.2 N; must be at least 0.5 N',
         ),
         (
-            Violation('max_utilisation', 0.80004, 0.8),
-            'max_utilisation: the utilisation of a tube is 0.80004; must be at most 0.8',
-        ),
-        (
             Violation('no step', 0.0, 0.0),
             'the closest grasp candidate cannot be computed: no step',
         ),
@@ -101,3 +99,27 @@ def test_every_violation_has_words():
         words = violation_in_words(Violation(name, 0.125, 0.25))
         assert words.startswith(f'{name}: ')
         assert '{' not in words
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'friction': -0.1}, 'friction'),
+        ({'min_slip_margin': float('inf')}, 'min_slip_margin'),
+        ({'max_contact_force': -1.0}, 'max_contact_force'),
+        ({'external_wrench': (0.0, 1.0)}, 'external_wrench'),
+        ({'direction': (0.0, 0.0, 0.0), 'measure': 'stiffness'}, 'direction'),
+        ({'measure': 'beauty'}, 'measure'),
+        ({'squeeze': 0.0}, 'squeeze'),
+        ({'count': 0}, 'count'),
+        ({'min_length': '1'}, 'min_length'),
+        ({'members': 'north/Z-R'}, 'members .*north/Z-R.*: must be two or three different'),
+        (
+            {'members': SIDES, 'module': 'north/Z'},
+            "module: 'north/Z', and members .*: only one of the two",
+        ),
+    ],
+)
+def test_requirements_out_of_range_are_refused(values, words):
+    with pytest.raises(GraspError, match=words):
+        GraspRequirements(**values)

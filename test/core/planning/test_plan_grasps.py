@@ -32,13 +32,6 @@ OBJECTS = {
     'east': ConvexObject.disc((1.4, -0.85), 0.35),
     'south': ConvexObject.disc((0.05, -0.8), 0.3),
 }
-#: Centre and diameter of discs [m].
-SMALL = [
-    (1.415, -0.742, 0.180),
-    (0.604, 0.357, 0.383),
-    (1.565, -0.668, 0.168),
-    (1.503, -0.752, 0.253),
-]
 BRICK = ConvexObject(
     Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02),
     Pose(0.716, 0.43, 0.2),
@@ -56,7 +49,7 @@ def plans():
     }
 
 
-def each(plans):
+def all_grasps(plans):
     """Return every object with every grasp of it."""
     return [(OBJECTS[name], grasp) for name, plan in plans.items() for grasp in plan]
 
@@ -71,7 +64,7 @@ def along(path, pieces=3):
             yield row + (share == 1.0), config
 
 
-def test_grasps_are_found_in_every_loop(plans):
+def test_every_loop_has_grasps(plans):
     for plan in plans.values():
         assert len(plan) == 2
         assert plan[0].score >= plan[1].score
@@ -82,7 +75,7 @@ def test_grasps_are_found_in_every_loop(plans):
 
 
 def test_grasps_hold_by_their_roller_positions_alone(plans):
-    for body, grasp in each(plans):
+    for body, grasp in all_grasps(plans):
         config = preset('nine_member').configuration(grasp.path[-1])
         settled = settle_grasp(config, grasp.grip.body, NEEDS.friction, members=grasp.members)
         assert settled.held
@@ -100,8 +93,8 @@ def test_grasps_hold_by_their_roller_positions_alone(plans):
         assert abs(grasp.grip.body.pose.angle) < 0.06
 
 
-def test_the_way_touches_nothing_before_it_says_so_and_then_the_grip_alone_presses(plans):
-    for body, grasp in each(plans):
+def test_nothing_touches_before_the_touch_and_then_the_grip_alone_presses(plans):
+    for body, grasp in all_grasps(plans):
         assert grasp.path[0] == pytest.approx(ROBOT.home.roller_positions)
         assert np.abs(grasp.path[-1] - grasp.config.roller_positions).max() == 0.0
         sides = [ROBOT.member_names.index(name) for name in grasp.members]
@@ -120,7 +113,7 @@ def test_the_way_touches_nothing_before_it_says_so_and_then_the_grip_alone_press
 
 def test_the_way_stays_within_all_bounds(plans):
     file = ROBOT.description
-    for _, grasp in each(plans):
+    for _, grasp in all_grasps(plans):
         least = np.inf
         for _, config in along(grasp.path):
             margins = shape_margins(config)
@@ -134,12 +127,6 @@ def test_the_way_stays_within_all_bounds(plans):
         assert grasp.travel == pytest.approx(ways.max())
 
 
-@pytest.mark.parametrize('disc', some_now([(disc,) for disc in SMALL], 2))
-def test_small_discs_are_grasped(disc):
-    body = ConvexObject.disc(disc[:2], disc[2])
-    assert plan_grasps(ROBOT.home, body, GraspRequirements(count=1), thorough=False).grasps
-
-
 @pytest.mark.parametrize('measure', some_now(MEASURES))
 def test_best_comes_first_by_every_measure(measure):
     along = np.array([1.0, 2.0, 0.5])
@@ -149,20 +136,13 @@ def test_best_comes_first_by_every_measure(measure):
     scores = [grasp.score for grasp in plan]
     assert scores == sorted(scores, reverse=True)
     for grasp in plan:
-        told = {
+        value = {
             Measure.SLIP_MARGIN: grasp.slip_margin,
             Measure.TOTAL_FORCE: -grasp.total_force,
             Measure.TRAVEL: -grasp.travel,
             Measure.STIFFNESS: unit @ grasp.equilibrium.response.stiffness @ unit,
         }[measure]
-        assert grasp.score == pytest.approx(told, rel=1e-9)
-
-
-def test_bounds_on_forces_are_kept():
-    soft = GraspRequirements(max_contact_force=10.0, max_total_force=18.0, count=1)
-    plan = plan_grasps(ROBOT.home, OBJECTS['north'], soft, thorough=False)
-    assert plan[0].max_contact_force <= 10.0
-    assert plan[0].total_force <= 18.0
+        assert grasp.score == pytest.approx(value, rel=1e-9)
 
 
 def test_external_wrench_is_held():
@@ -189,9 +169,9 @@ def test_external_wrench_is_held():
 )
 def test_a_plan_without_grasps_has_the_closest_violation(body, needs, missed):
     needs = GraspRequirements(module=needs.pop('module', 'north/Z'), **needs)
-    told = []
+    reports = []
     plan = plan_grasps(
-        ROBOT.home, body, needs, on_progress=told.append, should_stop=lambda: len(told) > 2
+        ROBOT.home, body, needs, on_progress=reports.append, should_stop=lambda: len(reports) > 2
     )
     assert not plan
     miss = plan.closest_violation
@@ -206,22 +186,22 @@ def test_a_plan_without_grasps_has_the_closest_violation(body, needs, missed):
         assert miss.bound == 0.0
 
 
-def test_stops_when_asked_with_what_it_has():
-    told = []
+def test_a_stopped_search_returns_an_incomplete_plan():
+    reports = []
     plan = plan_grasps(
         ROBOT.home,
         OBJECTS['north'],
         GraspRequirements(min_slip_margin=1e3),
-        on_progress=told.append,
-        should_stop=lambda: len(told) >= 3,
+        on_progress=reports.append,
+        should_stop=lambda: len(reports) >= 3,
     )
     assert not plan.complete
-    assert len(told) == 3
-    assert [one.evaluations for one in told] == sorted(one.evaluations for one in told)
-    assert all(0.0 <= one.share <= 1.0 for one in told)
+    assert len(reports) == 3
+    assert [one.evaluations for one in reports] == sorted(one.evaluations for one in reports)
+    assert all(0.0 <= one.share <= 1.0 for one in reports)
 
 
-def test_a_module_or_a_seed_that_cannot_be_is_refused():
+def test_an_invalid_module_or_seed_is_refused():
     with pytest.raises(GraspError, match='north/Q'):
         plan_grasps(ROBOT.home, OBJECTS['north'], GraspRequirements(module='north/Q'))
     for seed in (-1, 0.5, True):
@@ -240,7 +220,7 @@ class OtherProcess:
         return future
 
 
-def test_other_processes_find_the_same_grasps(plans):
+def test_other_processes_plan_the_same_grasps(plans):
     plan = plan_grasps(
         ROBOT.home, OBJECTS['north'], NEEDS, executor=OtherProcess(), thorough=False
     )

@@ -15,7 +15,7 @@ from isotruss_ros.core import (
     settle_grasp,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.planning.facing import balances, find_facing, friction_angles
+from isotruss_ros.core.planning.facing import balances, friction_angles
 from isotruss_ros.core.planning.grasp_plan import export_figures, plan_in_words
 import numpy as np
 import pytest
@@ -51,24 +51,9 @@ def test_two_members_balance_from_the_friction_angle_on(shape):
             assert not balances(body, normals, angle - 1e-6, RADIUS)
 
 
-def test_an_ellipse_is_held_along_its_axes_without_friction():
-    body = ConvexObject(Ellipse((0.2, 0.1)), (0.0, 0.0, 0.1234))
-    normals = np.array([1.0, -1.0 + 0j])
-    facing = find_facing(body, normals, 1e-9, RADIUS)
-    assert facing == pytest.approx(normals * body.turn, abs=1e-9)
-
-
-def test_three_members_balance_if_they_surround_the_object():
-    around = np.exp(2j * np.pi * np.array([0.05, 0.4, 0.7]))
-    aside = np.exp(1j * np.array([0.0, 1.0, 2.0]))
-    body = ConvexObject(Disc(0.3), (0.3, 0.1, 0.7))
-    assert balances(body, around, 0.05, RADIUS)
-    assert not balances(body, aside, 0.4, RADIUS)
-
-
-def test_the_grip_that_is_found_holds_the_object(plan):
-    body, needs, found = plan
-    (grasp,) = found
+def test_the_planned_grip_holds_the_object(plan):
+    body, needs, result = plan
+    (grasp,) = result
     assert grasp.module is None
     assert set(grasp.grip.members) == {'south/P-Q', 'east/Q-R', 'north/R-P'}
     assert set(grasp.members) == set(grasp.grip.members)
@@ -80,7 +65,7 @@ def test_the_grip_that_is_found_holds_the_object(plan):
     assert grasp.score == grasp.slip_margin > 2.0
     assert grasp.squeeze == pytest.approx(needs.squeeze, rel=0.02)
     assert sum(settled.normal_forces.values()) / 3.0 == pytest.approx(grasp.squeeze, rel=0.05)
-    assert 'between south/P-Q, east/Q-R, north/R-P' in plan_in_words(found).replace("'", '')
+    assert 'between south/P-Q, east/Q-R, north/R-P' in plan_in_words(result).replace("'", '')
     assert export_figures(grasp)['module'] == ''
 
 
@@ -113,13 +98,6 @@ def test_members_that_the_robot_does_not_have_are_refused():
 def test_members_without_a_grasp_have_the_reason(place, members, words):
     needs = GraspRequirements(members=members, friction=0.01)
     body = ConvexObject(BOX, (*place, 0.3))
-    found = plan_grasps(HOME, body, needs, max_rounds=1)
-    assert not found.grasps
-    assert re.search(words, plan_in_words(found))
-
-
-def test_the_friction_of_the_object_counts():
-    body = ConvexObject(Disc(0.6), (*HOLE, 0.0), friction=0.01)
-    found = plan_grasps(HOME, body, GraspRequirements(count=1), max_rounds=1, thorough=False)
-    assert all(grasp.grip.friction == 0.01 for grasp in found)
-    assert all(grasp.slip_margin < 0.5 for grasp in found)
+    result = plan_grasps(HOME, body, needs, max_rounds=1)
+    assert not result.grasps
+    assert re.search(words, plan_in_words(result))

@@ -147,23 +147,7 @@ def test_other_members_do_not_hold_it():
     assert release.path.shape == (0, len(HOME.roller_positions))
 
 
-def test_release_by_two_members_is_refused_if_a_third_presses():
-    robot = preset('triangle')
-    middle = robot.home.nodes[: len(robot.topology.joint_names)].mean(axis=0)
-    inside = ConvexObject.disc(tuple(middle), 0.68)
-    release = plan_release(robot.home, inside, robot.member_names[:2], CLEARANCE)
-    assert release.violation.requirement == 'held'
-
-
 @pytest.mark.parametrize('clearance', [0.0, -1.0, np.inf, np.nan, 1e160])
 def test_a_clearance_is_positive_and_within_the_robot(clearance):
     with pytest.raises(GraspError, match=re.escape(f'clearance {clearance:.6g} m')):
         plan_release(HOME, SMALL, MEMBERS, clearance)
-
-
-def test_release_is_refused_if_the_members_cannot_open_so_far():
-    body = ConvexObject.disc(CENTER, 0.3)
-    near, far = (plan_release(HOME, body, MEMBERS, away) for away in (0.03, 3.0))
-    assert near.violation is None
-    assert far.violation is not None
-    assert len(far.path) == 0
