@@ -11,10 +11,8 @@ from grips import disc_grip
 from hypothesis import assume, given
 from isotruss_ros.core import load_robot, Polygon
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.safety.barrier_law import ActiveValues, ALL_VALUES, BarrierLaw, BarrierLimit
 from isotruss_ros.core.safety.barriers import ClearanceBarrier, RigidityBarrier
-from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
 from random_grips import random_convex_grip
@@ -39,27 +37,13 @@ def test_rows_are_derivatives_of_the_values(kind, robot, rng):
         barrier.values(config.moved_to(config.roller_positions + change), None, near.indices)
         for change in (step * way, -step * way)
     )
-    found = (ahead - behind) / (2.0 * step)
+    slopes = (ahead - behind) / (2.0 * step)
     if kind is RigidityBarrier:
-        # Vectors take longer to converge than values, and those of the last modes do not; they do
-        # where the shape is weak, see below.
+        # Vectors take longer to converge than values, and those of the last modes do not.
         accuracy = 0.03 * np.linalg.norm(rows[0]) * np.linalg.norm(way)
-        assert (rows @ way)[0] == pytest.approx(found[0], abs=accuracy)
+        assert (rows @ way)[0] == pytest.approx(slopes[0], abs=accuracy)
     else:
-        assert rows @ way == pytest.approx(found, abs=1e-5)
-
-
-@robots.examples(50)
-@given(robots.robots(), robots.generators())
-def test_distances_within_the_band_are_those_of_the_surface(robot, rng):
-    config, grip = random_convex_grip(robot, rng, 'module')
-    assume(grip is not None)
-    band = rng.uniform(0.05, 0.5)
-    barrier = ObjectBarrier(robot, BarrierLaw(0.0, band))
-    distances = object_distances(config, grip.body, grip.members)
-    near = barrier.active(config, grip)
-    assert near.indices.tolist() == np.flatnonzero(distances < band).tolist()
-    assert near.values == pytest.approx(distances[near.indices], abs=1e-12)
+        assert rows @ way == pytest.approx(slopes, abs=1e-5)
 
 
 @robots.examples(10)
@@ -72,29 +56,6 @@ def test_object_barrier_keeps_the_contract_of_barriers(robot, rng):
     barrier = ObjectBarrier(robot, ALL)
     assume(len(barrier.active(config, grip).indices))
     check_barrier(barrier, config, grip, rng)
-
-
-def test_rows_hold_where_two_modes_change_places():
-    robot = load_robot('nine_member')
-    measure = rigidity_index(robot)
-    rng = np.random.default_rng(1)
-    closest = min(
-        (robots.random_state(robot, rng, 0.25) for _ in range(300)),
-        key=lambda config: np.divide(*measure.modes(config).values[1::-1]),
-    )
-    values = measure.modes(closest).values
-    assert values[1] / values[0] < 1.1
-    wide = RigidityBarrier(robot, BarrierLaw(values[0] - 0.1, 0.2 + values[1] - values[0]))
-    near = wide.active(closest, None)
-    assert len(near.indices) >= 2
-    rows = closest.roller_rows(near.node_rows)[:2]
-    for _ in range(10):
-        # The sum does not care which is which.
-        way = 1e-6 * rng.standard_normal(6)
-        there = closest.moved_to(closest.roller_positions + way)
-        back = closest.moved_to(closest.roller_positions - way)
-        change = 0.5 * (measure.modes(there).values - measure.modes(back).values)[:2].sum()
-        assert (rows @ way).sum() == pytest.approx(change, rel=1e-2, abs=1e-9)
 
 
 @pytest.mark.parametrize('kind', KINDS)
@@ -112,16 +73,16 @@ def test_active_values_depend_on_the_present_state_alone(kind):
         try:
             config = config.moved_to(config.roller_positions + way)
             grip = disc_grip(config, 'east/Q', 0.2)
-            found, fresh = old.active(config, grip), kind(robot, law).active(config, grip)
+            near, fresh = old.active(config, grip), kind(robot, law).active(config, grip)
         except (ConfigurationError, GraspError):
             way = -way
             continue
         counts.add(len(fresh.indices))
-        assert found.indices == pytest.approx(fresh.indices)
-        assert found.values == pytest.approx(fresh.values, abs=1e-12)
-        assert found.node_rows == pytest.approx(fresh.node_rows, abs=1e-12)
+        assert near.indices == pytest.approx(fresh.indices)
+        assert near.values == pytest.approx(fresh.values, abs=1e-12)
+        assert near.node_rows == pytest.approx(fresh.node_rows, abs=1e-12)
         everything = old.values(config, grip, ALL_VALUES)
-        assert (found.indices == np.flatnonzero(everything < law.active_below)).all()
+        assert (near.indices == np.flatnonzero(everything < law.active_below)).all()
     assert len(counts) > 1
 
 

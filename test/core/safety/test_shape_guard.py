@@ -3,16 +3,16 @@
 
 """Shape guard: margins from sample to sample, from within and beyond the bounds."""
 
+from dataclasses import replace
 from functools import cache
 
 from driven import Driven
 from grips import held_at, rolled
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import ShapeGuard, solve_twist, Status
+from isotruss_ros.core import Robot, ShapeGuard, solve_twist, Status
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.barrier_law import ActiveValues, ALL_VALUES, BarrierLaw
-from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from nightly import some_now
 import numpy as np
@@ -58,7 +58,7 @@ def approach(robot, twist, distance):
     ),
 )
 def test_margins_fall_by_the_class_k_function_along_the_twist(seed, distance, cycles, named):
-    (robot, twist), found = pushed(seed), []
+    (robot, twist), binding = pushed(seed), []
     laws = [BarrierLaw(0.0, band) for band in (0.2, 0.1, 0.1)]
     slowed = 0
     approach(robot, twist, distance)
@@ -75,22 +75,24 @@ def test_margins_fall_by_the_class_k_function_along_the_twist(seed, distance, cy
                 assert there >= least - 1e-4
         before = after
         if command.status in BARRIERS:
-            found.append((command.status, command.limiting))
+            binding.append((command.status, command.limiting))
         slowed += bool(command.limiting) and command.scale < 1.0
         if slowed > cycles:
             break
     assert slowed
-    assert found[:1] == named
+    assert binding[:1] == named
     assert before.min() > 0.0
 
 
-def test_the_rigidity_index_stays_above_its_bound():
-    robot = walks.ROBOT
+@pytest.mark.parametrize('acceleration', [1.0, 0.1])
+def test_the_rigidity_index_stays_above_its_bound(acceleration):
+    robot = Robot(replace(walks.ROBOT.description, max_acceleration=acceleration))
     held, bounds = held_at(robot.home, 'north/Z', 0.3), ShapeBounds(0.9)
     weak = Driven(held, PERIOD, bounds=bounds, slide_along_limits=False)
     commands = []
-    for period in [APPROACH_PERIOD] * 30 + [PERIOD] * 60:
+    for period in [APPROACH_PERIOD] * 50 + [PERIOD] * 60:
         commands.append(weak.step((0.0, 0.1, 0.0), period))
+        assert weak.change <= acceleration * period * (1.0 + 1e-6)
         assert walks.margins(weak.held)[0] + walks.BOUNDS.min_rigidity > 0.9
     slowed = [command for command in commands if command.status is Status.SLOWED_RIGIDITY]
     assert slowed
@@ -103,8 +105,8 @@ def test_a_robot_beyond_its_bounds_gets_no_further_beyond_them(seed):
     rng = np.random.default_rng(seed)
     held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
     own = np.array(walks.LEAST)
-    found = walks.margins(held) + own
-    bounds = ShapeBounds(min(0.95, found[0] + 0.05), found[1] + 0.01, found[2] + 0.02)
+    reached = walks.margins(held) + own
+    bounds = ShapeBounds(min(0.95, reached[0] + 0.05), reached[1] + 0.01, reached[2] + 0.02)
     robot = Driven(held, PERIOD, bounds=bounds, slide_along_limits=False)
     least = (
         np.array([bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance]) - own
@@ -155,19 +157,6 @@ def test_sliding_gets_further_and_goes_on():
         gained.append(reached[1] / reached[0])
     assert min(gained) > 0.99
     assert max(gained) > 1.1
-
-
-@pytest.mark.parametrize(('seed', 'slide'), some_now([(20, True), (2, False), (9, False)]))
-def test_rollers_do_not_oscillate_at_a_bound(seed, slide):
-    robot, twist = pushed(seed, slide)
-    approach(robot, twist, 0.03)
-    turns, before = 0, robot.velocities
-    for _ in range(200):
-        robot.step(twist)
-        turns += (robot.velocities * before < -(0.01**2)).any()
-        before = robot.velocities
-    assert walks.margins(robot.held).min() < 0.01
-    assert turns < 6
 
 
 @pytest.mark.parametrize('period', some_now([0.05, 0.1, 0.02]))
@@ -274,15 +263,3 @@ def test_a_command_is_reduced_repeatedly_until_it_keeps_a_bound(speed):
 def test_bounds_out_of_range_are_refused(name, wrong):
     with pytest.raises(ConfigurationError, match=f'{name} .*must be'):
         ShapeBounds(**{name: wrong})
-
-
-@pytest.mark.parametrize('turn', some_now(range(12)))
-def test_a_loop_with_the_limits_of_the_guard_has_no_overlap(turn):
-    held, guard = held_at(walks.ROBOT.home, 'north/Z'), ShapeGuard(walks.ROBOT)
-    heading = np.exp(2j * np.pi * turn / 12)
-    for _ in range(200):
-        limits = guard.limits(held.config, held.grip)
-        twist = (0.05 * heading.real, 0.05 * heading.imag, 0.0)
-        command = solve_twist(held.config, held.grip, twist, limits=limits)
-        held = rolled(held, 0.1 * command.roller_velocities)
-        assert shape_margins(held.config).clearance > 0.0

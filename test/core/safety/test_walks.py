@@ -95,10 +95,10 @@ WALKS = {
 @pytest.mark.parametrize('seed', some_now(WALKS))
 def test_walk_never_crosses_a_bound(seed):
     steps, status = WALKS[seed]
-    found = walks.walk(seed, steps, slide=seed % 3 == 2)
-    assert not found.crossed, found
-    assert found.quickest <= walks.ROBOT.description.max_acceleration * (1.0 + 1e-6)
-    assert status in found.statuses
+    result = walks.walk(seed, steps, slide=seed % 3 == 2)
+    assert not result.crossed, result
+    assert result.quickest <= walks.ROBOT.description.max_acceleration * (1.0 + 1e-6)
+    assert status in result.statuses
 
 
 @pytest.mark.parametrize(('seed', 'steps'), some_now([(2, 200), (0, 600)]))
@@ -117,9 +117,9 @@ def test_rollers_do_not_chatter_from_beyond_a_bound(seed):
 @pytest.mark.nightly
 @pytest.mark.parametrize('seed', range(int(os.environ.get('WALKS', '3'))))
 def test_other_walks_neither_cross_a_bound_nor_chatter(seed):
-    found = walks.walk(seed, 1000, slide=seed % 3 == 2)
-    assert not found.crossed, found
-    assert found.quickest <= walks.ROBOT.description.max_acceleration * (1.0 + 1e-6)
+    result = walks.walk(seed, 1000, slide=seed % 3 == 2)
+    assert not result.crossed, result
+    assert result.quickest <= walks.ROBOT.description.max_acceleration * (1.0 + 1e-6)
     commands, lost = come_back(seed)
     assert reversals(commands) <= EXCHANGE
     assert lost.max() <= LOST
