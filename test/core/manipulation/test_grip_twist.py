@@ -39,11 +39,9 @@ def some_failed(robot, rng):
 
 def least_cost(config, grip, twist, failed):
     """Return the twist that is nearest of those that keep the contacts, and its rollers (11)."""
-    found = motions(config, grip, failed)
-    count = len(config.roller_positions)
-    rollers, twists = found[:count], found[count:]
+    rollers, twists = np.split(motions(config, grip, failed), [len(config.roller_positions)])
     if np.abs(twists).max(initial=0.0) < 1e-10:  # zero but for rounding
-        return np.zeros(count), np.zeros(3)
+        return np.zeros(len(rollers)), np.zeros(3)
     target = surface(grip) * twist
     share = np.linalg.lstsq(twists, target, rcond=1e-9)[0]
     still = null_space(twists, rcond=1e-9)

@@ -6,7 +6,11 @@
 from grips import held_at, rolled
 from hypothesis import given
 from isotruss_ros.core import solve_twist, Status
-from isotruss_ros.core.manipulation.limits import MemberLengthLimit
+from isotruss_ros.core.manipulation.limits import (
+    default_limits,
+    MemberLengthLimit,
+    stack_rows,
+)
 import numpy as np
 import pytest
 import robots
@@ -26,10 +30,11 @@ def test_members_approach_their_bounds_exponentially(robot, rng):
     assert 1e-6 * rows.matrix @ rates == pytest.approx(moved.member_lengths - lengths, abs=1e-11)
 
 
-def narrow(shortest, longest):
-    """Return the nine-member robot with other limits of its members."""
+def narrow(shortest, longest, **rollers):
+    """Return the nine-member robot with other limits of its members and rollers."""
     document = robots.preset_document('nine_member')
     document['members'] = {'min_length': shortest, 'max_length': longest}
+    document['rollers'] |= rollers
     return robots.load(document)
 
 
@@ -62,3 +67,10 @@ def test_robot_pushed_against_a_limit_can_always_return(direction):
     assert back.achieved_twist[:2] @ push[:2] < 0.0
     end, _ = walk(held, -push, 25, dt=0.04)
     assert abs(end.grip.center - held.grip.center) > 0.01
+
+
+def test_members_approach_their_bounds_no_faster_than_the_rollers_brake():
+    robot = narrow(0.9, 1.1, max_acceleration=0.2)
+    upper = stack_rows(robot.home, default_limits(robot)).upper[len(robot.roller_names) :]
+    braking_rate = 0.2 / robot.description.max_speed
+    assert upper == pytest.approx(braking_rate * (1.1 - robot.home.member_lengths))

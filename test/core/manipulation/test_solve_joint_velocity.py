@@ -30,9 +30,9 @@ def test_joint_commands_have_the_least_cost():
     assert command.status is Status.OK
     assert command.scale == 1.0
     achieved = command.achieved_twist.reshape(-1, 2)
-    for (joint, velocity), found in zip(velocities.items(), achieved, strict=True):
+    for (joint, velocity), result in zip(velocities.items(), achieved, strict=True):
         assert moved(config, command, joint) == pytest.approx(velocity, abs=1e-10)
-        assert found == pytest.approx(velocity, abs=1e-10)
+        assert result == pytest.approx(velocity, abs=1e-10)
     incidence = ROBOT.topology.incidence
     cost = np.linalg.norm(incidence @ command.roller_velocities)
     rows = np.stack(
