@@ -26,16 +26,6 @@ def face_turned_by(milliradians):
     return settle_grasp(TURNED, body, FRICTION, members=ROBOT.member_names[1:])
 
 
-def test_contact_patches_are_finite_with_a_contact_without_force():
-    grasps = [face_turned_by(turn) for turn in range(-18, -5, 4)]
-    grasps = [each for each in grasps if each.equilibrium.state.normal_forces.min() < 1e-9]
-    assert grasps
-    for grasp in grasps:
-        for name, force in grasp.normal_forces.items():
-            carried = grasp.contact_areas[name] * grasp.contact_pressures[name]
-            assert carried == pytest.approx(force)
-
-
 def test_stiffness_and_slip_margin_are_continuous_where_an_end_of_a_face_touches():
     apart, touching = -18.0, -6.0
     for _ in range(12):

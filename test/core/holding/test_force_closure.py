@@ -67,15 +67,19 @@ def test_held_implies_force_closure(robot, rng, kind, count, flat):
     ('shift', 'friction', 'closure', 'hold'),
     [
         (0.02, 0.8, True, HoldStatus.HELD),
+        (0.04, 0.8, True, HoldStatus.HELD),
         (0.06, 0.8, True, HoldStatus.WRINKLES),
         (0.02, 0.3, False, HoldStatus.SLIPS),
         (-0.05, 0.8, False, HoldStatus.NO_CONTACT),
     ],
 )
-def test_a_wrinkling_tube_ends_held_and_leaves_force_closure(shift, friction, closure, hold):
+def test_a_tube_that_wrinkles_is_not_held_but_has_force_closure(shift, friction, closure, hold):
     body = ConvexObject.disc(tangent_center(HOME, 'south/P', 0.3, shift), 0.3)
     settled = settle_grasp(HOME, body, friction)
     assert (settled.force_closure, settled.hold) == (closure, hold)
+    name, used = max(settled.utilisation.items(), key=lambda item: item[1], default=('', 0.0))
+    words = f'{name} has {used:.3g} times its wrinkling moment'
+    assert (used > 1.0) == (words in settled.reason) == (hold is HoldStatus.WRINKLES)
 
 
 CENTER = tangent_center(HOME, 'north/Z', 0.3, 0.01)
@@ -98,13 +102,3 @@ def test_a_member_slips_below_the_required_friction():
     slips = settle_grasp(HOME, body, 0.9 * required)
     assert slips.hold is HoldStatus.SLIPS
     assert f'coefficient {required:.3g} against {0.9 * required:.3g}' in slips.reason
-
-
-@pytest.mark.parametrize('shift', [0.03, 0.04, 0.05])
-def test_a_tube_wrinkles_beyond_a_utilisation_of_one(shift):
-    body = ConvexObject.disc(tangent_center(HOME, 'south/P', 0.3, shift), 0.3)
-    settled = settle_grasp(HOME, body, 0.8)
-    name, used = max(settled.utilisation.items(), key=lambda item: item[1])
-    assert settled.hold is (HoldStatus.WRINKLES if used > 1.0 else HoldStatus.HELD)
-    words = f'{name} has {used:.3g} times its wrinkling moment'
-    assert (words in settled.reason) == (used > 1.0)

@@ -8,7 +8,6 @@ import math
 from grips import gripped
 from held_grips import APART, BOX, held, HOME, LOOP, NINE, numbers
 from isotruss_ros.core import (
-    ConvexObject,
     Disc,
     Ellipse,
     Grip,
@@ -99,22 +98,6 @@ def test_face_ends_close_and_open_as_the_object_rolls():
         assert seen == corners
 
 
-@pytest.mark.parametrize(('farthest', 'steps', 'turned'), [(0.4, 10, 0.35), (0.16, 1, 0.15)])
-def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
-    polygon = ConvexObject(regular_polygon(24, 0.15), (*CYLINDER.pose[:2], 0.1))
-    disc, grip = attach_grip(CONFIG, CYLINDER.moved_to(polygon.pose)), attach_grip(CONFIG, polygon)
-    assert grip.squeeze == pytest.approx(disc.squeeze, rel=2e-3)
-    held_there = Grip(CORNER, CYLINDER)
-    turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
-    for share in np.linspace(0.0, farthest, steps + 1)[1:]:
-        config = CONFIG.moved_to(CONFIG.roller_positions + share * turning)
-        disc, grip = roll_grip(disc, config), roll_grip(grip, config)
-    assert disc.pose.angle - 0.1 > turned
-    assert np.array(grip.pose) == pytest.approx(np.array(disc.pose), abs=2e-5)
-    assert grip.squeeze == pytest.approx(disc.squeeze, rel=2e-3)
-    assert_balanced(grip, np.zeros(3))
-
-
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
 def test_rolling_is_reversible(shape, angle, members, count):
     begun = held(shape, angle, members)
@@ -158,15 +141,6 @@ def test_squeeze_stiffness_is_the_change_of_the_squeeze_by_opening_the_members(
     opening = 1e-5 * np.linalg.pinv(grip_jacobian(HOME, grip.touching(1.0)))[:, 3]
     ahead, behind = (roll_grip(grip, HOME.moved_to(sign * opening)).squeeze for sign in (1, -1))
     assert (ahead - behind) / 2e-5 == pytest.approx(grip.squeeze_stiffness(), rel=0.05)
-
-
-def test_squeeze_stiffness_of_three_members_is_the_change_by_the_diameter_of_a_disc():
-    grip = held(Disc(0.65), 0.0, LOOP)
-    larger, smaller = (
-        attach_grip(HOME, ConvexObject(Disc(size), grip.pose), numbers(LOOP)).squeeze
-        for size in (0.65 + 1e-5, 0.65 - 1e-5)
-    )
-    assert (smaller - larger) / 2e-5 == pytest.approx(grip.squeeze_stiffness(), rel=0.05)
 
 
 @pytest.mark.parametrize(

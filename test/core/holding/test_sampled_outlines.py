@@ -13,7 +13,6 @@ from isotruss_ros.core import (
     Ellipse,
     place_between,
     settle_grasp,
-    tangent_center,
 )
 from isotruss_ros.core.errors import GraspError
 from nightly import some_now
@@ -64,14 +63,3 @@ def test_slip_margin_is_that_of_the_smooth_shape_within_one_percent(count, seed,
     assert grasp.slip_margin == pytest.approx(smooth.slip_margin, rel=0.01)
     for name, force in smooth.normal_forces.items():
         assert grasp.normal_forces[name] == pytest.approx(force, rel=0.01)
-
-
-@pytest.mark.parametrize('away', [0.01, 0.3])
-def test_gap_to_a_disc_of_24_corners_is_that_of_the_disc(away):
-    center = tangent_center(NINE.home, 'north/Z', 0.3, -away)
-    apart = [
-        settle_grasp(NINE.home, ConvexObject(shape, (*center, 0.1)), FRICTION, members=MEMBERS[0])
-        for shape in (Disc(0.3), sampled(Disc(0.3), 24, 0.0, 0j))
-    ]
-    assert apart[1].lost.gap == pytest.approx(apart[0].lost.gap, abs=2e-5)
-    assert apart[1].slip_margin == pytest.approx(apart[0].slip_margin, rel=2e-3)

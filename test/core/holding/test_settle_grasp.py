@@ -15,7 +15,6 @@ from isotruss_ros.core import (
     place_between,
     Polygon,
     settle_grasp,
-    tangent_center,
 )
 from isotruss_ros.core.kinematics.depths import member_depths
 from nightly import some_now
@@ -76,17 +75,6 @@ def test_nonlinearity_is_the_increase_over_the_forces_of_linear_tubes():
     assert settled.nonlinearity == pytest.approx(bent / linear - 1.0, rel=0.1)
 
 
-@pytest.mark.parametrize('module', ['south/S', 'west/K'])
-@pytest.mark.parametrize('depth', [0.004, 0.012, 0.02])
-def test_rounding_in_a_soft_robot_does_not_hide_the_equilibrium(module, depth):
-    home = preset('ring_of_four').home
-    cylinder = ConvexObject.disc(tangent_center(home, module, 0.3, depth), 0.3)
-    round_tubes = settle_grasp(with_round_tubes(home), cylinder).normal_forces
-    flattened = settle_grasp(home, cylinder).normal_forces
-    assert flattened
-    assert all(round_tubes[name] > force for name, force in flattened.items())
-
-
 @pytest.mark.parametrize('center', [(9.0, 9.0), (0.5, 0.2)])
 def test_object_with_one_contact_is_not_held(center):
     settled = settle_grasp(HOME, ConvexObject.disc(center, 0.1), FRICTION, (0.0, -5.0, 0.0))
@@ -95,16 +83,6 @@ def test_object_with_one_contact_is_not_held(center):
     assert settled.normal_forces == {}
     assert settled.required_friction == np.inf
     assert settled.slip_margin < -5.0
-
-
-@pytest.mark.parametrize('diameter', [0.182, 0.1866, 0.188])
-def test_a_deep_disc_whose_contacts_cross_guide_rings_settles(diameter):
-    triangle = preset('triangle')
-    members, ring = triangle.member_names[:2], triangle.description.module.guide_ring_distance
-    grip = place_between(triangle.home, members, Disc(diameter), indentation=0.02)
-    settled = settle_grasp(triangle.home, grip.body, members=members)
-    # The contact of straight tubes and the contact of bent tubes are up to 13 mm apart.
-    assert abs(settled.equilibrium.state.feet[1] - ring) < 0.006
 
 
 def test_refusal_of_a_deep_object_has_its_deepest_member_and_depth():
