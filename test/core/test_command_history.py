@@ -79,14 +79,6 @@ def test_travel_beyond_the_span_is_discarded():
     assert not history.travel(0.0, now - span - 2.0 * period, none).any()
 
 
-def test_elapsed_time_begins_with_the_last_command():
-    history = CommandHistory(COUNT)
-    assert history.elapsed(3.0) == 0.0
-    for time in (1.0, 2.0):
-        history.record(time, np.ones(COUNT))
-    assert history.elapsed(2.5) == 0.5
-
-
 @given(
     st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=12),
     st.lists(st.floats(-0.5, 1.5), min_size=1, max_size=4),

@@ -3,8 +3,6 @@
 
 """Contacts of a face with a tube are the same in shapes, grips, rolling, equilibria and plans."""
 
-from dataclasses import replace
-
 from held_grips import HOME, NINE
 from isotruss_ros.core import ConvexObject, Grip, Polygon, RollingGrip
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
@@ -84,16 +82,6 @@ def test_plans_have_the_contacts_of_grips_at_the_planned_indentation(tilt):
     is_face = FACE * np.sin(abs(tilt)) <= PLANNED_DEPTH * RADIUS
     assert (one[0] != other[0]) == is_face
     assert len(_corners_of(Grip(MEMBERS, body))) == 1 + is_face
-
-
-def test_contacts_of_a_tilted_rounded_face_are_those_of_its_named_corners():
-    body = tilted(3e-3, 0.0)
-    rounded = replace(body.shape, corner_radius=(0.02, 0.02, 0.0))
-    grip = Grip(MEMBERS, replace(body, shape=rounded))
-    found = find_contacts(HOME, grip)
-    named = replace(grip, corners=tuple(_corners_of(grip, owner) for owner in (0, 1)))
-    assert len(found) == 3
-    assert find_contacts(HOME, named) == found
 
 
 def _corners_of(grip, owner=0):

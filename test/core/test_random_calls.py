@@ -10,12 +10,10 @@ import os
 import warnings
 
 from isotruss_ros import core
-from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.model.presets import preset_names
-from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.planning import foresee_path, release
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
@@ -49,7 +47,8 @@ class World:
     def __init__(self, rng):
         self.rng = rng
         self.robot = robot_of(int(rng.integers(len(preset_names()) + ROBOTS)))
-        self.config = self.random_state()
+        halvings = int(rng.choice([0, 3, 11]))  # at home, anywhere, or near the end of the shapes
+        self.config = robots.extreme_state(self.robot, rng, halvings)
         self.body, self.grip = self.random_grip()
 
     def number(self, low, high):
@@ -66,20 +65,6 @@ class World:
         """Return travel of the rollers by some share of the shortest member [m]."""
         size = reach * self.robot.home.member_lengths.min()
         return self.rng.uniform(-size, size, len(self.robot.roller_names))
-
-    def random_state(self):
-        """Return a configuration: home, anywhere, or next to where the shapes end."""
-        kind, way = self.rng.integers(3), self.travel(0.9)
-        if kind == 0:
-            return self.robot.configuration(0.02 * way)
-        reached = 0.0
-        for share in 0.5 ** np.arange(1, 4 if kind == 1 else 12):
-            try:
-                self.robot.configuration((reached + share) * way)
-                reached += share
-            except ConfigurationError:
-                continue
-        return self.robot.configuration(reached * way)
 
     def random_grip(self):
         """Return an object between members, seldom one anywhere, and the grip of it."""
@@ -125,19 +110,16 @@ def solve_twist(world):
         handling=LimitHandling(slide, regularized),
         opening_rate=float(world.rng.choice([0.0, 0.01])),
     )
-    check_speeds(world.robot, command.roller_velocities)
+    speeds = np.abs(command.roller_velocities)
+    assert speeds.max() <= world.robot.description.max_speed * (1.0 + 1e-6)
     return command
 
 
 def simulate(world):
     """Let a simulated robot with faults run with commands of any size."""
     rng, robot = world.rng, world.robot
-    kind = rng.integers(3)
-    if kind == 0:
-        body = core.RigidObject.in_grip(core.RollingGrip.attach(world.config, world.grip))
-    elif kind == 1:
-        body = core.RigidObject(world.body, world.number(0.1, 1.0))
-    else:
+    body = core.RigidObject(world.body, world.number(0.1, 1.0))
+    if rng.integers(2):
         body = core.ElasticObject(world.body, world.number(0.1, 1.0), world.number(0.5, 2.0))
     faults = core.RollerFaults(0.1, 0.01, frozenset(world.failed), 0.3 * rng.random())
     simulated = core.SimulatedRobot(world.config, body, faults, int(rng.integers(100)))
@@ -147,11 +129,6 @@ def simulate(world):
         simulated.advance(0.01)
         poses.append(simulated.object_pose)
     return poses, simulated.config
-
-
-def check_speeds(robot, velocities):
-    """Check that no roller moves faster than the file admits."""
-    assert np.abs(velocities).max() <= robot.description.max_speed * (1.0 + 1e-6), velocities
 
 
 def decide(world):
@@ -173,7 +150,7 @@ def decide(world):
         )
         decision = servo.decide(now)
         speeds = decision.command.roller_velocities
-        check_speeds(robot, speeds)
+        assert np.abs(speeds).max() <= robot.description.max_speed * (1.0 + 1e-6)
     return decision
 
 
@@ -190,14 +167,6 @@ def deform(world):
         tube_loads={world.robot.member_names[number]: rows[: world.rng.integers(3)]},
         paper_model=bool(world.rng.integers(2)),
     )
-
-
-def track_path(world):
-    """Continue on a path from a measured pose."""
-    path = core.ObjectPath([world.body.pose, np.add(world.body.pose, 0.05)], 0.05, 0.5)
-    tracker = core.PathTracker(path, TrackingSettings(), 0.01)
-    measured = core.Pose(*(np.array(world.body.pose) + world.numbers(3, -0.01, 0.01)))
-    return tracker.update(measured, abs(world.number(0.0, 0.1)), 0.01)
 
 
 def differentiate(world):
@@ -235,7 +204,6 @@ CALLS = {
     decide: 20,
     simulate: 5,
     lambda w: (shape_margins(w.config), core.reachable_twists(w.config, w.grip, w.failed)): 10,
-    track_path: 10,
     deform: 5,
     lambda w: core.analyze_grasp(
         w.config, w.body, w.number(0.0, 1.0), w.numbers(3, -20.0, 20.0)
@@ -256,19 +224,19 @@ CALLS = {
 }
 
 
-def has_nan(found):
-    """Tell whether a result has a number that is none, in any of its fields."""
-    if isinstance(found, float | np.ndarray):
-        return np.asarray(found).dtype.kind in 'fc' and bool(np.isnan(found).any())
-    if isinstance(found, dict):
-        return any(map(has_nan, found.values()))
-    if isinstance(found, list | tuple):
-        return any(map(has_nan, found))
-    if isinstance(found, core.Configuration):
-        return has_nan(found.nodes)
-    if dataclasses.is_dataclass(found) and not isinstance(found, type):
-        fields = dataclasses.fields(found)
-        return any(has_nan(getattr(found, f.name)) for f in fields if not f.name.startswith('_'))
+def has_nan(result):
+    """Return whether a result has a NaN in any of its fields."""
+    if isinstance(result, float | np.ndarray):
+        return np.asarray(result).dtype.kind in 'fc' and bool(np.isnan(result).any())
+    if isinstance(result, dict):
+        return any(map(has_nan, result.values()))
+    if isinstance(result, list | tuple):
+        return any(map(has_nan, result))
+    if isinstance(result, core.Configuration):
+        return has_nan(result.nodes)
+    if dataclasses.is_dataclass(result) and not isinstance(result, type):
+        fields = dataclasses.fields(result)
+        return any(has_nan(getattr(result, f.name)) for f in fields if not f.name.startswith('_'))
     return False
 
 

@@ -129,34 +129,30 @@ def test_poses_in_another_unit_are_refused_with_the_unit(pose, words):
         reach_pose(HOME, GRIP, pose)
 
 
-def test_an_object_may_be_moved_by_several_turns():
-    assert BODY.moved_to((0.7, 0.5, 20.0)).pose.angle == 20.0
-
-
 #: Public functions of a configuration.
 CONFIGURATION_CALLS = {
-    'analyze_grasp': lambda given: analyze_grasp(given, BODY),
-    'deform': lambda given: deform(given, {'Z': (1.0, 0.0)}),
-    'place_between': lambda given: place_between(given, GRIP.members, BODY.shape),
-    'plan_grasps': lambda given: plan_grasps(given, BODY),
-    'reach_pose': lambda given: reach_pose(given, GRIP, BODY.pose),
-    'reachable_twists': lambda given: reachable_twists(given, GRIP),
-    'settle_grasp': lambda given: settle_grasp(given, BODY),
-    'solve_joint_velocity': lambda given: solve_joint_velocity(given, {'Z': (0.01, 0.0)}),
-    'solve_twist': lambda given: solve_twist(given, GRIP, (0.01, 0.0, 0.0)),
-    'solve_twist_ahead': lambda given: solve_twist_ahead(given, GRIP, (0.01, 0.0, 0.0), 0.01),
-    'tangent_center': lambda given: tangent_center(given, 'north/Z', 0.3),
-    'RollingGrip.attach': lambda given: RollingGrip.attach(given, GRIP),
+    'analyze_grasp': lambda config: analyze_grasp(config, BODY),
+    'deform': lambda config: deform(config, {'Z': (1.0, 0.0)}),
+    'place_between': lambda config: place_between(config, GRIP.members, BODY.shape),
+    'plan_grasps': lambda config: plan_grasps(config, BODY),
+    'reach_pose': lambda config: reach_pose(config, GRIP, BODY.pose),
+    'reachable_twists': lambda config: reachable_twists(config, GRIP),
+    'settle_grasp': lambda config: settle_grasp(config, BODY),
+    'solve_joint_velocity': lambda config: solve_joint_velocity(config, {'Z': (0.01, 0.0)}),
+    'solve_twist': lambda config: solve_twist(config, GRIP, (0.01, 0.0, 0.0)),
+    'solve_twist_ahead': lambda config: solve_twist_ahead(config, GRIP, (0.01, 0.0, 0.0), 0.01),
+    'tangent_center': lambda config: tangent_center(config, 'north/Z', 0.3),
+    'RollingGrip.attach': lambda config: RollingGrip.attach(config, GRIP),
 }
 
 
 @pytest.mark.parametrize('name', CONFIGURATION_CALLS)
-@pytest.mark.parametrize('given', [ROBOT, 'nine_member', None], ids=lambda x: type(x).__name__)
-def test_other_types_than_configurations_are_refused(name, given):
+@pytest.mark.parametrize('config', [ROBOT, 'nine_member', None], ids=lambda x: type(x).__name__)
+def test_other_types_than_configurations_are_refused(name, config):
     with pytest.raises(
         ConfigurationError, match=r'must be a Configuration, such as `robot\.home`'
     ):
-        CONFIGURATION_CALLS[name](given)
+        CONFIGURATION_CALLS[name](config)
 
 
 def receive(**inputs):

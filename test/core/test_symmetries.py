@@ -129,7 +129,7 @@ def turned(case, rng):
     turn = 1j**quarters
     place, angle = case.pose
     force, moment = case.wrench
-    found = _placed(
+    case_then = _placed(
         case,
         lambda z: z * turn,
         pose=(place * turn, angle + 0.5 * np.pi * quarters),
@@ -137,10 +137,10 @@ def turned(case, rng):
         turn=case.turn * turn,
     )
     if quarters % 2:
-        supports = found.document['supports']
+        supports = case_then.document['supports']
         for joint, axes in supports.items():
             supports[joint] = [SWAPPED[axis] for axis in axes]
-    return found
+    return case_then
 
 
 def mirrored(case, _rng):
@@ -224,7 +224,7 @@ def enlarged(case, rng):
     """Return a grasp in other lengths, down to tubes of 5 mm, at the same pressure."""
     factor = 10.0 ** rng.uniform(-1.3, 0.3)
     place, angle = case.pose
-    found = _placed(
+    larger = _placed(
         _scaled_forces(case, factor**2, factor),
         lambda z: factor * z,
         pose=(factor * place, angle),
@@ -239,8 +239,8 @@ def enlarged(case, rng):
         ('members', ('min_length', 'max_length')),
     ):
         for key in keys:
-            found.document[block][key] *= factor
-    return found
+            larger.document[block][key] *= factor
+    return larger
 
 
 def _scaled_forces(case, force, length):
@@ -279,10 +279,8 @@ FLOORS |= dict.fromkeys(('utilisation', 'turns'), 1e-3)
 
 def axes(case):
     """Return twists (3, 3) of the first grasp by unit twists of this one."""
-    found = np.zeros((3, 3))
     x, y = case.original(1.0 + 0j), case.original(1j)
-    found[0, :2], found[1, :2], found[2, 2] = (x.real, y.real), (x.imag, y.imag), case.sense
-    return found
+    return np.array([(x.real, y.real, 0.0), (x.imag, y.imag, 0.0), (0.0, 0.0, case.sense)])
 
 
 def at_middle(case, body, stiffness):
@@ -305,12 +303,12 @@ def settled(case):
     """Return how an object settles, in terms of the first grasp."""
     config, body, wrench = case.build()
     grasp = settle_grasp(config, body, FRICTION, wrench, members=case.members)
-    found = {'verdict': grasp.reason.split(':')[0]}
+    values = {'verdict': grasp.reason.split(':')[0]}
     if grasp.equilibrium is not None:
         there = body.moved_to(grasp.pose)
         moved = there.middle - body.middle
         turned = body.arm * np.angle(there.turn / body.turn)
-        found |= {
+        values |= {
             'displacement': axes(case) @ [moved.real, moved.imag, turned] / case.length,
             'forces': in_order(case, grasp.normal_forces, 1.0 / case.force),
             'friction': in_order(case, grasp.friction_forces, case.sense / case.force),
@@ -318,7 +316,7 @@ def settled(case):
             'margin': grasp.slip_margin / case.force,
             'stiffness': at_middle(case, there, grasp.stiffness),
         }
-    return found
+    return values
 
 
 def held_fast(case):
@@ -340,8 +338,8 @@ def deflected(case):
     config, _, _ = case.build()
     joints = sorted(case.document['joints'])
     load = np.linalg.solve(axes(case)[:2, :2], [3.0, 1.0]) * case.force
-    found = deform(config, {joints[0]: load})
-    moved = np.array([found.displacement(name) for name in joints])
+    bent = deform(config, {joints[0]: load})
+    moved = np.array([bent.displacement(name) for name in joints])
     return {
         'verdict': '',
         'deflection': moved[:, :2] @ axes(case)[:2, :2].T / case.length,
@@ -371,21 +369,20 @@ def driven(case):
 def margins(case):
     """Return how far a robot and an object are from singular and colliding shapes."""
     config, body, _ = case.build()
-    found, away = shape_margins(config), object_distances(config, body, case.members)
-    apart = np.array([found.clearance, away.min()]) / case.length
-    return {'verdict': '', 'rigidity': found.rigidity, 'clearance': np.minimum(apart, 10.0)}
+    shape, away = shape_margins(config), object_distances(config, body, case.members)
+    apart = np.array([shape.clearance, away.min()]) / case.length
+    return {'verdict': '', 'rigidity': shape.rigidity, 'clearance': np.minimum(apart, 10.0)}
 
 
-def result(find, case):
-    """Return what a function finds, or the error that it raises."""
+def result(function, case):
+    """Return the values of a function, or the type of its error."""
     try:
-        return find(case)
+        return function(case)
     except IsotrussError as error:
         return {'verdict': type(error)}
 
 
-#: What is found, how exact that is [-], and what it may depend on: the twist is that of the origin
-#: of the object's frame, and so is the measure of the nearest reachable one.
+#: Functions with their accuracy [-] and the changes they depend on; twists are those of the frame.
 PROPERTIES = {
     settled: (1e-8, ()),
     held_fast: (1e-6, ()),
@@ -396,10 +393,10 @@ PROPERTIES = {
 
 
 @pytest.mark.parametrize(
-    ('find', 'change'),
+    ('function', 'change'),
     [
-        pytest.param(find, change, id=f'{find.__name__}-{change.__name__}')
-        for find, (_, but) in PROPERTIES.items()
+        pytest.param(function, change, id=f'{function.__name__}-{change.__name__}')
+        for function, (_, but) in PROPERTIES.items()
         for change in CHANGES
         if change not in but
     ],
@@ -408,16 +405,16 @@ PROPERTIES = {
 @example(seed=97)  # an ellipse
 @example(seed=306)  # a face lies on a straight tube
 @given(seed=strategies.integers(0, 2**32 - 1))
-def test_results_depend_on_no_frame_order_or_unit(find, change, seed):
+def test_results_depend_on_no_frame_order_or_unit(function, change, seed):
     case = random_case(seed)
     if case is None:
         return
-    expected = result(find, case)
-    found = result(find, change(case, np.random.default_rng(seed)))
-    assert found.pop('verdict') == expected.pop('verdict')
-    for name, value in found.items():
+    expected = result(function, case)
+    values = result(function, change(case, np.random.default_rng(seed)))
+    assert values.pop('verdict') == expected.pop('verdict')
+    for name, value in values.items():
         size = max(np.max(np.abs(expected[name]), initial=0.0), FLOORS.get(name, 1e-12))
         # Moments between the contact points of bent tubes are exact to first order only.
-        share = 1e-3 if (find, name) == (held_fast, 'utilisation') else PROPERTIES[find][0]
+        share = 1e-3 if (function, name) == (held_fast, 'utilisation') else PROPERTIES[function][0]
         error = share * size
         assert value == pytest.approx(expected[name], rel=0.0, abs=error), name

@@ -9,6 +9,7 @@ plain pin-jointed truss between the joints, not from the code under test.
 """
 
 import atexit
+import contextlib
 from dataclasses import replace
 import functools
 import itertools
@@ -172,6 +173,17 @@ def far_state(robot, rng, reach):
         return random_state(robot, rng, reach)
     except ConfigurationError:
         assume(False)
+
+
+def extreme_state(robot, rng, halvings=8):
+    """Return a configuration near the end of a random way of the rollers."""
+    size, reached = robot.home.member_lengths.min(), 0.0
+    way = rng.uniform(-size, size, len(robot.roller_names))
+    for share in 0.5 ** np.arange(1, halvings + 1):
+        with contextlib.suppress(ConfigurationError):
+            robot.configuration((reached + share) * way)
+            reached += share
+    return robot.configuration(reached * way)
 
 
 def random_grasp(robot, rng, number):
