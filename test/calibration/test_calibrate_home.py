@@ -47,13 +47,6 @@ def test_exact_joint_positions_yield_exact_offsets(seed, joints):
     assert result.offsets == pytest.approx(offsets, abs=1e-9)
 
 
-def test_calibrated_robot_agrees_with_the_measured_one():
-    offsets, reading = draw_offsets(3), 0.05 * np.random.default_rng(4).normal(size=N)
-    result = calibrate_home(ROBOT, measure(offsets, np.zeros(N)))
-    nodes = Robot(result.description).configuration(reading).nodes
-    assert nodes == pytest.approx(ROBOT.configuration(reading + offsets).nodes, abs=1e-8)
-
-
 @pytest.mark.parametrize(('count', 'bound'), [(1, 1.5e-3), (3, 1.1e-3)])
 def test_joints_and_deviations_agree_with_the_noise_of_markers(count, bound):
     """The median over robots of the worst joint, and the normalised offsets; markers of 1 mm."""
@@ -89,9 +82,6 @@ def test_several_postures_compensate_for_unmeasured_joints():
 def test_invalid_measurements_are_refused(joints, kind, words):
     with pytest.raises(kind, match=words):
         calibrate_home(ROBOT, [Posture(np.zeros(N), joints)])
-
-
-# -- Mistakes --
 
 
 def wrong(place=lambda _, z: z, reading=lambda x: x, names=None):

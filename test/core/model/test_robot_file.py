@@ -7,19 +7,14 @@ import contextlib
 import copy
 from datetime import date, datetime
 import io
-from pathlib import Path
 import re
 
 from hypothesis import given
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError, StructureError
-from isotruss_ros.core.model.inflated_section import find_stiffness_faults
-from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.model.safe_yaml import MAX_FILE_SIZE
 from isotruss_ros.core.model.stiffness_law import read_laws
-from isotruss_ros.core.statics.section import InflatableBeam
 from isotruss_ros.core.statics.tube_stiffness import PowerLaw, tube_stiffness
-import numpy as np
 import pytest
 import robots
 from robots import refusal
@@ -72,34 +67,25 @@ def test_number_that_is_not_positive_is_refused(key):
         assert 'a positive number' in message
 
 
-#: Changes to a file, and what is said then; without a value a key is taken out.
+#: Changes to a file, and parts of the refusals; a key without a value is removed.
 REFUSALS = r"""
 tubes.south.joints: [P, Q, W] -> tubes.south.joints: unknown joint 'W' | known are P, Q, X
 joints.W: [3.0, 3.0] -> joints.W: no tube has this joint | add it to a tube, or remove it
-supports.W: [y] -> supports.W: unknown joint 'W' | known are P, Q, X
 supports.Q: [z] -> supports.Q.0: 'z' | must be x or y
-supports.Q: [y, y] -> supports.Q: ['y', 'y'] | [x], [y] or [x, y]
 tubes.south.passive: W -> tubes.south.passive: 'W' is not a joint | must be one of P, Q, X
 tubes.south.passive -> tubes.south: key 'passive' is missing | no motor
 tubes.south.joints: [P, Q, P, X] -> tubes.south.joints: | three or more different joints
-joints.a/b: [3.0, 3.0] -> 'a/b' | letters, digits and underscores
 "joints.W\n": [3.0, 3.0] -> 'W\n' | letters, digits and underscores
-joints.X -> joints: | three or more joints
 joints.X: [1.0, 0.0] -> joints.X: [1.0, 0.0] | joint Q is at this position | must differ
 module.rod_lenght: 0.1 -> unknown key 'rod_lenght' | did you mean rod_length? | known are pinch_sep
-module.rod_length -> module: key 'rod_length' is missing | h, joint to the midpoint
 colour: red -> top level: unknown key 'colour' | known are name, frame, joints
-rollers -> top level: key 'rollers' is missing
 module: [1, 2] -> module: [1, 2]: must be the dimensions
-name: 5 -> name: 5: must be | non-empty string
 tube.stiffness: {model: spring} -> stiffness.model: 'spring' | inflatable_beam, power_law or
-tube.stiffness: {model: inflatable_beam, axial: 1.0} -> tube.stiffness: unknown key 'axial'
 tube.stiffness: {model: power_law, axial: {C: 1.0, a: 1.0}} -> stiffness.axial: key 'b' is missing
 tube.stiffness: {model: power_law, rotary: {C: -1.0, a: 1.0, b: -1.0}} -> stiffness.rotary.C: -1.0
 members: {min_length: 3.0, max_length: 0.25} -> min_length: 3.0 | be less than max_length, 0.25
 members.max_length: 0.7 -> members: south/P-Q is | must be from min_length 0.25 to max_length 0.7
 module.guide_ring_distance: 0.6 -> guide_ring_distance: 0.6 | south/P-Q | must be less than
-module.rod_length: 1.5 -> does not fit its corner | rod_length 1.5 | smaller module
 tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.005 to 0.5; if it is in cm, it is 0.102 m
 tube.pressure: 34.5 -> tube.pressure: 34.5: | if it is in kPa, it is 34500 Pa
 joints.Q: [1.0, .nan] -> joints.Q.1: nan: must be a finite coordinate [m]
@@ -107,13 +93,10 @@ joints.Q: [1000.0, 0.0] -> joints.Q.0: 1000.0: | if it is in mm, it is 1 m
 joints.X: [2.0, 0.0] -> module south/P does not fit its corner | between 1 and 179 degrees
 tube.pressure: 135825 -> tube.pressure: 135825: | if it is absolute, it is 34500 Pa
 tube.stiffness_scale: 95 -> tube.stiffness_scale: 95: | if it is in percent, it is 0.95
-tube.local_stiffness: 120 -> tube.local_stiffness: 120: | if it is in percent, it is 1.2
 calibration: {zero_deviations: {south/W: 0.1}} -> zero_deviations: unknown roller 'south/W'
 calibration: {checked_rollers: [P]} -> checked_rollers: unknown roller 'P' | known are south/
 tube.pressure: 0.0 -> tube.pressure: 0.0: must be gauge pressure, a positive number [Pa]
-tube.pressure: high -> tube.pressure: 'high': must be gauge pressure
 tube.pressure: {} -> tube.pressure: tube south is missing; give one number, or one per tube
-tube.pressure: {south: 0} -> tube.pressure.south: 0: must be gauge pressure of this tube
 tube.pressure: {south: 2e+4, west: 2e+4} -> tube.pressure: unknown tube 'west'; known are south
 """
 
@@ -296,22 +279,6 @@ def test_stiffness_in_another_unit_is_refused_with_the_unit(model, key, value, w
     assert words in message
 
 
-@pytest.mark.parametrize('diameter', [0.005, 0.5])
-@pytest.mark.parametrize('strain', [1e-3, 0.1])
-def test_section_of_every_inflatable_beam_is_accepted(diameter, strain):
-    document, pressure = robots.example(), 3e4
-    beam = InflatableBeam(0.5 * diameter, 0.5 * diameter * pressure / strain)
-    axial, flexural, shear = np.ravel(beam.section_stiffness([0.8], pressure)).tolist()
-    document['tube'] = {'diameter': diameter, 'pressure': pressure}
-    document['tube']['stiffness'] = VALID_BLOCKS['section'] | {
-        'axial_rigidity': axial,
-        'flexural_rigidity': flexural,
-        'shear_rigidity': shear,
-    }
-    description = describe_robot(Path('example.yaml'), document)
-    assert [*find_stiffness_faults(description)] == []
-
-
 def with_laws(block, **members):
     document = robots.example()
     document['tube']['stiffness'] = block
@@ -329,16 +296,6 @@ def test_length_of_a_contradiction_is_the_limit_of_beams():
         model.section_stiffness([length + inside], 34.5e3)
         with pytest.raises(StructureError, match='no beam has'):
             model.section_stiffness([length - inside], 34.5e3)
-
-
-@pytest.mark.parametrize(('less', 'is_valid'), [(0.95e-9, True), (1.05e-9, False)])
-def test_laws_of_a_beam_without_shear_are_accepted_up_to_rounding(less, is_valid):
-    block = laws(b_rotary=-1.0, c_rotary=100.0 * (1.0 - less), a_rotary=0.0)
-    document = with_laws(block | {'transverse': {'C': 300.0, 'a': 0.0, 'b': -3.0}})
-    if is_valid:
-        robots.load(document)
-    else:
-        assert 'contradict each other at every length' in refusal(document)
 
 
 def test_laws_are_checked_at_the_pressure_of_each_tube():

@@ -43,17 +43,6 @@ def test_corners_touch_where_the_tangents_do_and_faces_join_them(seed):
         assert face.faces_at(k)[1].corner == after
 
 
-def test_feet_of_points_on_the_axes_of_an_ellipse():
-    ellipse = Ellipse((0.3, 0.1))
-    # Inside of the evolute, up to 0.27 m, the foot is off the axis; beyond, at the vertex.
-    actual = ellipse.nearest(np.array([0.0, 0.2, 0.26, 0.29, 0.4, 0.05j, -0.2j]))
-    assert actual.gaps[[0, 3, 4, 5, 6]] == pytest.approx([-0.1, -0.01, 0.1, -0.05, 0.1])
-    for i, place in ((1, 0.2), (2, 0.26)):
-        foot = place - actual.gaps[i] * actual.normals[i]
-        assert foot.real == pytest.approx(0.3**2 * place / (0.3**2 - 0.1**2))
-        assert abs(foot.imag) == pytest.approx(0.1 * np.sqrt(1.0 - (foot.real / 0.3) ** 2))
-
-
 @robots.examples(100)
 @given(SEEDS)
 def test_vertices_may_have_either_orientation(seed):
@@ -166,10 +155,3 @@ def test_gaps_of_segments_are_those_of_their_points(shape):
             assert actual.normals[0] == pytest.approx(nearest.normals[0], abs=1e-6)
         else:
             assert actual.gaps[0] < 2e-3
-
-
-def test_the_ends_of_an_arc_whose_center_is_outside_are_within_reach():
-    """Nearly all of two sides of a triangle is an arc around a point below the third one."""
-    height, radius = 0.5 * np.sqrt(3.0), 0.99 * np.tan(np.pi / 6.0)
-    triangle = Polygon([(-0.5, 0.0), (0.5, 0.0), (0.0, height)], (0.0, 0.0, radius))
-    assert triangle.reach == pytest.approx(0.5)
