@@ -6,7 +6,6 @@
 from pathlib import Path
 
 from hypothesis import given, strategies
-from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.kinematics.home import place_home
 from isotruss_ros.core.kinematics.mechanism import Mechanism
@@ -140,10 +139,3 @@ def test_module_fits_until_the_members_have_no_length():
 def test_module_that_does_not_fit_its_corner_is_refused(opening, size, message):
     with pytest.raises(RobotFileError, match=f'does not fit its corner: .*{message}'):
         robots.load(pinched(opening, size))
-
-
-def test_robot_arrays_are_read_only():
-    robot = load_robot('nine_member')
-    for array in (robot.home.points, robot.home.nodes, robot.home.roller_positions):
-        with pytest.raises(ValueError, match='read-only'):
-            array[0] = 1.0
