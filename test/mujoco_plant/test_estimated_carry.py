@@ -15,14 +15,14 @@ CASES = [(BOX, SIX, 1.0), (BOX, THREE, 0.6), (DISC, THREE, 1.5)]
 
 @pytest.mark.parametrize(('kind', 'names', 'stiffness'), CASES)
 def test_squeeze_with_estimated_offsets_is_the_desired_one(kind, names, stiffness):
-    found = carry(kind, 2, names, stiffness)
+    result = carry(kind, 2, names, stiffness)
     # Three markers do not separate the offsets from a rotation of their frame (2 degrees).
     squeeze, worst, joints = (0.1, 0.2, 1.5e-3) if names is SIX else (0.2, 0.25, 9e-3)
-    assert abs(found.squeeze) < squeeze
-    assert found.worst < worst
-    assert abs(found.surprise) < 3.0
-    assert found.joints < joints
-    assert found.encoders > 4.0 * found.joints
+    assert abs(result.squeeze) < squeeze
+    assert result.worst < worst
+    assert abs(result.surprise) < 3.0
+    assert result.joints < joints
+    assert result.encoders > 4.0 * result.joints
 
 
 def test_squeeze_with_encoders_alone_is_wrong():

@@ -210,9 +210,9 @@ def test_predicted_motion_agrees_with_mujoco(turn):
     carry.run(1.0)
     grip, start = carry.control.belief.grasp, np.array(carry.plant.object_pose())
     path = np.array([grip.pose, np.add(grip.pose, (0.0, 0.0, turn))])
-    found = foresee_path(grip, FRICTION, path)
-    assert found.share < 1.0
+    result = foresee_path(grip, FRICTION, path)
+    assert result.share < 1.0
     carry.run(4.0, (0.0, 0.0, turn / 4.0))
     turned = (carry.plant.object_pose()[2] - start[2]) / turn
     assert Status.SLOWED_SLIP_MARGIN in carry.statuses
-    assert turned == pytest.approx(found.share, abs=0.12)
+    assert turned == pytest.approx(result.share, abs=0.12)

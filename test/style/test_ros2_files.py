@@ -29,8 +29,8 @@ COMMON = {'record': {'/diagnostics'}}
 
 def profile(enclave):
     """Return the one profile of an enclave."""
-    (found,) = enclave.iter('profile')
-    return found
+    (result,) = enclave.iter('profile')
+    return result
 
 
 PROFILES = {profile(enclave).get('node'): enclave for enclave in POLICY.iter('enclave')}

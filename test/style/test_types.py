@@ -18,6 +18,6 @@ def test_mypy_sees_wrong_types_in_user_code(tmp_path, monkeypatch):
     api = pytest.importorskip('mypy.api', reason='make test brings it')
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'mine.py').write_text(WRONG, encoding='utf-8')
-    found = api.run(['mine.py'])[0]
-    assert 'incompatible type "Robot"; expected "Configuration"' in found
-    assert '"SettledGrasp" has no attribute "slip_marginn"' in found
+    result = api.run(['mine.py'])[0]
+    assert 'incompatible type "Robot"; expected "Configuration"' in result
+    assert '"SettledGrasp" has no attribute "slip_marginn"' in result
