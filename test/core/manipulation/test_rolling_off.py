@@ -15,6 +15,7 @@ from isotruss_ros.core import (
     solve_twist,
     Status,
 )
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 from isotruss_ros.core.manipulation.rolling_off import rolled_corners
@@ -162,3 +163,19 @@ def test_three_members_keep_a_contact_when_a_face_lifts_at_one_end():
     assert start.owners.tolist() == [0, 0, 1, 2]
     travel = config.roller_positions + 1e-4 * rng.standard_normal(len(NINE.roller_names))
     assert start.moved_to(config.moved_to(travel)).owners.tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ('seed', 'kind'), [(7, 'tubes'), (112, 'module'), (240, 'module'), (242, 'module')]
+)
+def test_a_polygon_that_rolls_penetrates_its_members_by_no_more_than_its_misfit(seed, kind):
+    rng = np.random.default_rng(seed)
+    config, grip = random_grips.random_convex_grip(NINE, rng, kind, 2, flat=True)
+    members = [NINE.member_names.index(name) for name in grip.members]
+    travel = config.roller_positions + 0.02 * rng.standard_normal(len(NINE.roller_names))
+    rolled = RollingGrip.attach(config, grip).moved_to(config.moved_to(travel))
+    before, after = (
+        member_depths(at, body)[members]
+        for at, body in ((config, grip.body), (rolled.config, rolled.grip.body))
+    )
+    assert (after - before).max() <= rolled.misfit + 1e-9
