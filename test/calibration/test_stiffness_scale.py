@@ -3,10 +3,12 @@
 
 """The stiffness of the tubes against the model, from a pull at the empty robot."""
 
+from dataclasses import replace
+
 from carries import make_robot
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
-from isotruss_ros.core import deform
+from isotruss_ros.core import deform, Robot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
@@ -36,10 +38,22 @@ def pulled(scale, pull=PULL):
     return joints(nodes + [loaded.displacement(name)[:2] for name in NAMES])
 
 
+@pytest.mark.parametrize('filed', [1.0, 0.8])
 @pytest.mark.parametrize('scale', [0.3, 1.0, 1.5])
-def test_fitted_scale_agrees_with_the_true_one(scale):
-    result = calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), pulled(scale), 1e-4)
-    assert result.scale == pytest.approx(scale)
+def test_fitted_scale_agrees_with_the_true_one_for_any_scale_of_the_file(scale, filed):
+    home = Robot(replace(ROBOT.description, stiffness_scale=filed)).home
+    result = calibrate_stiffness(home, PULL, joints(home.nodes), pulled(scale), 1e-4)
+    assert result.scale == pytest.approx(scale, rel=1e-4)
+
+
+def test_deviation_of_the_scale_is_that_of_noisy_markers():
+    nodes, loaded = ROBOT.home.nodes, [*pulled(1.0).values()]
+    errors = []
+    for seed in range(0, 80, 2):
+        before, under = joints(nodes, 1e-4, seed), joints(loaded, 1e-4, seed + 1)
+        result = calibrate_stiffness(ROBOT.home, PULL, before, under, 1e-4)
+        errors.append((result.scale - 1.0) / result.deviation)
+    assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.25
 
 
 @needs_mujoco
