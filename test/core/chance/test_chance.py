@@ -9,9 +9,7 @@ from pathlib import Path
 from carries import make_robot, place
 from held_grips import APART, BOX
 from isotruss_ros import core
-from isotruss_ros.core.chance.criteria import (
-    find_criteria,
-)
+from isotruss_ros.core.chance.criteria import find_criteria, scaled
 from isotruss_ros.core.chance.probability import (
     changed_grip,
     failure_probability,
@@ -25,7 +23,7 @@ from isotruss_ros.core.errors import (
 from nightly import some_now
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 HOME = core.load_robot('nine_member').home
 #: The robot after calibration, with a disc whose size and pose are known well.
@@ -98,6 +96,11 @@ def test_probability_of_two_violations_is_exact(correlation, sigmas):
     matrix, sigmas = np.array([[1.0, correlation], [correlation, 1.0]]), np.array(sigmas)
     both = multivariate_normal(cov=matrix, allow_singular=True).cdf(sigmas)
     assert failure_probability(sigmas, matrix) == pytest.approx(1.0 - both, abs=1e-7)
+
+
+def test_repeated_violations_count_once():
+    failure = failure_probability(np.full(4, 1.2), np.ones((4, 4)))
+    assert failure == pytest.approx(norm.sf(1.2), abs=1e-6)
 
 
 @pytest.mark.parametrize('seed', range(5))
@@ -175,6 +178,32 @@ def test_samples_without_a_configuration_are_left_out():
     grip = settle().equilibrium
     required = sample_friction(grip.inputs, grip, covariance, 40, 0, None)
     assert 5 < len(required) < 30
+
+
+def test_samples_without_an_equilibrium_are_not_held():
+    grip = settle().equilibrium
+    covariance = 100.0 * replace(CERTAIN, force=100.0).covariance(grip)
+    required = sample_friction(grip.inputs, grip, covariance, 40, 0, None)
+    assert len(required) == 40
+    assert np.isinf(required).mean() > 0.8
+
+
+def test_an_object_of_another_size_has_the_same_centroid():
+    corners = [(0.0, 0.0), (0.3, 0.0), (0.3, 0.2), (0.0, 0.2)]
+    body = core.ConvexObject(core.Polygon(corners), (0.7, 0.5, 0.3))
+    larger = scaled(body, 1.1)
+    assert larger.middle == pytest.approx(body.middle)
+    assert larger.shape.perimeter == pytest.approx(1.1 * body.shape.perimeter)
+
+
+def test_pressures_deviate_by_a_share_and_the_wrench_by_the_mass():
+    grip = settle().equilibrium
+    covariance = replace(CERTAIN, pressure=0.05, mass=0.2).covariance(grip)
+    columns = core.grasp_gradient(settle()).parameters
+    pressures, wrench = columns.pressures, columns.wrench
+    shares = np.diag(np.square(0.05 * np.array(grip.inputs.pressures)))
+    assert covariance[pressures, pressures] == pytest.approx(shares)
+    assert covariance[wrench, wrench] == pytest.approx(0.04 * np.outer(PULL, PULL))
 
 
 @pytest.mark.parametrize(('friction', 'probability'), [(0.8, 1.0), (0.2, 0.0)])
