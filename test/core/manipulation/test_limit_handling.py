@@ -123,6 +123,19 @@ def test_regularization_keeps_the_direction_and_nearly_the_progress(robot, rng, 
         assert thrifty.scale > 0.9 * exact.scale
 
 
+def test_regularization_gives_up_progress_that_takes_much_motion():
+    shares = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        config, grasp, _ = robots.random_grasp(HOME.robot, rng, seed)
+        exact, thrifty = (
+            solve_twist(config, grasp, (1.0, 2.0, 3.0), handling=LimitHandling(regularized=way))
+            for way in (False, True)
+        )
+        shares.append(thrifty.scale / exact.scale)
+    assert min(shares) < 0.97
+
+
 @pytest.mark.parametrize('slide', [False, True])
 def test_commands_are_continuous_where_a_limit_begins_to_bind(slide):
     grip, twist = disc_grip(HOME, 'east/Q'), (0.1, 0.0, 0.0)
