@@ -4,7 +4,14 @@
 """Simulated robot: travel, faults of the rollers, and refused commands."""
 
 from grips import disc_grip
-from isotruss_ros.core import load_robot, RigidObject, RollerFaults, RollingGrip, SimulatedRobot
+from isotruss_ros.core import (
+    ConvexObject,
+    load_robot,
+    RigidObject,
+    RollerFaults,
+    RollingGrip,
+    SimulatedRobot,
+)
 from isotruss_ros.core.errors import ConfigurationError
 import numpy as np
 import pytest
@@ -88,6 +95,12 @@ def test_a_bad_command_changes_nothing(bad):
         robot.command(bad)
     robot.advance(1.0)
     assert robot.roller_velocities == pytest.approx(SPEEDS)
+
+
+def test_a_replaced_object_is_at_its_own_pose():
+    robot, other = simulated(), RigidObject(ConvexObject.disc((0.1, 0.2), 0.1), 0.5)
+    robot.replace_object(other)
+    assert robot.object_pose == (0.1, 0.2, 0.0)
 
 
 def test_rollers_block_where_no_configuration_exists():

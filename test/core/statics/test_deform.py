@@ -13,6 +13,7 @@ import robots
 
 TRIANGLE = load_robot('triangle').home
 LEG = 'main/R-T'
+RING = TRIANGLE.robot.description.module.guide_ring_distance
 LENGTH = float(TRIANGLE.member_lengths[TRIANGLE.robot.member_names.index(LEG)])
 
 
@@ -86,9 +87,9 @@ def test_invalid_loads_are_refused(loads, complaint):
         deform(TRIANGLE, **{'joint_loads': {}, **loads})
 
 
+@pytest.mark.parametrize('ring', [RING, LENGTH - RING])
 @pytest.mark.parametrize('away', [-1e-7, -1e-9, 1e-12, 1e-8, 1e-6])
-def test_a_load_beside_a_guide_ring_acts_as_on_the_ring(away):
-    ring = TRIANGLE.robot.description.module.guide_ring_distance
+def test_a_load_beside_a_guide_ring_acts_as_on_the_ring(ring, away):
     for load in np.random.default_rng(0).normal(size=(8, 3)) * (20.0, 20.0, 0.5):
         beside, on = (
             deform(TRIANGLE, {}, tube_loads={LEG: [(place, *load)]}).state.displacements
