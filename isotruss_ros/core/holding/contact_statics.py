@@ -169,7 +169,7 @@ class ContactStatics:
 
         # Touch and balance without the terms that do not depend on the loads.
         by_loads = np.zeros((affine.stop, count, 3))
-        by_loads[:-3] = self.bent.responses.matrix.reshape(3 * count, count, 3)
+        by_loads[:-3] = self.bent.compliance.matrix.reshape(3 * count, count, 3)
         # The forces on the object are opposite to those on the tubes.
         by_loads[-3:-1] = -self.bent.lines.turns[:, :2].swapaxes(0, 1)
         by_loads[-1, :, :2] = (-1j * to_contacts).view(np.float64).reshape(count, 2) / arm
@@ -202,7 +202,7 @@ class ContactStatics:
         radii: Array,
     ) -> None:
         """Add the gaps between object and tubes, without loads, to the equations of touch."""
-        indices, lines, compliance = self.places, self.bent.lines, self.bent.responses
+        indices, lines, compliance = self.places, self.bent.lines, self.bent.compliance
         count, feet = len(self.sides), unknowns[indices.feet]
         # Axes: contact, equation of touch (along, across, inclination), unknown.
         touch = residual[: 3 * count].reshape(count, 3)
@@ -259,7 +259,7 @@ class ContactStatics:
         depths = np.maximum(self.tube_radius + heights, PLANNED_DEPTH * self.tube_radius)
         # The depth is that of the tube's displacement across the member and of the dent. The
         # diagonal of the compliance (k, 3, k, 3) is each contact's response to its own load.
-        tube_compliance = np.einsum('kaka->ka', bent.responses.matrix)[:, 1]
+        tube_compliance = np.einsum('kaka->ka', bent.compliance.matrix)[:, 1]
         _, dent_compliance, _ = self.dents(depths / tube_compliance, np.angle(in_object))
         unknowns[indices.normal] = depths / (tube_compliance + dent_compliance)
         return unknowns
@@ -372,13 +372,19 @@ def build_statics(
     points, _ = body.shape.surface_at(contacts.corners, normals * body.turn.conjugate())
     feet = ((body.center + body.turn * points - lines.start) * lines.axis.conj()).real
     bent = BentTubes.of(structure, contacts.members, np.clip(feet, 0.0, lines.length))
+    return statics_of(bent, body, contacts)
+
+
+def statics_of(bent: BentTubes, body: ConvexObject, contacts: PressedContacts) -> ContactStatics:
+    """Return the equilibrium equations of an object with given contacts on bent tubes."""
+    normals = facing_normals(body.middle, bent.lines.start, bent.lines.axis)
     return ContactStatics(
         bent=bent,
         body=body,
         contacts=contacts,
-        tube_radius=0.5 * config.robot.description.tube_diameter,
-        sides=np.sign((normals * lines.axis.conj()).imag),
-        dents=find_dents(structure, body.shape, contacts),
+        tube_radius=0.5 * bent.structure.config.robot.description.tube_diameter,
+        sides=np.sign((normals * bent.lines.axis.conj()).imag),
+        dents=find_dents(bent.structure, body.shape, contacts),
     )
 
 

@@ -9,14 +9,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_statics import build_statics
+from isotruss_ros.core.holding.contact_statics import statics_of
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.pressed_contacts import POSE, PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import Places, POSE, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 
@@ -36,8 +37,8 @@ class GripRecord(NamedTuple):
     travel: Array  #: (r,) roller travel since home [m]
     contacts: PressedContacts  #: the k contacts
     unknowns: Array  #: (3 + 4k,) unknowns, see `ContactForces`
-    places: Array  #: (k,) distances of the contacts from the members' starts, see `BentTubes` [m]
     bent: Array  #: (s,) state of the bent tubes, see `BentTubes.values`
+    responses: Array  #: (k, 3, 4k + 1) responses at the contacts, see `BentTubes.at_points`
     #: (t,) gauge pressure of each tube [Pa]; None: as in the robot file
     pressures: tuple[float, ...] | None = None
     estimate: GripEstimate | None = None  #: estimate of the control loop that holds the object
@@ -48,14 +49,14 @@ class GripRecord(NamedTuple):
         cls, grip: HeldGrip, estimate: GripEstimate | None = None, is_assumed: bool = False
     ) -> GripRecord:
         """Return the record of a grip whose tubes are bent."""
-        bent = grip.statics.bent
+        bent, responses = grip.statics.bent.describe(grip.state.loads, grip.state.feet)
         measured = grip.pressures != tube_pressures(grip.config.robot.description)
         return cls(
             grip.config.roller_positions,
             grip.contacts,
             grip.state.unknowns,
-            bent.places,
-            bent.values,
+            bent,
+            responses,
             grip.pressures if measured else None,
             estimate,
             is_assumed,
@@ -70,15 +71,16 @@ class GripRecord(NamedTuple):
         """
         radius = 0.5 * config.robot.description.tube_diameter
         recorded_body = body.moved_to(self.unknowns[:POSE]).smoothed(radius)
-        recorded_config = config.moved_to(self.travel)
+        members = self.contacts.members
+        feet = self.unknowns[Places.of(len(members)).feet]
+        structure = structure_of(config.moved_to(self.travel), self.pressures)
+        bent = BentTubes.of(structure, members, feet, self.bent, self.responses)
         try:
-            statics = build_statics(recorded_config, recorded_body, self.contacts, self.pressures)
+            statics = statics_of(bent, recorded_body, self.contacts)
         except IndexError as error:
             raise GraspError(
                 f'held grip: corners {self.contacts.corners}: the object has no such corners'
             ) from error
-        structure, members = statics.bent.structure, self.contacts.members
-        bent = BentTubes.of(structure, members, self.places, values=self.bent)
-        statics = replace(statics, bent=bent)
         _, state = statics.equations(self.unknowns, np.zeros(3), statics.sticking)
-        return HeldGrip.of(statics, state, np.zeros(3))
+        # Rounding errors of the loads would count as a change of the state.
+        return HeldGrip.of(statics, replace(state, loads=bent.state.loads), np.zeros(3))

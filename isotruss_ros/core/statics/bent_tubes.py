@@ -60,8 +60,13 @@ class LoadResponses(NamedTuple):
     unknowns: Array  #: (u, 4k + 1) changes of the frame's unknowns
     #: (k, 3, 4k + 1) changes of the responses, see `BentTubes`; the last column is their value
     at_points: Array
-    matrix: Array  #: (k, 3, k, 3) compliance: responses at the load points to unit loads
-    rates: Array  #: (k, 3, k) derivatives of the responses by the places [-, -, rad/m]
+
+
+class Compliance(NamedTuple):
+    """Responses (k, 3) at the load points as a linear function of loads and places."""
+
+    matrix: Array  #: (k, 3, k, 3) responses to unit loads
+    rates: Array  #: (k, 3, k) derivatives by the places [-, -, rad/m]
     constant: Array  #: (k, 3) responses, extrapolated to zero loads and zero places
 
 
@@ -126,6 +131,8 @@ class BentTubes:
     lines: Lines  #: members of the load points
     frame: Frame  #: the structure's frame with these nodes
     state: BentState  #: state about which the tubes are linearised
+    #: (k, 3, 4k + 1) `at_points` from another process, if `state` is in equilibrium; else None
+    received: Array | None = None
 
     @classmethod
     def of(
@@ -134,6 +141,7 @@ class BentTubes:
         members: Indices,
         positions: Array,
         values: Array | None = None,
+        received: Array | None = None,
     ) -> BentTubes:
         """Return the tubes linearised about the state `values`; None: without loads."""
         cuts, numbering = Cuts.of(structure, members, positions), structure.frame.layout.numbering
@@ -149,7 +157,7 @@ class BentTubes:
         unknowns, loads, axial = np.split(values, [loads_begin, axial_begin])
         state = BentState(unknowns, loads.reshape(-1, 3), axial)
         lines = Lines.of(structure, members)
-        return cls(structure, members, positions, cuts, lines, frame, state)
+        return cls(structure, members, positions, cuts, lines, frame, state, received)
 
     @property
     def values(self) -> Array:
@@ -171,13 +179,17 @@ class BentTubes:
         return self.frame.layout.length_by_motions * self.cuts.directions
 
     @cached_property
-    def tangent(self) -> Tangent:
-        """Return the frame linearised about `state`."""
-        kept = [
+    def _kept(self) -> list[UnloadedBlocks]:
+        """Return the tubes that are kept undeformed."""
+        return [
             UnloadedBlocks(*(values[blocks] for values in self.structure.blocks[group]))
             for group, blocks in self.frame.layout.kept
         ]
-        return linearize(self.frame, self.state.unknowns, self.state.axial, kept)
+
+    @cached_property
+    def tangent(self) -> Tangent:
+        """Return the frame linearised about `state`."""
+        return linearize(self.frame, self.state.unknowns, self.state.axial, self._kept)
 
     @cached_property
     def _slopes(self) -> tuple[InclinationWeights, Slopes]:
@@ -207,9 +219,20 @@ class BentTubes:
         at_points[:, 2] = ends.weights @ of_ends
         weight_rates = (ends.by_length @ of_ends[:, -1])[:, None]
         at_points[:, 2, motions] += weight_rates * self._length_by_motions[ends.between]
-        matrix = at_points[..., : 3 * count].reshape(count, 3, count, 3)
+        return LoadResponses(unknowns, at_points)
+
+    @property
+    def at_points(self) -> Array:
+        """Return the responses at the load points, see `LoadResponses`."""
+        return self.responses.at_points if self.received is None else self.received
+
+    @cached_property
+    def compliance(self) -> Compliance:
+        """Return the responses at the load points as a function of loads and places."""
+        at_points, count = self.at_points, len(self.members)
         constant = at_points @ self._factors(np.zeros((count, 3)), np.zeros(count))
-        return LoadResponses(unknowns, at_points, matrix, at_points[..., motions], constant)
+        matrix = at_points[..., : 3 * count].reshape(count, 3, count, 3)
+        return Compliance(matrix, at_points[..., self._motion_columns], constant)
 
     def _right_sides(self) -> Array:
         """Return the loads (u, 4k + 1) to which the columns of `LoadResponses` respond."""
@@ -234,7 +257,7 @@ class BentTubes:
 
     def respond(self, loads: Array, positions: Array) -> Array:
         """Return displacements and inclinations (k, 3) by loads (k, 3) at positions (k,)."""
-        return self.responses.at_points @ self._factors(loads, positions)
+        return self.at_points @ self._factors(loads, positions)
 
     def distance(self, loads: Array, positions: Array) -> float:
         """Return the largest motion of a node by loads, from where it is linearised [m]."""
@@ -250,7 +273,10 @@ class BentTubes:
 
     def _displace(self, factors: Array) -> tuple[Array, Array]:
         """Return the unknowns' changes (u,) relative to the moving load points, and absolute."""
-        absolute = self.responses.unknowns @ factors
+        if self.received is not None and not factors[:-1].any():  # in the state itself
+            absolute = np.zeros(len(self.state.unknowns))
+        else:
+            absolute = self.responses.unknowns @ factors
         relative = absolute.copy()
         # The displacement is relative to the place, which moves along its member.
         motions = self.lines.axis * factors[self._motion_columns]
@@ -270,8 +296,16 @@ class BentTubes:
         """Return the tubes linearised about the state that these predict under loads."""
         structure = self.structure if structure is None else structure
         active = self._find_active(loads, positions, structure)
-        cuts, tangent = Cuts.of(structure, self.members, positions), self.tangent
+        cuts = Cuts.of(structure, self.members, positions)
         frame = structure.frame.cut(cuts.pieces, cuts.within, active)
+        state, is_near = self._predict(loads, cuts)
+        if not is_near or frame.layout is not self.frame.layout:
+            state = self._convert(state, frame, is_near)
+        lines = self.lines if structure is self.structure else Lines.of(structure, self.members)
+        return BentTubes(structure, self.members, positions, cuts, lines, frame, state)
+
+    def _predict(self, loads: Array, cuts: Cuts) -> tuple[BentState, bool]:
+        """Return the state under loads, and whether its nodes have moved to the cuts."""
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
         half_lengths = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
@@ -279,12 +313,16 @@ class BentTubes:
         factors = self._factors(loads, cuts.places if is_near else self.cuts.places)
         relative, absolute = self._displace(factors)
         force_changes, _ = self._force_changes(factors, absolute)
-        axial = tangent.forces.values[:, 0] + force_changes[:, 0]
-        state = BentState(tangent.unknowns + relative, loads, axial)
-        if not is_near or frame.layout is not self.frame.layout:
-            state = self._convert(state, frame, is_near)
-        lines = self.lines if structure is self.structure else Lines.of(structure, self.members)
-        return BentTubes(structure, self.members, positions, cuts, lines, frame, state)
+        axial = self.tangent.forces.values[:, 0] + force_changes[:, 0]
+        return BentState(self.state.unknowns + relative, loads, axial), is_near
+
+    def describe(self, loads: Array, positions: Array) -> tuple[Array, Array]:
+        """Return `values` of the state that these predict under loads, and `at_points` there."""
+        cuts, at_points = Cuts.of(self.structure, self.members, positions), self.at_points.copy()
+        at_points[..., -1] = self.respond(loads, cuts.places)
+        state, is_near = self._predict(loads, cuts)
+        bent = replace(self, state=state) if is_near else self.update(loads, positions)
+        return bent.values, at_points
 
     def _find_active(self, loads: Array, positions: Array, structure: Structure) -> Indices:
         """Return the blocks that given loads deform, see `UnloadedBlocks`."""
@@ -321,7 +359,7 @@ class BentTubes:
     def _complete(self, unknowns: Array) -> Array:
         """Return unknowns (u,) with those of undeformed tubes, which turn with their hinges."""
         completed = unknowns.copy()
-        for blocks in self.tangent.kept[0]:
+        for blocks in self._kept:
             blocks.complete(completed)
         return completed
 
@@ -329,14 +367,14 @@ class BentTubes:
         """Return the tubes' changes by p changes of loads (k, 3, p) and of positions (k, p)."""
         factors = np.concatenate([loads.reshape(-1, loads.shape[2]), motions])
         nodes = self.frame.displacements(self.responses.unknowns[:, :-1] @ factors)
-        inclinations = self.responses.at_points[:, 2, :-1] @ factors
+        inclinations = self.at_points[:, 2, :-1] @ factors
         lengths = (self._length_by_motions @ motions)[:, None]
         return TubeRates(nodes, inclinations, self.tangent.length_rates[..., None] * lengths)
 
     def displacements(self, loads: Array, positions: Array) -> Array:
         """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
         relative, _ = self._displace(self._factors(loads, positions))
-        return self.frame.displacements(self._complete(self.tangent.unknowns + relative))
+        return self.frame.displacements(self._complete(self.state.unknowns + relative))
 
     def end_forces(self, loads: Array, positions: Array) -> tuple[Array, Array]:
         """Return linear predictions of end forces (p, 6), and of unscaled axial forces (p,)."""

@@ -103,8 +103,8 @@ def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> Hel
         members=[robot.member_names[number] for number in contacts.members.tolist()],
         corners=contacts.corners.tolist(),
         unknowns=record.unknowns.tolist(),
-        places=record.places.tolist(),
         bent=record.bent.tolist(),
+        responses=record.responses.ravel().tolist(),
         squeeze_assumed=record.is_assumed,
     )
     if estimate is not None:
@@ -131,7 +131,7 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
         'pressures': len(robot.description.pressures) if message.pressures else 0,
         'corners': count,
         'unknowns': Places.of(count).size,
-        'places': count,
+        'responses': 3 * count * (4 * count + 1),
         'bent': len(message.bent),  # see `GripRecord.restore`
         'pose': 3,
         'squeeze': 1,
@@ -165,8 +165,8 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
         np.array(message.travel),
         contacts,
         np.array(message.unknowns),
-        np.array(message.places),
         np.array(message.bent),
+        np.array(message.responses).reshape(count, 3, -1),
         tuple(message.pressures) or None,
         estimate,
         message.squeeze_assumed,

@@ -7,6 +7,7 @@ from held_grips import APART, BOX, held, HOME
 from isotruss_ros.core import Disc
 from isotruss_ros.core.errors import GraspError, StructureError
 from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 import pytest
 
@@ -27,6 +28,7 @@ def test_restored_grip_has_the_margins_of_the_original_and_rolls_as_it(shape, an
     assert restored.pressures == pytest.approx(grip.pressures)
     assert restored.pose == pytest.approx(grip.pose, abs=1e-12)
     assert restored.state.forces == pytest.approx(grip.state.forces, abs=1e-9)
+    assert held_joints(restored) == pytest.approx(held_joints(grip), abs=1e-9)
     assert restored.sections.used == pytest.approx(grip.sections.used, abs=1e-5)
     assert restored.slip_margin(0.5) == pytest.approx(grip.slip_margin(0.5), rel=1e-3)
     there = grip.config.moved_to(grip.config.roller_positions + 0.003)

@@ -49,7 +49,7 @@ def test_grips_survive_a_round_trip():
         {'corners': [0]},
         {'unknowns': [0.0] * 10},
         {'unknowns': [float('inf')] * 11},
-        {'places': [0.1]},
+        {'responses': [0.1]},
         {'bent': [float('nan')]},
         {'pose_covariance': [-1.0] * 9},
     ],
