@@ -176,16 +176,6 @@ class Client:
         self.r.w.until(lambda: probe.seen['search'])
         return handle
 
-    def until_approaching(self):
-        """Send a goal, and return its handle once the rollers move; again if they were near."""
-        for _ in range(3):
-            handle, ended = self._begin_stage(PICK, PickObject.Feedback.APPROACHING, BEGUN)
-            if not ended.done():
-                return handle
-            self.hold()
-            self.let_go()
-        raise AssertionError(ended.result().result.message)
-
     def cancel_in_stage(self, goal, stage, back, progress):
         """Cancel a goal in a stage; again where that was over."""
         for _ in range(10):

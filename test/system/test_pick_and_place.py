@@ -60,17 +60,6 @@ def test_a_cancel_of_a_pick_leaves_the_robot_at_rest_and_its_grip_opens_again(cl
     assert client.execute(APART)[1].code == 0
 
 
-def test_a_pick_ends_where_a_node_under_it_is_killed_and_started_again(client):
-    client.let_go()
-    handle = client.until_approaching()
-    client.restart('manipulation')
-    status, result = client.end(handle)
-    assert (status, result.code) == (GoalStatus.STATUS_ABORTED, PickObject.Result.STOPPED)
-    assert ENDED.search(result.message)
-    client.r.check_rests()
-    assert client.execute(READY)[1].code in ANSWERS
-
-
 @pytest.mark.nightly
 def test_a_cancel_ends_the_goal_where_a_node_under_it_hangs(client):
     client.let_go()

@@ -50,12 +50,6 @@ def test_the_end_of_a_slow_loop_is_logged_with_its_lowest_rate(log):
     ]
 
 
-def test_a_reason_that_takes_the_place_of_another_is_logged(log):
-    hold(log, 'status', 'no twist', 200)
-    hold(log, 'status', 'no pose', 5)
-    assert log.lines == ['no twist', 'no longer, after 200 times: no twist', 'no pose']
-
-
 def test_alternating_reasons_are_logged_at_a_limited_rate(log):
     for _ in range(500):
         hold(log, 'status', 'a', 1)

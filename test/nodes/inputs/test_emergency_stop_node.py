@@ -70,12 +70,13 @@ def test_is_released_by_the_service_unless_the_last_message_is_true():
         assert w.command().any()
 
 
-def test_a_short_press_in_one_batch_stops():
+@pytest.mark.parametrize('releases', [1, 500])
+def test_a_press_stops_however_many_releases_follow_in_its_batch(releases):
     with probe.world(node()) as w:
-        stops = w.probe.create_publisher(Bool, 'emergency_stop', 10)
+        stops = w.probe.create_publisher(Bool, 'emergency_stop', 1000)
         w.until(lambda: stops.get_subscription_count() > 0)
         w.until_code(Status.OK, w.probe.send_all)
-        for pressed in (True, False):
+        for pressed in (True, *[False] * releases):
             stops.publish(Bool(data=pressed))
         until_stopped(w)
 

@@ -63,11 +63,6 @@ def test_a_path_from_the_mean_admits_noisy_readings(correct, seed):
     assert (off > goal.position_tolerance).mean() < 1e-3
 
 
-def test_a_path_without_noise_keeps_its_tolerance(correct):
-    _, goal = correct(DISPLACEMENT, 0.0)
-    assert goal.position_tolerance == pytest.approx(2.5e-3)
-
-
 def test_a_displacement_within_noise_is_not_corrected(correct):
     assert correct(1.2e-3, 10e-3) == ('', None)
 

@@ -190,3 +190,34 @@ def test_the_nodes_of_the_view_place_pick_and_move_in_mujoco(monkeypatch):
 def test_of_forty_disturbed_steps_none_is_aborted(monkeypatch, seed, sim_time):
     goals = (PICK, None, None, None, PLACE, PICK, None, None, None, PLACE)
     check_steps(monkeypatch, goals, seed, sim_time, is_held=False)
+
+
+FEATURES = 'corner_radius: 0.02, mass: 0.5, friction: 0.8'
+SHAPES = {
+    'ellipse': '{shape: ellipse, semi_axes: [0.12, 0.1], mass: 0.5, friction: 0.8}',
+    'box': '{shape: polygon, vertices: [[-0.12, -0.1], [0.12, -0.1], [0.12, 0.1], [-0.12, 0.1]],'
+    f'{FEATURES}}}',
+    'hexagon': '{shape: polygon, vertices: [[0.12, 0], [0.06, 0.104], [-0.06, 0.104], [-0.12, 0],'
+    f'[-0.06, -0.104], [0.06, -0.104]], {FEATURES}}}',
+}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(('shape', 'seed'), [('ellipse', 0), ('box', 3), ('hexagon', 0)])
+def test_an_object_is_picked_where_it_was_placed(monkeypatch, shape, seed):
+    rng = np.random.default_rng(seed)
+    start = np.array([0.6, 0.3, 0.0]) + rng.uniform(-1.0, 1.0, 3) * (0.03, 0.03, 3.0)
+    target = start + rng.uniform(-1.0, 1.0, 3) * (0.04, 0.04, 0.1)
+    shared = {'command_timeout': 0.5, 'object': SHAPES[shape]}
+    plant = {'plant': 'elastic', 'object_is_free': True, 'object_pose': start.tolist()}
+    nodes = [
+        maker(kind)(**shared, **(plant if kind is Simulator else {})) for kind in KINDS.values()
+    ]
+    path = Path(poses=[PoseStamped(pose=to_pose_message(Pose(*target.tolist())))])
+    with world(*nodes, enter=lambda w: connect(w, monkeypatch)) as w:
+        w.spin(1.0)
+        for goal in (PICK, MoveObject.Goal(path=path), PLACE, PICK):
+            result = end_of(w, goal)
+            assert result.code == 0, result.message
+            if isinstance(goal, MoveObject.Goal):
+                assert np.hypot(*(w.place() - target)[:2]) < 1e-2
