@@ -39,7 +39,6 @@ DEADLINE = 240.0
 
 
 def written(path):
-    """Return the JSON of a plan without its computing time."""
     result = json.loads(path.read_text())
     assert result.pop('computing_time') > 0.0
     return result

@@ -29,7 +29,6 @@ NEEDS = GraspRequirements(friction=0.7, count=1)
 
 @pytest.fixture(scope='module', params=some_now([False, True]), ids=['threads', 'processes'])
 def client(request):
-    """Return a client of two workers with a thread each."""
     cluster = distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=request.param, dashboard_address=None
     )

@@ -14,15 +14,12 @@ from isotruss_msgs.msg import GraspState, PlannedGrasp, StateEstimate
 from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.demo import processes, view
 from isotruss_ros.demo.figures import animate, draw_panels, FRAMES_PER_SECOND, SPEED_UP
-from isotruss_ros.demo.film import film
 from isotruss_ros.demo.gripping import slow_down
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL, run
 from isotruss_ros.demo.sensors import truth_table
-from isotruss_ros.demo.tables import motion_table
 from isotruss_ros.demo.verdict import print_verdict
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
-from mujoco_worlds import CENTER, needs_egl, needs_mujoco, record
 import numpy as np
 from PIL import Image
 import pytest
@@ -56,27 +53,6 @@ def test_pictures_are_written(tmp_path):
     animate(ROBOT, OBJECT_DIAMETER, records[1:2], tmp_path / 'demo.gif')
     with Image.open(tmp_path / 'demo.gif') as animation:
         assert animation.n_frames == math.ceil(FRAMES_PER_SECOND * up[-1].time / SPEED_UP)
-
-
-@needs_mujoco
-@needs_egl
-def test_frames_show_states_path_and_pull(tmp_path):
-    record(tmp_path / 'states')
-    times, x, y = np.arange(0.0, 1.0, 0.01), CENTER.real, CENTER.imag
-    snapshots = [Snapshot(t, np.zeros(2), Pose(x - 0.3 * t, y, 0.0)) for t in times]
-    still = PhaseRecord('approach', snapshots=snapshots[:50])
-    pulled = PhaseRecord('arc', pull=(0.0, -5.0, 0.0), pulled=(0.5, 1.0), snapshots=snapshots[50:])
-    film(tmp_path / 'states', [still, pulled], tmp_path / 'film.gif')
-    path, pull = [], []
-    with Image.open(tmp_path / 'film.gif') as animation:
-        assert animation.n_frames == 2 * math.ceil(0.5 * FRAMES_PER_SECOND / SPEED_UP)
-        for i in (0, animation.n_frames - 1):
-            animation.seek(i)
-            r, g, b = np.moveaxis(np.asarray(animation.convert('RGB')).astype(int), -1, 0)
-            path.append((g > np.maximum(r, b) + 25).sum())
-            pull.append((r > np.maximum(g, b) + 110).sum())
-    assert path[0] < 0.2 * path[1]
-    assert pull[1] > pull[0] + 50
 
 
 def test_a_slower_path_to_a_grasp_touches_at_the_same_point():
@@ -173,28 +149,6 @@ def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
     table = truth_table([record], ROBOT, 20.0)
     cells = [next(iter(column.cells)) for column in table.columns]
     assert cells == ['up', '+10', '-30', '-5', '1.0', '5.0', '2.0', '1.50']
-
-
-def test_the_squeeze_is_zero_only_where_no_force_was_near():
-    record = PhaseRecord('arc', pose_times=[0.0, 0.1, 0.2, 2.0], forces={0.0: [3.0], 0.21: [5.0]})
-    assert record.squeezes == [3.0, 3.0, 5.0, 0.0]
-    assert PhaseRecord('arc', pose_times=[0.0, 0.1]).squeezes == [0.0, 0.0]
-
-
-def test_the_columns_of_the_motion_table_add_up():
-    record = PhaseRecord(
-        'up',
-        commanded=np.array([0.09, 0.12, 0.0]),
-        accepted=np.array([0.0905, 0.12, np.radians(1.0)]),
-        measured=np.array([0.0965, 0.128, np.radians(3.5)]),
-        loop_rate=62.3,
-    )
-    table = motion_table([record])
-    _, executed, measured, error, turn, _, rate = (next(iter(c.cells)) for c in table.columns)
-    difference = np.fromstring(measured, sep=' ') - np.fromstring(executed, sep=' ')
-    assert np.hypot(*difference[:2]) == pytest.approx(float(error), abs=0.1)
-    assert difference[2] == pytest.approx(float(turn), abs=0.1)
-    assert rate == '62'
 
 
 def test_a_verdict_of_an_object_not_held_names_the_rate_of_a_starved_loop(capsys):

@@ -12,7 +12,6 @@ from isotruss_ros.demo.client import (
     DemoClient,
     DemoError,
     FINAL_HALTS,
-    measure_rates,
     REST_TIME,
 )
 from isotruss_ros.demo.gripping import find_unknown_offsets
@@ -29,7 +28,6 @@ ROBOT = load_robot('triangle')
 
 @pytest.fixture
 def other():
-    """Return a node beside the client's."""
     begin_context()
     yield rclpy.create_node('other')
     rclpy.shutdown()
@@ -37,32 +35,11 @@ def other():
 
 @pytest.fixture
 def client(other):
-    """Return the client."""
     return DemoClient(ROBOT.roller_names)
 
 
 def until(ready):
-    """Return the unmet conditions of a wait for one condition."""
     return lambda: [] if ready() else ['the condition']
-
-
-def test_a_full_queue_of_one_topic_does_not_delay_other_topics(client, other):
-    poses = other.create_publisher(PoseStamped, 'object_pose', 200)
-    statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)
-    both = until(lambda: poses.get_subscription_count() and statuses.get_subscription_count())
-    client.wait(both, lambda: None, 'discovery')
-    rounds = []
-
-    def publish():
-        rounds.append(None)
-        for _ in range(200):
-            poses.publish(PoseStamped())
-        if len(rounds) == 3:
-            statuses.publish(ManipulationStatus(message='heard'))
-        assert len(rounds) < 100
-
-    record = client.begin('flood')
-    client.wait(until(lambda: record.statuses), lambda: None, 'a status', meanwhile=publish)
 
 
 def test_rest_begins_anew_with_each_motion_of_object_or_rollers(client, other):
@@ -102,13 +79,6 @@ def test_a_wait_that_fails_names_each_unmet_condition_with_value_and_bound(other
     (first, second) = ROBOT.roller_names
     assert f'roller {first} is 5 mm; must be at most 1 mm' in str(failed.value)
     assert second not in str(failed.value)
-
-
-def test_the_lowest_rate_is_that_of_the_slowest_second():
-    times = np.concatenate([np.arange(0.0, 3.0, 0.01), np.arange(3.0, 4.5, 0.1), [4.51, 6.0]])
-    mean, lowest = measure_rates(times)
-    assert mean == pytest.approx(316 / 6.0)
-    assert lowest == 1.0
 
 
 @pytest.mark.parametrize('code', [*FINAL_HALTS, Status.HALT_STALE_JOINT_STATES])

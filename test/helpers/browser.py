@@ -59,7 +59,6 @@ def blue(colors: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def middle(found: tuple[np.ndarray, ...]) -> tuple[float, ...]:
-    """Return the mean row and column of pixels."""
     return tuple(float(np.mean(part)) for part in found)
 
 
@@ -78,7 +77,6 @@ def polite_browser(folder: Path) -> Path:
 
 
 def launch(playwright: Any, program: Path | str) -> Any:
-    """Return a browser."""
     return playwright.chromium.launch(
         executable_path=program,
         args=['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'],
@@ -113,5 +111,4 @@ def find_switch(page: Any) -> Any:
 
 
 def switch_control(page: Any) -> None:
-    """Click the switch of the control, once it is there."""
     find_switch(page).evaluate('box => box.click()')

@@ -24,7 +24,6 @@ def check_shape(shape, generator):
 
 
 def directions(generator):
-    """Return random unit vectors."""
     return np.exp(1j * generator.uniform(-np.pi, np.pi, SAMPLES))
 
 

@@ -65,14 +65,12 @@ class FakeBrowser:
             thread.start()
 
     def close(self) -> None:
-        """Disconnect."""
         self._closed.set()
         self._socket.close()
         for thread in self._threads:
             thread.join()
 
     def set(self, label: str, value: object) -> None:  # noqa: A003
-        """Set the value of a control."""
         message = {'type': 'GuiUpdateMessage', 'uuid': self.controls[label]}
         self.send(message | {'updates': {'value': value}})
 
@@ -100,7 +98,6 @@ class FakeBrowser:
         self.send_packed(msgspec.msgpack.encode(message))
 
     def send_packed(self, message: str | bytes) -> None:
-        """Send text or bytes."""
         self._socket.send(message)
 
     def _live(self) -> None:

@@ -23,11 +23,9 @@ class LinearRows(NamedTuple):
 
     @property
     def places(self):
-        """Return all displacements for each constraint."""
         return np.tile(np.arange(self.matrix.shape[1]), (len(self.matrix), 1))
 
     def slopes(self, points, chosen):
-        """Return derivatives."""
         return self.matrix[chosen]
 
     def linearize(self, points, displacements, multipliers, chosen):

@@ -78,7 +78,6 @@ def pressed_between(robot, module, share, deep, config=None):
 
 
 def random_pressed(rng):
-    """Return a configuration and a cylinder that is pressed in somewhere."""
     while True:
         kind = rng.choice([*robots.PRESETS, ''])
         robot = robots.preset(kind) if kind else robots.random_robot(int(rng.integers(2**32)))

@@ -30,7 +30,6 @@ LOOP = ('south/P-Q', 'south/Q-X', 'south/X-P')
 
 
 def numbers(members):
-    """Return the numbers of members."""
     return np.array([NINE.member_names.index(name) for name in members])
 
 

@@ -28,11 +28,9 @@ class Outcome:
         self._goal = goal
 
     def done(self) -> bool:
-        """Return whether there is a result."""
         return self._goal is None or self._goal.ended
 
     def result(self) -> SimpleNamespace:
-        """Return status and result."""
         if self._goal is None:
             return SimpleNamespace(status=GoalStatus.STATUS_UNKNOWN)
         status, result = self._goal.result()
@@ -47,7 +45,6 @@ class ManualActionClient:
         self._goals: dict[bytes, Goal] = {}
 
     def server_is_ready(self) -> bool:
-        """Return whether a node of the world offers the action."""
         return bool(self._world.find_servers(self._kind.Goal))
 
     def send_goal_async(self, request: Any, note: Callable[[Any], None], goal_id: Any) -> Future:

@@ -51,7 +51,6 @@ TRANSIENT, BEST_EFFORT = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.BES
 
 
 def match(offered: QoSProfile, requested: QoSProfile) -> bool:
-    """Return whether the middleware connects a publisher to a subscription."""
     durable = offered.durability == TRANSIENT or requested.durability != TRANSIENT
     reliable = offered.reliability != BEST_EFFORT or requested.reliability == BEST_EFFORT
     return durable and reliable
@@ -131,11 +130,9 @@ class Goal:
 
     @property
     def ended(self) -> bool:
-        """Return whether there is a result."""
         return self.accepted and self._result.done()
 
     def result(self) -> tuple[int, Any]:
-        """Return status of the action and result."""
         response = self._result.result()
         return response.status, response.result
 
@@ -167,14 +164,12 @@ class World(Watched):
     def begin(
         self, makers: Sequence[Callable[[], Node]], twist_type: type, sim_time: bool
     ) -> None:
-        """Make the probe and the nodes."""
         self.probe = Probe(twist_type, sim_time)
         self.nodes.append(self.probe)
         for make in makers:
             self.add(make())
 
     def add(self, node: Node) -> Node:
-        """Take one more node in."""
         self.nodes.append(node)
         return node
 
@@ -186,7 +181,6 @@ class World(Watched):
     # -- What stands in for rclpy --
 
     def read(self, clock: Clock) -> Time:
-        """Return the time of a clock."""
         if isinstance(clock, ROSClock) and clock.ros_time_is_active:
             return READ_CLOCK(clock)
         steady = clock.clock_type == ClockType.STEADY_TIME
@@ -207,7 +201,6 @@ class World(Watched):
             self._latched[publisher, topic] = sent
 
     def count_subscriptions(self, publisher: Publisher) -> int:
-        """Return how many subscriptions a publisher is connected to."""
         topic, offered = self._resolve(publisher), publisher.qos_profile
         return sum(
             self._resolve(s) == topic and match(offered, s.qos_profile)

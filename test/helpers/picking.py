@@ -64,11 +64,9 @@ class Client:
         self.feedback = []
 
     def start(self, name):
-        """Start a node."""
         self.r.start(name, **self._values[name])
 
     def restart(self, name):
-        """Kill a node, and start it again."""
         self.r.signal(name, signal.SIGKILL)
         self.start(name)
 
@@ -125,7 +123,6 @@ class Client:
         return sent.result()
 
     def end(self, handle):
-        """Return status and result of a goal."""
         found = self.r.w.ask(handle.get_result_async)
         return found.status, found.result
 
@@ -202,6 +199,5 @@ class Client:
 
 
 def path_to(x, y):
-    """Return a path of one pose."""
     pose = PoseStamped(pose=to_pose_message(Pose(x, y, 0.0)))
     return PathMessage(poses=[pose])

@@ -21,7 +21,6 @@ node = maker(GraspPlanner, command_timeout=5.0)
 
 
 def goal(center=CENTER, frame='truss', **fields):
-    """Return a goal."""
     pose = PoseStamped()
     pose.header.frame_id = frame
     pose.pose.position.x, pose.pose.position.y = center

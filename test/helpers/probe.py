@@ -55,7 +55,6 @@ N = len(ROBOT.roller_names)
 
 
 def overrides(**values: object) -> list[Parameter]:
-    """Return parameters by name."""
     return [Parameter(name, value=value) for name, value in values.items()]
 
 
@@ -123,7 +122,6 @@ class Probe(Node):
         self.seen[key].append((time.monotonic(), message))
 
     def last(self, key: str) -> object | None:
-        """Return the last message of an output."""
         return self.seen[key][-1][1] if self.seen[key] else None
 
     def past(self, age: float) -> float:
@@ -135,7 +133,6 @@ class Probe(Node):
         self.clock.publish(Clock(clock=Time(nanoseconds=round(1e9 * time_of)).to_msg()))
 
     def send_twist(self, twist: tuple[float, float, float] = UP) -> None:
-        """Publish a twist."""
         self.twists.publish(to_twist_message(twist))
 
     def send_joints(self, age: float = 0.0, **changes: object) -> None:
@@ -167,7 +164,6 @@ class Probe(Node):
         self._states.publish(state)
 
     def send_pressures(self, pressures: Sequence[float]) -> None:
-        """Publish the pressures of the tubes."""
         for tube, pressure in zip(ROBOT.description.pressures, pressures, strict=True):
             header = make_header(self.past(0.0), tube)
             self.gauges.publish(FluidPressure(header=header, fluid_pressure=float(pressure)))
@@ -178,13 +174,11 @@ class Probe(Node):
         age: float = 0.0,
         frame: str = 'truss_object_aligned',
     ) -> None:
-        """Publish an external wrench on the object."""
         message = WrenchStamped(wrench=to_wrench_message(wrench))
         message.header = make_header(self.past(age), frame)
         self.wrenches.publish(message)
 
     def send_command(self, velocities: Sequence[float]) -> None:
-        """Publish velocities of the rollers."""
         self.commands.publish(Float64MultiArray(data=list(map(float, velocities))))
 
     def send_all(self) -> None:
@@ -210,7 +204,6 @@ class Watched:
     call: Callable[[str, object], Any]
 
     def spin(self, duration: float, each: Callable[[], None] = lambda: None) -> None:
-        """Let some time pass."""
         end = time.monotonic() + duration - 1e-9
         self.until(lambda: time.monotonic() >= end, each)
 
@@ -230,12 +223,10 @@ class Watched:
         return self.probe.last(key)
 
     def code(self, key: str = 'status') -> int | None:
-        """Return the last code of a node."""
         report = self.probe.last(key)
         return None if report is None else report.code
 
     def command(self) -> np.ndarray:
-        """Return the last roller command."""
         message = self.probe.last('command')
         return np.full(N, math.nan) if message is None else np.array(message.data)
 
@@ -262,7 +253,6 @@ class Watched:
         return DiagnosticStatus(level=DiagnosticStatus.STALE)
 
     def detail(self, key: str, name: str = 'manipulation') -> str:
-        """Return a value of the last diagnostics of a node."""
         return {item.key: item.value for item in self.report(name).values}.get(key, '')
 
 
@@ -285,13 +275,11 @@ class World(Watched):
             self.executor.add_node(node)
 
     def add(self, node: ManagedNode) -> ManagedNode:
-        """Take one more node in."""
         self.nodes.append(node)
         self.executor.add_node(node)
         return node
 
     def call(self, name: str, request: object) -> object:
-        """Return the response of a service."""
         if name not in self._clients:
             kind = type(request).__name__.removesuffix('_Request')
             service = getattr(sys.modules[type(request).__module__], kind)
@@ -328,7 +316,6 @@ class World(Watched):
             self.executor.spin_once(timeout_sec=min(period, 0.005))
 
     def close(self) -> None:
-        """Take everything down."""
         self.executor.shutdown()
         for node in self.nodes:
             node.destroy_node()
@@ -353,7 +340,6 @@ class Manager:
         return self._world.call(f'{self._name}/change_state', wanted).success
 
     def state(self) -> str:
-        """Return the label of the state."""
         state = self._world.call(f'{self._name}/get_state', GetState.Request())
         return state.current_state.label
 

@@ -117,7 +117,6 @@ def random_convex_grip(robot, rng, kind, count=2, flat=False):
 
 
 def scaled(shape, factor):
-    """Return a shape of another size."""
     if isinstance(shape, Disc):
         return Disc(factor * shape.diameter)
     if isinstance(shape, Ellipse):

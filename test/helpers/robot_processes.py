@@ -43,7 +43,6 @@ class Robot:
         self._started = 0
 
     def start(self, name: str, **values: object) -> None:
-        """Start a node."""
         self._started += 1
         log = self._logs / f'{self._started}-{name}.log'
         self.alive[name] = NodeProcess(name, {'command_timeout': TIMEOUT} | values, log)

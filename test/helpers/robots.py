@@ -90,7 +90,6 @@ def example():
 
 
 def preset_document(name):
-    """Return the document of a preset."""
     path = find_robot_file(name)
     return YAML(typ='safe', pure=True).load(path.read_text(encoding='utf-8'))
 
@@ -168,7 +167,6 @@ def dense_matrix(config):
 
 
 def far_state(robot, rng, reach):
-    """Return a configuration farther from home, if there is one."""
     try:
         return random_state(robot, rng, reach)
     except ConfigurationError:
@@ -228,14 +226,12 @@ def side_ends(config, module):
 
 
 def robots(kinds=KINDS):
-    """Return a strategy of robots that can work."""
     return strategies.builds(
         random_robot, strategies.integers(0, 2**32 - 1), strategies.sampled_from(kinds)
     )
 
 
 def generators():
-    """Return a strategy of random number generators."""
     return strategies.integers(0, 2**32 - 1).map(np.random.default_rng)
 
 

@@ -41,7 +41,6 @@ def sampled(shape, count, begin, away=0j):
 
 
 def random_shape(generator, size=0.2):
-    """Return a disc, an ellipse or a polygon."""
     kind = generator.integers(4)
     if kind == 0:
         return Disc(2.0 * size * generator.uniform(0.3, 1.0))

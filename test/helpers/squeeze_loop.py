@@ -66,7 +66,6 @@ class SqueezeLoop:
 
     @property
     def statuses(self):
-        """Return the statuses of all cycles."""
         return [decision.command.status for decision in self.decisions]
 
     def cycle(self, twist=(0.0, 0.0, 0.0), elapsed=None, away=(0.0, 0.0, 0.0), **inputs):

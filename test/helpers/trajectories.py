@@ -17,7 +17,6 @@ TOPIC = 'joint_trajectory_controller/joint_trajectory'
 
 
 def lasting(seconds):
-    """Return a duration."""
     sec = math.floor(seconds)
     return Duration(sec=sec, nanosec=round(1e9 * (seconds - sec)))
 

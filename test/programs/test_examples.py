@@ -66,12 +66,10 @@ NOTEBOOK = Path(__file__).parents[2] / 'examples' / 'held_object.ipynb'
 
 @pytest.fixture(scope='module')
 def both():
-    """Return the notebook as it is saved, and as it runs."""
     return json.loads(NOTEBOOK.read_text(encoding='utf-8')), notebooks.run(NOTEBOOK)
 
 
 def outputs(notebook, kind):
-    """Return the outputs of a kind, cell after cell."""
     result = [output for cell in notebook['cells'] for output in cell.get('outputs', [])]
     return [output['data'].get(kind) if 'data' in output else output['text'] for output in result]
 

@@ -38,7 +38,6 @@ class Results(dict):
 
 @pytest.fixture(scope='module')
 def results():
-    """Return the results, which the tests share."""
     return Results()
 
 

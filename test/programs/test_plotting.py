@@ -3,13 +3,10 @@
 
 """Robots and grasps drawn in one call."""
 
-from types import SimpleNamespace
-
 from isotruss_ros.core import ConvexObject, load_robot, settle_grasp, tangent_center
 from isotruss_ros.plotting import plot_grasp, plot_robot
 from isotruss_ros.plotting.grasp_drawing import describe_contacts
 from matplotlib.figure import Figure
-import numpy as np
 import pytest
 
 ROBOT = load_robot('nine_member')
@@ -19,7 +16,6 @@ BODY = ConvexObject.disc(CENTER, 0.3)
 
 @pytest.fixture
 def axes():
-    """Return axes of one's own."""
     return Figure().add_subplot()
 
 
@@ -39,18 +35,3 @@ def test_a_grasp_is_drawn_with_its_forces_and_contact_lengths(axes):
     assert 0.5 * (x[0] + x[1]) == pytest.approx(CENTER[0])
     # One arrow for each member that presses.
     assert len(axes.texts) == len(grip.member_names)
-
-
-@pytest.mark.parametrize(
-    ('forces', 'lengths', 'words'),
-    [
-        ((21.8, 22.3), (0.039, 0.0412), '22 N each, contact 39 + 41 mm'),
-        ((21.8, 23.3), (0.0391, 0.0389), '22 + 23 N, contact 39 mm each'),
-        ((7.0,), (0.03,), '7 N, contact 30 mm'),
-        ((7.0, 8.0), (), '7 + 8 N'),
-    ],
-)
-def test_contacts_are_described_by_forces_and_lengths(forces, lengths, words):
-    patches = SimpleNamespace(lengths=np.array(lengths))
-    grip = SimpleNamespace(normal_forces=np.array(forces), patches=patches)
-    assert describe_contacts(grip) == words

@@ -30,13 +30,11 @@ NODES = {
 
 
 def start(r, name, **values):
-    """Start a node."""
     r.start(name, **NODES[name], **values)
 
 
 @pytest.fixture(scope='module')
 def processes(shared_domain, tmp_path_factory):
-    """Return the robot of all tests, of which nothing runs yet."""
     with robot(tmp_path_factory.mktemp('nodes')) as made:
         yield made
 
@@ -54,7 +52,6 @@ def r(processes, request):
 
 
 def release(r):
-    """Release an emergency stop."""
     r.w.probe.stops.publish(Bool(data=False))
     r.w.until(lambda: r.w.release_stop().success)
 

@@ -36,7 +36,6 @@ ENDED = re.compile('has lost the goal|no node offers the action|has sent no feed
 
 @pytest.fixture(scope='module')
 def shared(shared_domain, tmp_path_factory):
-    """Return the client that all tests use."""
     with robot(tmp_path_factory.mktemp('nodes')) as r:
         yield Client(r)
 

@@ -23,7 +23,6 @@ PATIENT = {'command_timeout': 5.0}
 
 @pytest.fixture
 def w():
-    """Return a world of processes only."""
     with world() as made:
         yield made
 

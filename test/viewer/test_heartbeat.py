@@ -16,7 +16,6 @@ BROWSER, LEAST, PERIOD = 3, 0.5, 0.05
 
 @pytest.fixture(scope='module')
 def server():
-    """Return a server without pages."""
     server = viser.ViserServer(port=0, verbose=False)
     yield server
     server.stop()
@@ -52,14 +51,12 @@ class Page:
 
     @property
     def is_lost(self):
-        """Return whether the page has lost control."""
         delay = self.heartbeats.delay(BROWSER, self.now)
         return delay > self.heartbeats.timeout(BROWSER, LEAST)
 
 
 @pytest.fixture
 def page(server):
-    """Return a page on a clock of its own."""
     return Page(server)
 
 

@@ -32,7 +32,6 @@ TURNS = st.builds(Quaternion, x=NUMBERS, y=NUMBERS, z=NUMBERS, w=NUMBERS)
 
 
 def some(strategy, longest=12):
-    """Return lists of up to so many values."""
     return st.lists(strategy, max_size=longest)
 
 
@@ -76,7 +75,6 @@ RECEIVED = {
 
 @pytest.fixture(scope='module')
 def view():
-    """Return a view of a robot at home."""
     pytest.importorskip('viser')
     from isotruss_ros.viewer.view import View
 
@@ -116,7 +114,6 @@ def test_a_picture_has_position_and_angle_of_the_object():
 
 
 def marker(name, *points):
-    """Return a message with one marker."""
     return MarkerArray(markers=[Marker(ns=name, points=points)])
 
 

@@ -29,27 +29,23 @@ REFUSED, ACCEPTED = 403, 101
 
 @contextlib.contextmanager
 def served(host):
-    """Serve a view at any free port."""
     with contextlib.closing(View(Picture(ROBOT, 0.3), host, 0)) as view:
         yield view
 
 
 @pytest.fixture(scope='module')
 def local():
-    """Return a view of this machine only."""
     with served('127.0.0.1') as view:
         yield view
 
 
 @pytest.fixture(scope='module')
 def public():
-    """Return a view at all addresses of this machine."""
     with served('0.0.0.0') as view:
         yield view
 
 
 def handshake(view, origin, query='', cookie='', address='127.0.0.1'):
-    """Return the status of the answer to a client that asks for the websocket."""
     try:
         with connect(
             f'ws://{address}:{view.server.get_port()}/{query}',
@@ -63,7 +59,6 @@ def handshake(view, origin, query='', cookie='', address='127.0.0.1'):
 
 
 def fetch(view, query='', address='127.0.0.1'):
-    """Return the status and the headers of the page."""
     page = f'http://{address}:{view.server.get_port()}/{query}'
     try:
         with urllib.request.urlopen(page, timeout=60) as answer:
@@ -73,7 +68,6 @@ def fetch(view, query='', address='127.0.0.1'):
 
 
 def token_of(view):
-    """Return the query of an address that has a token."""
     return '?' + view.address.partition('/?')[2]
 
 

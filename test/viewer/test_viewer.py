@@ -33,13 +33,11 @@ DURATION, STEP = 10.0, 0.05
 
 @pytest.fixture
 def panels():
-    """Return the module of the panels, which needs viser."""
     return pytest.importorskip('isotruss_ros.viewer.panels')
 
 
 @pytest.fixture
 def picture():
-    """Return a picture without messages."""
     return Picture(ROBOT, 0.3)
 
 
@@ -158,7 +156,6 @@ def test_deleted_markers_of_the_analysis_are_not_drawn(picture):
 
 
 def tell(picture, code, now=0.0, **values):
-    """Give a picture a status of the manipulation."""
     picture.receive_status(ManipulationStatus(code=code, squeeze=math.nan, **values), now)
 
 
@@ -170,16 +167,6 @@ def test_a_missing_twist_is_a_halt_only_during_a_drag(picture, goal, words):
     picture.goal = goal
     tell(picture, Status.HALT_NO_TWIST, message='twist: 0.3 s old')
     assert picture.describe_manipulation(0.0) == f'manipulation: {words}'
-
-
-def test_the_named_limit_of_a_motion_is_the_most_frequent_one(picture):
-    tell(picture, Status.HALT_NO_GRASP, 0.0)
-    for step in range(8):
-        tell(picture, Status.SLOWED_RIGIDITY, 3.0 + 0.1 * step, scale=0.1, message=f'{step}')
-    tell(picture, Status.SLOWED_RIGIDITY, 3.85, scale=0.01, message='slowest')
-    tell(picture, Status.SLOWED_ROLLER_SPEED, 3.9, scale=0.99)
-    tell(picture, Status.OK, 3.95, scale=1.0)
-    assert picture.describe_hindrance(4.0, 2.0) == 'manipulation: slowed rigidity: slowest'
 
 
 def test_texts_of_other_nodes_are_not_rendered_as_markup(panels, picture):

@@ -26,7 +26,6 @@ checking = maker(CheckRollers, settle_time=0.5, speed=0.04)
 
 
 def refused(words):
-    """Return a context that expects an error of a measurement."""
     return pytest.raises(MeasurementError, match=words)
 
 

@@ -31,7 +31,6 @@ plant = maker(
 
 
 def calibrating(tmp_path):
-    """Return a function that makes the node."""
     return lambda: Calibration(overrides(output=str(tmp_path / 'mine.yaml')))
 
 

@@ -18,7 +18,6 @@ node = maker(Simulator, plant='mujoco', friction=0.8, indentation=0.01, rate=100
 
 
 def drive(w, velocities):
-    """Return a call that sends a command."""
     return lambda: w.probe.send_command(velocities)
 
 

@@ -19,7 +19,6 @@ HELD = {'object_diameter': 0.2, 'friction': 0.8}
 
 
 def plant():
-    """Return MuJoCo's plant with an object in its grip."""
     return Simulator(overrides(plant='mujoco', indentation=0.01, **HELD))
 
 
@@ -27,7 +26,6 @@ manipulation = maker(Manipulation, **HELD)
 
 
 def pluck():
-    """Return the node that plucks."""
     return Pluck(overrides(object_diameter=0.2))
 
 

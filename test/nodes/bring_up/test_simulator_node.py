@@ -21,23 +21,9 @@ node = maker(Simulator)
 
 
 def only(roller, speed=SPEED):
-    """Return a command in which one roller moves."""
     velocities = np.zeros(N)
     velocities[roller] = speed
     return velocities
-
-
-def test_publishes_state_and_pose_of_home():
-    with world(node(rate=50.0)) as w:
-        w.until(lambda: len(w.probe.seen['pose']) > 20)
-        joints, pose = w.probe.last('joints'), w.probe.last('pose')
-        assert tuple(joints.name) == ROBOT.roller_names
-        assert list(joints.position) == [0.0] * N
-        assert list(joints.velocity) == [0.0] * N
-        assert pose.header.frame_id == 'truss'
-        assert (pose.pose.position.x, pose.pose.position.y) == pytest.approx(CENTER)
-        stamps = [read_stamp(message.header) for _, message in w.probe.seen['joints']]
-        assert np.mean(np.diff(stamps)) > 0.014  # a busy machine is only slower
 
 
 def test_travel_is_the_integral_of_the_commands():

@@ -26,7 +26,6 @@ COMMAND = [0.0, 0.02, *[0.0] * (N - 2)]
 
 
 def moving(w):
-    """Return whether the second roller turns."""
     last = w.probe.last('joints')
     return last is not None and last.velocity[1] > 0.0
 
@@ -38,13 +37,10 @@ class SimulatedTime:
         self.w, self.now = w, now
 
     def is_known(self):
-        """Return whether the clock of every node reads the present time."""
         clocks = [node.get_clock() for node in self.w.nodes]
         return all(abs(1e-9 * c.now().nanoseconds - self.now) < 1e-6 for c in clocks)
 
     def run(self, send=lambda: None):
-        """Return a call that lets time go on and sends."""
-
         def advance():
             if self.is_known():
                 send()
@@ -60,7 +56,6 @@ class SimulatedTime:
 
 
 def simulated(make, *others):
-    """Return a world of nodes that go by simulated time."""
     makers = [kind(use_sim_time=True) for kind in (make, *others)]
     return world(*makers, sim_time=True)
 

@@ -50,7 +50,6 @@ def vary(message, rng):
 
 
 def _replace(message, rng):
-    """Replace one field of a message, or of one in it."""
     types = getattr(message, 'get_fields_and_field_types', lambda: vars(message))
     name = str(rng.choice(list(types())))
     value = getattr(message, name)
@@ -102,7 +101,6 @@ COUNT = max(20, round(300 * SHARE))
 
 
 def path(*steps):
-    """Return a path of the object from where the probe puts it."""
     poses = np.cumsum([(*CENTER, 0.3), *steps], axis=0)
     poses = [PoseStamped(pose=to_pose_message(Pose(*pose))) for pose in poses.tolist()]
     return Path(header=IN_TRUSS, poses=poses)

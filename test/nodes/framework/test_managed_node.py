@@ -75,14 +75,12 @@ class Toy(ManagedNode):
         return {'steps': len(self.steps)}
 
     def entities(self):
-        """Return the number of entities of rclpy."""
         kinds = (self.timers, self.subscriptions, self.services, self.publishers, self.waitables)
         return sum(len(list(kind)) for kind in kinds)
 
 
 @pytest.fixture
 def waiting():
-    """Bring up a node that waits unconfigured."""
     with world(lambda: Toy(autostart=False)) as w:
         yield w.nodes[1], Manager(w, 'toy'), w
 

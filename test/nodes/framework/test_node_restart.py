@@ -25,8 +25,6 @@ class Clients:
         self.before = lambda: None
 
     def create_client(self, kind, name):
-        """Return a client."""
-
         def call(request):
             self.before()
             response = Future()
@@ -39,7 +37,6 @@ class Clients:
 
 @pytest.fixture
 def w():
-    """Return a simulator, elastic."""
     with world(lambda: Simulator(overrides(plant='elastic', friction=0.8))) as w:
         yield w
 

@@ -25,12 +25,10 @@ NAMES = ROBOT.topology.joint_names
 
 
 def vector(kind, values):
-    """Return a vector as a message."""
     return kind(**dict(zip('xyz', map(float, values), strict=True)))
 
 
 def quaternion(turn):
-    """Return a rotation as a message."""
     return Quaternion(**dict(zip('xyzw', turn.as_quat().tolist(), strict=True)))
 
 
@@ -47,13 +45,11 @@ class Buffer:
 
 
 def pose(position, turn, frame='camera'):
-    """Return a measured pose of an object."""
     placed = PoseMessage(position=vector(Point, position), orientation=quaternion(turn))
     return PoseStamped(header=Header(frame_id=frame, stamp=STAMP), pose=placed)
 
 
 def markers(places, frame='camera'):
-    """Return measured joints."""
     message = to_joint_markers({name: place[:2] for name, place in places.items()})
     for transform, place in zip(message.transforms, places.values(), strict=True):
         transform.translation.z = float(place[2])

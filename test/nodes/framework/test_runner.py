@@ -58,13 +58,11 @@ def until(executor, probe, holds, send=lambda: None):
 
 
 def moving(probe):
-    """Return whether the last command moves the rollers."""
     command = probe.last('command')
     return command is not None and any(command.data)
 
 
 def move(executor, probe):
-    """Spin until a twist moves the rollers."""
     until(executor, probe, lambda: moving(probe), probe.send_all)
 
 

@@ -33,11 +33,9 @@ class Server:
         self.supervised = []
 
     def server_is_ready(self):
-        """Return whether the server is there."""
         return self.ready
 
     def publish(self, info):
-        """Hear from the client."""
         self.supervised.append(bytes(info.goal_id.uuid))
 
     def _get_result_async(self, handle):
@@ -51,19 +49,16 @@ class Server:
         return answer
 
     def send_goal_async(self, _goal, feedback, goal_id):
-        """Send a goal."""
         self.goals += 1
         self.feedback, self.goal_id = feedback, bytes(goal_id.uuid)
         self.knows_goal = True
         return self.sent
 
     def accept(self, accepted=True):
-        """Answer the goal."""
         self.knows_goal = accepted
         self.sent.set_result(SimpleNamespace(accepted=accepted, cancel_goal_async=self._cancel))
 
     def end(self, result):
-        """End the goal."""
         self.ended.set_result(SimpleNamespace(status=GoalStatus.STATUS_SUCCEEDED, result=result))
 
     def _cancel(self):
@@ -72,14 +67,12 @@ class Server:
 
 @pytest.fixture
 def server(monkeypatch):
-    """Return the server of every action."""
     server = Server()
     monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: server)
     return server
 
 
 def run(server, silence=inf, **checks):
-    """Return the steps of a goal."""
     step = ActionStep(None, None, 'work', server.publish, lambda: silence)
     return step.run('goal', lambda feedback: feedback, **checks)
 
@@ -95,7 +88,6 @@ def begun(server, accepted=True, **options):
 
 
 def last_of(steps, most=10 * RETRY_TICKS):
-    """Return what the steps return, or raise what they raise."""
     for _ in range(most):
         try:
             next(steps)

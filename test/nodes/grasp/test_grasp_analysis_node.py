@@ -43,7 +43,6 @@ def feed(w, **pose):
 
 
 def until_ok(w):
-    """Bring the node to an answer and return it."""
     return w.until_code(GraspCode.OK, feed(w), 'state')
 
 

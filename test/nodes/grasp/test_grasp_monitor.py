@@ -38,18 +38,15 @@ WRENCH = (0.5, -2.0, 0.1)
 
 
 def at(positions, velocities=0.0 * HOME):
-    """Return a roller state."""
     return RollerState(np.asarray(positions, dtype=float), np.asarray(velocities))
 
 
 def question(**changes):
-    """Return a query about the grasp at home, with changes."""
     body = ConvexObject.disc(CENTER, DIAMETER)
     return GraspQuery((), body, FRICTION, (0.0, 0.0, 0.0), SPACING)._replace(**changes)
 
 
 def monitor(query=None, **changes):
-    """Return a monitor with valid inputs at NOW, with changes."""
     result = GraspMonitor(ROBOT, query or question(), TIMEOUT, LatestInputs())
     inputs = {'rollers': at(HOME), 'pose': POSE, 'wrench': WRENCH}
     inputs = {name: StampedInput(value, NOW) for name, value in inputs.items()}
@@ -59,7 +56,6 @@ def monitor(query=None, **changes):
 
 
 def assert_no_answer(report, code):
-    """Check that there is a reason and nothing else."""
     assert report.code is code
     assert report.message
     assert report.grasp is None
@@ -106,7 +102,6 @@ def test_time_of_the_result_is_that_of_the_older_input():
 
 
 def figures_of(grasp):
-    """Return figures of a grasp that each input changes."""
     analysis = grasp.analysis
     return analysis.normal_forces.tolist(), analysis.closure_residual, grasp.settled.slip_margin
 

@@ -146,7 +146,6 @@ def test_the_path_of_a_carry_turns_the_shorter_way():
 
 
 def seconds(duration):
-    """Return a duration in seconds."""
     return duration.sec + 1e-9 * duration.nanosec
 
 
@@ -230,7 +229,6 @@ def planner():
 
 
 def ended(w, handle):
-    """Return how a goal ended."""
     w.until(lambda: handle.ended)
     return handle.result()
 

@@ -25,7 +25,6 @@ DEADLINE = 240.0
 
 
 def answer_of(searcher):
-    """Return the answer of a search."""
     deadline = time.monotonic() + DEADLINE
     while (answer := searcher.answer()) is None:
         assert time.monotonic() < deadline

@@ -60,12 +60,10 @@ def listening(*makers):
 
 
 def last_estimate(w):
-    """Return the last message."""
     return w.probe.last('estimate')
 
 
 def send_markers(w, joints, age=0.0):
-    """Publish joints by name."""
     message = to_joint_markers(joints)
     message.header = make_header(w.probe.past(age), 'truss')
     w.markers.publish(message)

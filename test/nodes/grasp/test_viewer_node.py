@@ -46,7 +46,6 @@ def viewed(**values):
 
 
 def moves(w):
-    """Return whether the last twist moves."""
     twist = w.probe.last('twist')
     return twist is not None and twist != Twist()
 
@@ -68,21 +67,6 @@ def test_a_drag_under_a_stop_publishes_no_twist_that_moves():
         browser.set('force x [N]', 5.0)  # taken after the drag
         w.until(lambda: pulls(w), w.probe.send_pose)
         assert len(w.probe.seen['twist']) == count
-
-
-def test_the_progress_of_a_drag_counts_on_the_clock_of_the_robot():
-    with viewed(use_sim_time=True) as (w, node, browser):
-
-        def tick(time_of):
-            w.probe.tick(time_of)
-            w.probe.send_pose()
-
-        w.until(lambda: node.now() == 100.0, lambda: tick(100.0))
-        browser.drag('handle', 'start', 0.5, 0.5)
-        # Twenty twists a second, until 2 s without progress have passed for everybody else.
-        w.until(lambda: len(w.probe.seen['twist']) > 60 and moves(w), w.probe.send_pose)
-        assert not node.picture.goal_report
-        w.until(lambda: 'no progress' in node.picture.goal_report, lambda: tick(103.0))
 
 
 def test_a_stop_in_the_status_prevents_drags_until_its_release():
@@ -121,7 +105,6 @@ class BrokenShape(Disc):
     """Shape of a user, whose outline cannot be computed."""
 
     def outline(self, spacing):
-        """Raise an error."""
         raise ZeroDivisionError('the outline of a user')
 
 

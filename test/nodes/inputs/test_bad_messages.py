@@ -47,7 +47,6 @@ FOREVER = 10**5
 
 
 def check_command(command, status):
-    """Check the bounds of a command, and zero for a halt."""
     assert command.shape == (N,)
     assert np.isfinite(command).all()
     assert np.abs(command).max() <= MAX_SPEED + 1e-9
@@ -102,7 +101,6 @@ INPUTS = [
 
 
 def code_of(codes, fault, topic):
-    """Return the code of a fault of an input in the report of a node."""
     words = {'cmd_vel': 'TWIST', 'external_wrench': 'EXTERNAL_WRENCH'}.get(topic, topic.upper())
     name = fault + words if fault.endswith('_') else fault
     if codes is GraspCode:
@@ -111,7 +109,6 @@ def code_of(codes, fault, topic):
 
 
 def send_input(w, topic, stamp=None, **changes):
-    """Publish an input, good but for its changes."""
     send = {
         'joint_states': w.probe.send_joints,
         'object_pose': w.probe.send_pose,

@@ -55,12 +55,10 @@ coordinates = st.floats(-100.0, 100.0)
 
 
 def joint_states(**changes):
-    """Return joint states at home, with changes."""
     return JointState(**({'name': NAMES, 'position': [0.0] * N} | changes))
 
 
 def object_pose(frame=FRAME, **changes):
-    """Return a pose, with changes."""
     pose = PoseMessage(position=Point(x=CENTER[0], y=CENTER[1]), orientation=Quaternion(w=1.0))
     for name, value in changes.items():
         setattr(pose, name, value)
@@ -68,13 +66,11 @@ def object_pose(frame=FRAME, **changes):
 
 
 def wrench(frame=f'{FRAME}_object_aligned', **components):
-    """Return a wrench with components fx, fy, m."""
     values = [components.get(name, 0.0) for name in ('fx', 'fy', 'm')]
     return WrenchStamped(header=Header(frame_id=frame), wrench=to_wrench_message(values))
 
 
 def pressure(tube, value):
-    """Return the pressure of a tube."""
     return FluidPressure(header=Header(frame_id=tube), fluid_pressure=value)
 
 

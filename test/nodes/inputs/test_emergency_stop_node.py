@@ -16,7 +16,6 @@ from std_srvs.srv import Trigger
 
 
 def press(w, pressed=True):
-    """Publish the state of the stop button."""
     w.probe.stops.publish(Bool(data=pressed))
 
 

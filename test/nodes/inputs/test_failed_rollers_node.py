@@ -21,7 +21,6 @@ node = maker(Manipulation)
 
 
 def names_in(w):
-    """Return the failed rollers of the last status."""
     status = w.probe.last('status')
     return () if status is None else tuple(status.failed_rollers)
 
@@ -126,7 +125,6 @@ def test_a_roller_that_does_not_move_is_detected_and_held_until_reset():
 
 
 def named(w):
-    """Return which rollers the next status names."""
     w.probe.seen['status'].clear()
     w.until(lambda: bool(w.probe.seen['status']), w.probe.send_all)
     return names_in(w)

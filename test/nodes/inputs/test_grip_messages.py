@@ -19,7 +19,6 @@ ESTIMATE = GripEstimate(np.array([0.5, 0.4, 0.1]), 1e-6 * np.eye(3), 20.0, 3.0, 
 
 
 def message():
-    """Return the message of a grip, as it comes over the network."""
     record = GripRecord.of(GRIP, ESTIMATE, is_assumed=True)
     packed = serialize_message(to_grip_message(record, NINE, 2.5))
     return deserialize_message(packed, HeldGrip)

@@ -29,14 +29,12 @@ estimator = maker(StateEstimatorNode)
 
 
 def codes(w, begin=Status.OK):
-    """Return all statuses since the first one of a code."""
     reported = [message.code for _, message in w.probe.seen['status']]
     return set(reported[reported.index(begin) :])  # noqa: E203
 
 
 @contextlib.contextmanager
 def estimating():
-    """Yield a world in which the estimator has published."""
     with world(estimator()) as w:
         w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
         w.spin(0.3, w.probe.send_joints)
@@ -44,19 +42,16 @@ def estimating():
 
 
 def others(w):
-    """Publish the inputs besides the joint states."""
     w.probe.send_pose()
     w.probe.send_twist()
 
 
 def measured(w):
-    """Publish joint states and a pose."""
     w.probe.send_joints()
     w.probe.send_pose()
 
 
 def send_gauges(w, tubes):
-    """Publish measurements, with pressures of some tubes."""
     measured(w)
     for tube in tubes:
         header = make_header(w.probe.past(0.0), tube)

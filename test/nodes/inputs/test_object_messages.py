@@ -21,18 +21,15 @@ CORNERS = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
 
 
 def points(corners):
-    """Return points as messages, at any height."""
     return [Point(x=float(x), y=float(y), z=7.0) for x, y in corners]
 
 
 def box(**fields):
-    """Return a box as a message, with changes."""
     usual = {'shape': ObjectMessage.POLYGON, 'vertices': points(CORNERS)}
     return ObjectMessage(**(usual | fields))
 
 
 def read(message, pose=None):
-    """Return the object of a message."""
     return read_described(message, Pose() if pose is None else pose, 'diameter', 0.0)
 
 

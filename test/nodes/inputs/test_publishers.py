@@ -98,7 +98,6 @@ def test_two_publishers_of_twists_are_reported_and_the_last_twist_is_executed():
 
 
 def send_gripper(w, *ages):
-    """Publish joint states of a gripper."""
     for age in ages:
         w.probe.send_joints(age, name=['gripper'], position=[0.0])
 

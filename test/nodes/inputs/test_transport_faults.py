@@ -71,12 +71,10 @@ def relayed():
 
 
 def send(w):
-    """Return a call that sends the twist."""
     return lambda: w.probe.send_twist(TWIST)
 
 
 def swap(received):
-    """Let every second message overtake the one before."""
     return received[:-3:-1] if len(received) % 2 == 0 else []
 
 
@@ -107,8 +105,6 @@ def test_moves_as_commanded_in_spite_of_harmless_faults(name):
 
 
 def moved(by):
-    """Put the object elsewhere."""
-
     def distort(received):
         received[-1].pose.position.x += by
         return received[-1:]

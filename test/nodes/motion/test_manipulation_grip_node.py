@@ -32,8 +32,6 @@ holding = maker(
 
 
 def send(w, moved=(0.0, 0.0, 0.0)):
-    """Return a call that publishes the box in its grip, and a twist."""
-
     def publish():
         w.probe.send_joints()
         w.probe.send_object(np.array(box_between().body.pose) + moved)
@@ -62,12 +60,10 @@ def test_moves_the_box_and_halts_where_the_grip_is_another():
 
 
 def still(w):
-    """Return a call that sends a zero twist."""
     return lambda: w.probe.send_twist((0.0, 0.0, 0.0))
 
 
 def plant():
-    """Return the elastic plant with an object in its grip."""
     return Simulator(overrides(plant='elastic', friction=FRICTION, indentation=0.025, rate=RATE))
 
 

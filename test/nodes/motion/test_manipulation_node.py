@@ -229,7 +229,6 @@ class Careful(Manipulation):
     """The node with a limit of its own."""
 
     def prepare(self, settings):
-        """Limit the speeds of the rollers."""
         return replace(settings, limits=(Wall(np.vstack((UNIT, -UNIT)), np.full(2 * N, 1e-4)),))
 
 

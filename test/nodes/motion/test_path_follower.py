@@ -41,7 +41,6 @@ node = maker(PathFollower, **PATIENT, progress_timeout=15.0)
 
 
 def real(slip=0.0, **values):
-    """Return simulator, manipulation and follower."""
     return (
         lambda: Simulator(overrides(roller_slip=slip, **ROBOT_SETTINGS)),
         lambda: Manipulation(overrides(**ROBOT_SETTINGS)),
@@ -65,7 +64,6 @@ def twists(w):
 
 
 def moves(w):
-    """Return whether the last twist moves the object."""
     return bool(twists(w)[-1:].any())
 
 
@@ -177,7 +175,6 @@ def fake(w, pose=PROBED, rollers=True):
 
 
 def begin(w, send):
-    """Return the handle of a goal that moves the object, with what is published."""
     w.spin(0.2, send)
     handle = w.send_goal(goal(UP, begin=PROBED))
     w.until(lambda: moves(w), send)

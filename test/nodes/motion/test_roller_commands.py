@@ -20,7 +20,6 @@ class SilentNode:
     """Publishes nothing."""
 
     def advertise(self, *_arguments):
-        """Return the publisher."""
         return self
 
     def publish(self, _message):

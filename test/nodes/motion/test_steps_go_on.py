@@ -63,7 +63,6 @@ PICK, PLACE = PickObject.Goal(squeeze=15.0, module=MODULE), PlaceObject.Goal()
 
 
 def end_of(w, goal, send=lambda: None):
-    """Send a goal, and return its result."""
     handle = w.send_goal(goal)
     while not handle.ended:
         w.spin(0.2, send)
@@ -125,7 +124,6 @@ class Course:
             del messages[:-1]
 
     def draw_motion(self):
-        """Return a goal that moves the held object."""
         target = np.add(self._begin, self._rng.uniform(-1.0, 1.0, 3) * REACH)
         ends = [self._true_pose(), Pose(*target.tolist())]
         poses = [PoseStamped(pose=to_pose_message(pose)) for pose in ends]

@@ -29,13 +29,11 @@ KINDS = {'standard': FollowJointTrajectory, 'own': FollowRollerTrajectory}
 
 @pytest.fixture(params=KINDS)
 def kind(request):
-    """Return the type of an action."""
     return KINDS[request.param]
 
 
 @pytest.fixture
 def make(monkeypatch):
-    """Return a function that makes the simulator, with faults, and the node."""
     joint_trajectory_action.install(monkeypatch)
     return lambda **faults: world(
         lambda: Simulator(overrides(command_timeout=TIMEOUT, rate=50.0, **faults)),
@@ -54,13 +52,11 @@ def send(w, *rows, kind=FollowRollerTrajectory, stamp=None, times=None, names=NA
 
 
 def status_and_result(w, goal):
-    """Return how a goal ends."""
     w.until(lambda: goal.ended)
     return goal.result()
 
 
 def ended(w, goal):
-    """Return status and code of a goal."""
     status, result = status_and_result(w, goal)
     return status, result.error_code
 
@@ -69,7 +65,6 @@ SUCCEEDED = (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL)
 
 
 def aborted(code):
-    """Return how a goal ends that is aborted with a code."""
     return GoalStatus.STATUS_ABORTED, code
 
 
@@ -189,7 +184,6 @@ def test_a_goal_that_cannot_be_followed_is_rejected_with_the_reason(make, kind, 
 
 @pytest.fixture
 def w(make):
-    """Return a simulator and the node."""
     with make() as made:
         yield made
 
