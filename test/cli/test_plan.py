@@ -156,6 +156,6 @@ def test_workers_end_when_the_pool_is_closed():
     assert len(begun_workers(2)) == 2
     pool.close()
     assert not workers()
-    assert all(isinstance(future.exception(0.0), BrokenProcessPool) for future in busy)
+    assert all(isinstance(future.exception(DEADLINE), BrokenProcessPool) for future in busy)
     WorkerPool().close()  # one that was never used
     assert 1 <= core_count() <= os.cpu_count()

@@ -41,6 +41,7 @@ class FakeBrowser:
 
     :ivar frozen: whether it draws no pictures.
     :ivar controls: uuid of each control of the page, by its label.
+    :ivar scene: fields of the last messages about each node of the scene, by its name.
     :param address: address of the view.
     """
 
@@ -53,7 +54,7 @@ class FakeBrowser:
             subprotocols=[f'viser-v{viser.__version__}'],
             max_size=None,
         )
-        self.frozen, self.controls = False, {}
+        self.frozen, self.controls, self.scene = False, {}, {}
         self._texts: dict[str, str] = {}
         self._mark = None
         self._closed = threading.Event()
@@ -117,6 +118,8 @@ class FakeBrowser:
                     self._take(message)
 
     def _take(self, message: dict[str, Any]) -> None:
+        if 'name' in message:
+            self.scene.setdefault(message['name'], {}).update(message)
         if 'props' in message and (label := message['props'].get('label')):
             self.controls[label] = message['uuid']
         content = message.get('updates', {}).get('content')

@@ -5,6 +5,7 @@
 
 import contextlib
 import math
+import time
 
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from hypothesis import given
@@ -136,3 +137,20 @@ def marker(name, *points):
 def test_a_message_that_cannot_be_shown_is_refused_with_the_reason(receive, message, words):
     with pytest.raises(PictureError, match=words):
         getattr(Picture(ROBOT, 0.3), f'receive_{receive}')(message, 0.0)
+
+
+@pytest.mark.parametrize('angle', [2.5, -0.4])
+def test_the_object_is_drawn_at_its_pose(view, angle):
+    from fake_browser import FakeBrowser
+
+    view.picture = Picture(ROBOT, 0.3)
+    pose = to_pose_message(PlanarPose(0.5, -0.2, angle))
+    view.picture.receive_object_pose(PoseStamped(pose=pose), 0.0)
+    view.update(0.0)
+    turn = [math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)]
+    with contextlib.closing(FakeBrowser(view.address)) as browser:
+        end = time.monotonic() + 60.0
+        while browser.scene.get('/object', {}).get('wxyz') != pytest.approx(turn):
+            assert time.monotonic() < end, browser.scene.get('/object')
+            time.sleep(0.01)
+        assert browser.scene['/object']['position'] == pytest.approx([0.5, -0.2, 0.0])

@@ -18,6 +18,7 @@ import pytest
 def log(monkeypatch):
     """Return a log by a clock of its own, its `lines` and its `now`."""
     result = SimpleNamespace(now=100.0, lines=[])
+    # The clock of the machine.
     monkeypatch.setattr(diagnostics.time, 'monotonic', lambda: result.now)
     result.log = ReasonLog(result.lines.append)
     return result

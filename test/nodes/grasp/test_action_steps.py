@@ -68,6 +68,7 @@ class Server:
 @pytest.fixture
 def server(monkeypatch):
     server = Server()
+    # The server of another node; the client has no parameter for its type.
     monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: server)
     return server
 
@@ -98,6 +99,7 @@ def last_of(steps, most=10 * RETRY_TICKS):
 
 def test_a_server_that_sends_no_feedback_ends_the_steps_after_the_timeout(server, monkeypatch):
     now = 0.0
+    # The clock of the machine.
     monkeypatch.setattr(supervision.time, 'monotonic', lambda: now)
     steps = begun(server, silence=0.2)
     for _ in range(3):

@@ -129,6 +129,8 @@ def test_markers_show_the_grasp_and_leave_nothing_behind():
         members = len(ROBOT.member_names)
         for name in ('members', 'deformed'):
             assert {(name, i) for i in range(members)} <= shown.keys()
+        # None of the tubes is wrinkled: none is red.
+        assert all(shown['deformed', i].color.g > 0.5 for i in range(members))
         contacts = w.probe.last('state').contacts
         assert sum(name == 'contact_forces' for name, _ in shown) == len(contacts)
         check_region(shown['contact_regions', 0], w.probe.last('state'))

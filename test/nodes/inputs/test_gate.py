@@ -40,3 +40,11 @@ def test_stamp_may_be_ahead_of_real_time_by_10_ms_and_of_simulated_time_by_100_m
     assert receive(NOW, NOW + 0.9 * skew).time == NOW
     rejected = receive(NOW, NOW + 1.1 * skew)
     assert rejected.reason.startswith('cmd vel: stamped 0.')
+
+
+def test_repeated_stamp_from_ahead_keeps_the_time_of_its_first_reception():
+    receive = Receiver().receive
+    assert receive(NOW, NOW + 0.008).time == NOW
+    assert receive(NOW + 0.004, NOW + 0.008).time == NOW
+    assert receive(NOW + 0.012, NOW + 0.008).time == NOW
+    assert receive(NOW + 0.02, NOW + 0.015).time == pytest.approx(NOW + 0.015, abs=1e-6)

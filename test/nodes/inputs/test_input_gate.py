@@ -235,6 +235,7 @@ def moving_frame(monkeypatch):
     @contextlib.contextmanager
     def make(late, *makers):
         now = lambda: entered[0].probe.past(0.0)  # noqa: E731
+        # There are no wheels of tf2.
         monkeypatch.setattr(robot_frame, 'Buffer', lambda: Transforms(now, late))
         monkeypatch.setattr(robot_frame, 'TransformListener', lambda *m: m, raising=False)
         monkeypatch.setattr(robot_frame, 'NO_TRANSFORM', (LookupError, ValueError))

@@ -29,6 +29,7 @@ FIRST = AveragePose(Pose(*CENTER, 0.3), NOISE, 25)
 def correct(monkeypatch):
     """Return a function that corrects a displacement, and returns its note and goal."""
     client = MotionClient(FollowObjectPath.Result(code=FollowObjectPath.Result.REACHED))
+    # The server of another node; the client has no parameter for its type.
     monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
 
     def run(displacement, noise, seed=0):
@@ -82,8 +83,11 @@ def test_mean_of_poses_beside_half_a_turn_is_there():
     assert mean.noise == pytest.approx(math.sqrt(2.0))
 
 
-def test_the_grip_opens_slowly_until_the_object_is_free(monkeypatch):
+def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_reported(
+    monkeypatch,
+):
     client = MotionClient(FollowRollerTrajectory.Result())
+    # The server of another node; the client has no parameter for its type.
     monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
     center = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.01)
     with world(maker(PickAndPlace, command_timeout=1.0, friction=0.8)()) as w:
@@ -94,8 +98,18 @@ def test_the_grip_opens_slowly_until_the_object_is_free(monkeypatch):
             w.probe.send_held(GraspState.HELD_YES, ['north/P-Z', 'north/Z-R'])
 
         w.spin(0.1, send)
-        w.send_goal(PlaceObject.Goal())
+        goal = w.send_goal(PlaceObject.Goal())
         w.until(lambda: client.goal is not None, send)
+
+        def send_released():
+            w.probe.send_joints()
+            w.probe.send_object((center[0] + 0.003, center[1] - 0.004, 0.3 + 0.1))
+            w.probe.send_held(GraspState.HELD_NO)
+
+        w.until(lambda: goal.ended, send_released)
+    result = goal.result()[1]
+    assert result.displacement == pytest.approx(0.005, abs=1e-6)
+    assert result.rotation == pytest.approx(0.1, abs=1e-6)
     points = client.goal.trajectory.points
     times = [read_duration(point.time_from_start) for point in points]
     steps = np.diff([point.positions for point in points], axis=0)

@@ -66,6 +66,7 @@ class Mover:
 @pytest.fixture
 def mover(monkeypatch):
     """Return a moved object; its motion ends only when it is cancelled."""
+    # The server of another node; the client has no parameter for its type.
     monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: MotionClient())
     with world(maker(PickAndPlace, command_timeout=TIMEOUT)()) as w:
         yield Mover(w)

@@ -253,7 +253,7 @@ OBJECTS = {
     'disc': (
         '{shape: disc, diameter: 0.3, friction: 0.8}',
         (1.5, 0.0, 0.2),
-        r'out of reach after \d+ cm.*, at \(\d\.\d{3}, \d\.\d{3}\)',
+        r'out of reach after \d+ cm and \+\d+°.*, at \(\d\.\d{3}, \d\.\d{3}\)',
     ),
 }
 
