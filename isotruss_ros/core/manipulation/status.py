@@ -20,7 +20,7 @@ class Status(enum.IntEnum):
     stopped, except that the squeeze of a slipped object is still controlled.
     """
 
-    OK = 0  #: the commanded twist is executed
+    OK = 0  #: the commanded twist is executed, in loops near singular tasks within 5 %
     IDLE = 1  #: the twist is zero, and so is the command
     FOLLOWING_TRAJECTORY = 2  #: a trajectory of the rollers is followed; twists are ignored
     ARRIVED = 3  #: a trajectory is finished, and no twist was received since

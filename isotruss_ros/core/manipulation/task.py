@@ -33,6 +33,9 @@ from scipy.linalg import lapack
 #: Smallest singular value of a direction that counts as reachable, which is the speed of the
 #: object's surface [m/s] for roller speeds of 1 m/s.
 RANK_TOLERANCE = 1e-5
+#: Largest part of a twist that `soft_rank` may remove with the status OK, relative to the twist
+#: [-]. The pose control of a loop restores this part, but not that of an unreachable direction.
+MAX_REMOVED_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +139,9 @@ class Task(NamedTuple):
     direction: Array
     speed: float  #: norm of the closest reachable twist [m/s]
     missed: float  #: norm of the unreachable part, relative to the norm of the desired twist [-]
-    status: Status  #: `OK` if the desired twist is reachable, `IDLE` if zero, else `UNREACHABLE`
+    #: `OK` if the desired twist is reachable, within `MAX_REMOVED_SHARE` near singular tasks;
+    #: `IDLE` if it is zero; otherwise `UNREACHABLE`
+    status: Status
     free: Array  #: (w,) least-cost speeds for 1 m/s along `direction`, without limits
     #: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s]
     velocities: Array
@@ -193,7 +198,7 @@ def least_cost(whitening: Array, equality: Array, direction: Array) -> Array:
 
 def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
     """
-    Reduce a direction of (20) in place where the task is nearly singular; return whether it was.
+    Reduce a direction of (20) in place where the task is nearly singular; return whether by much.
 
     Components along singular vectors of the twist with singular values s are multiplied by min(1,
     s^2 / soft_rank^2), so their roller speeds fall with s instead of growing with 1 / s.
@@ -210,5 +215,6 @@ def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
     # The least-cost speeds for the opening rate produce a part of the twist; the other is reduced.
     remainder = direction[twist] - direction[contacts].dot(by_contacts)
     removed = modes.dot(removed_shares * remainder.dot(modes))
+    tolerated = MAX_REMOVED_SHARE * np.linalg.norm(direction[twist])
     direction[twist] -= removed
-    return bool(np.abs(removed).max(initial=0.0) > ROUNDING * np.abs(remainder).max(initial=0.0))
+    return bool(np.linalg.norm(removed) > max(tolerated, ROUNDING * np.linalg.norm(remainder)))

@@ -148,7 +148,7 @@ def test_commands_are_continuous_where_a_limit_begins_to_bind(slide):
 
 
 @pytest.mark.parametrize('opening', [0.0, 0.3])
-@pytest.mark.parametrize('soft_rank', [0.1, 0.4])
+@pytest.mark.parametrize('soft_rank', [0.1, 0.205, 0.4])
 def test_nearly_singular_directions_are_reduced_by_the_square_of_the_singular_value(
     soft_rank, opening
 ):
@@ -165,4 +165,5 @@ def test_nearly_singular_directions_are_reduced_by_the_square_of_the_singular_va
     shares = np.minimum(1.0, (gains / soft_rank) ** 2)
     expected = modes @ (shares * (modes.T @ (twist - opening * coupling))) + opening * coupling
     assert jacobian @ task.velocities == pytest.approx([*expected, opening])
-    assert task.status is (Status.UNREACHABLE if soft_rank > 0.2 else Status.OK)
+    # 0.205 removes less than 5 % of the twist.
+    assert task.status is (Status.UNREACHABLE if soft_rank > 0.3 else Status.OK)
