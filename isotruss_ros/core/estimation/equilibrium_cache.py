@@ -26,6 +26,7 @@ from isotruss_ros.core.estimation.grip_model import (
     SHIFTS,
     state_rates,
 )
+from isotruss_ros.core.holding.contact_search import measure_gaps
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_EXTRAPOLATION
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
@@ -66,7 +67,7 @@ class EquilibriumCache:
 
     def take(self, grasp: HeldGrip) -> None:
         """Set the equilibrium and the derivatives at it; reset the changes since then."""
-        self.grasp, self.grip = grasp, grasp.touching(self._friction)
+        self.grasp, self.grip = grasp, measure_gaps(grasp, self._friction)
         # The fourth row is the opening rate of the grip, on which the squeeze depends.
         self.travel_rates = grip_jacobian(grasp.config, self.grip)[:4].copy()
         self.travel_rates[3] *= grasp.squeeze_stiffness()

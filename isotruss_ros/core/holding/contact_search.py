@@ -12,12 +12,13 @@ search is depth-first, and the number of sets is bounded.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
 from isotruss_ros.core.holding.pressed_contacts import facing_lines, PressedContacts
 from isotruss_ros.core.kinematics.depths import member_lines
-from isotruss_ros.core.manipulation.grip import GRIP_SIZES
+from isotruss_ros.core.manipulation.grip import CornerGap, Grip, GRIP_SIZES
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -28,6 +29,8 @@ import numpy as np
 #: of the centre line between the nodes of the frame. With a third and with three times of it, 144
 #: random polygons and 758 steps of rolling have the same outcomes.
 SKIN_TOLERANCE = 2e-5
+#: Largest gap of `measure_gaps` [m]. Wider gaps may close at 0.2 m/s or more, see `land_faces`.
+MAX_GAP = 0.02
 
 
 class ContactSet(NamedTuple):
@@ -172,6 +175,14 @@ def find_free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[Free
         columns = depths, contacts[nearest], corners, face_distances
         free_corners += map(FreeCorner, *(values[is_deep].tolist() for values in columns))
     return free_corners
+
+
+def measure_gaps(held: HeldGrip, friction: float) -> Grip:
+    """Return the contacts of an equilibrium as a grip, with the gaps of corners near members."""
+    owners = held.contacts.owners.tolist()
+    free = find_free_corners(held, MAX_GAP)
+    gaps = [CornerGap(owners[c.contact], c.corner, max(-c.depth, 0.0)) for c in free]
+    return replace(held.touching(friction), gaps=tuple(gaps))
 
 
 def _reachable_corners(grip: HeldGrip, contact: int, count: int) -> Indices:

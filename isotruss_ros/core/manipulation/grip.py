@@ -35,6 +35,14 @@ from numpy.typing import ArrayLike
 GRIP_SIZES = (2, 3)
 
 
+class CornerGap(NamedTuple):
+    """Gap between a corner without contact and a grasping member in equilibrium."""
+
+    owner: int  #: index of the member within the grip
+    corner: int  #: index of the corner
+    width: float  #: distance of the corner from the skin of the bent tube, not negative [m]
+
+
 @dataclass(frozen=True, repr=False)
 class Grip(Record, headline=('members', 'friction', 'body')):
     """
@@ -46,6 +54,8 @@ class Grip(Record, headline=('members', 'friction', 'body')):
         object, or `DEFAULT_FRICTION` if the object has none.
     :ivar corners: for each member, the indices of the corners in contact: one corner, or the
         corners at both ends of a face. None: the corners are found by `Shape.contact_patch`.
+    :ivar gaps: gaps of corners without contact near the members, which close slowly, see
+        `land_faces`; only with `corners`.
     :raises GraspError: the members are not two or three different names, or the coefficient is
         invalid.
     """
@@ -54,6 +64,7 @@ class Grip(Record, headline=('members', 'friction', 'body')):
     body: ConvexObject
     friction: float = None  # type: ignore[assignment]  # a number from the start on
     corners: tuple[tuple[int, ...], ...] | None = None
+    gaps: tuple[CornerGap, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the number of members; their names are checked later, against a robot."""

@@ -14,6 +14,7 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.manipulation.face_landing import land_faces
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import apply_limits, LimitHandling
@@ -53,7 +54,8 @@ def solve_twist(
     or less (a disc at a module keeps the opening angle (14)). Every tube has a constant length
     (13). A twist that is unreachable or would break contacts is replaced by the closest reachable
     one in the norm |v|^2 + |omega d/2|^2; then the status is `UNREACHABLE`. A polygon rolls over
-    the end of a face if forces can balance, see `roll_off_faces`. At binding limits the twist is
+    the end of a face if forces can balance, see `roll_off_faces`; gaps of the grip close slowly,
+    see `land_faces`. At binding limits the twist is
     scaled, or with `slide_along_limits` projected on the admissible twists, see `apply_limits`.
 
     :param config: configuration of the robot.
@@ -85,6 +87,10 @@ def solve_twist(
     if len(reach.directions) < 3 and desired.any():
         reach = roll_off_faces(config, grip, reach, desired)
     task = find_task(reach, desired, opening_rate, handling.soft_rank)
+    if grip.gaps and len(reach.directions) == 3:
+        reach = land_faces(config, grip, reach, task.velocities)
+        if reach is not task.reach:
+            task = find_task(reach, desired, opening_rate, handling.soft_rank)
     return _carry_out(config, task, limits, handling)
 
 
@@ -108,7 +114,8 @@ def _carry_out(
     if not ((rates <= rows.upper) & (rates >= rows.lower)).all():
         speeds, scale, status, limiting = apply_limits(config, task, limits, rows, handling)
     achieved, dof = reach.motion.dot(speeds), len(reach.directions)
-    contacts = reach.working.spread(reach.rows[dof:])
+    contact_end = dof + len(reach.opening)
+    contacts = reach.working.spread(reach.rows[dof:contact_end])
     return RollerCommand(speeds, achieved, scale, status, limiting, dof, reach.motion, contacts)
 
 

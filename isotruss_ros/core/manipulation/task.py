@@ -95,13 +95,16 @@ class Reach(NamedTuple):
     #: (3, r) Jacobian of the twist, or (k, r) of the joint velocities, with respect to the speeds
     #: of all rollers
     motion: Array
-    #: (k + g, w) rows of (20) on the speeds of the working rollers [-]: components of the twist
-    #: along `directions`, then contact constraints, except those that all roller speeds fulfil
+    #: (k + g + l, w) rows of (20) on the speeds of the working rollers [-]: components of the
+    #: twist along `directions`, then contact constraints, except those that all roller speeds
+    #: fulfil, then rates of gaps
     rows: Array
     directions: Array  #: (k, 3) orthonormal basis of the reachable twists
     weights: Array  #: (3,) factors from vx, vy, omega to surface speeds: 1, 1, d/2 [m]
     #: (g,) right-hand sides of the contact rows if the grip opens at 1 m/s [-]
     opening: Array
+    #: (l,) right-hand sides of the gaps' rows, rates at which they close, see `land_faces` [m/s]
+    closing: Array = np.zeros(0)
 
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
@@ -152,7 +155,9 @@ def find_task(
 ) -> Task:
     """Return the reachable twist closest to a desired one, with least-cost roller speeds (20)."""
     working, dof = reach.working, len(reach.directions)
-    opening = (reach.opening * opening_rate).tolist() if opening_rate else []
+    opening: list[float] = []
+    if opening_rate or len(reach.closing):
+        opening = [*(reach.opening * opening_rate).tolist(), *reach.closing.tolist()]
     # Twist and opening are divided by the largest component, so that no finite twist overflows.
     size = max(map(abs, twist.tolist() + opening)) or 1.0
     desired = reach.weights * (twist / size)

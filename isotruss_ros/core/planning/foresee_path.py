@@ -15,6 +15,7 @@ from isotruss_ros.core.errors import (
     SolverError,
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_search import measure_gaps
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
@@ -196,7 +197,7 @@ def _find_command(
 ) -> RollerCommand:
     """Return the command of the control loop for a twist (3,) at a squeeze [N]."""
     opening = (squeeze - held.squeeze) / (held.squeeze_stiffness() * SQUEEZE_TIME)
-    grip = held.touching(friction)
+    grip = measure_gaps(held, friction)
     limits = guard.limits(held.config, grip)
     return solve_twist(held.config, grip, twist, (), limits, LOOP_HANDLING, opening)
 
