@@ -12,6 +12,10 @@ class IsotrussError(Exception):
     """Base class of all exceptions that this package raises deliberately."""
 
 
+class ArgumentError(IsotrussError, TypeError):
+    """An argument of a public function is of a wrong kind."""
+
+
 class RobotFileError(IsotrussError, ValueError):
     """A robot file is unreadable, or does not describe a working robot."""
 

@@ -3,8 +3,10 @@
 
 """Numbers that are not finite or out of range are refused with their names and ranges."""
 
+import inspect
 import math
 
+from isotruss_ros import core
 from isotruss_ros.calibration.home import calibrate_home
 from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.oscillation import fit_oscillation
@@ -13,7 +15,6 @@ from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    deform,
     Disc,
     ElasticObject,
     GraspRequirements,
@@ -22,25 +23,23 @@ from isotruss_ros.core import (
     load_robot,
     ObjectPath,
     PathTracker,
-    place_between,
-    plan_grasps,
     Pose,
     reach_pose,
-    reachable_twists,
     read_object,
     RigidObject,
     RollingGrip,
     settle_grasp,
-    solve_joint_velocity,
-    solve_twist,
-    solve_twist_ahead,
     tangent_center,
     TwistServo,
 )
 from isotruss_ros.core.contact.wrench_space import wrench_space
-from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.errors import ArgumentError, GraspError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
+from isotruss_ros.core.holding.grasp_gradient import GraspGradient
+from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.inputs import InputFault, RollerState, StampedInput
+from isotruss_ros.core.numerics.argument_kinds import EXAMPLES
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_grip, foresee_path
 from isotruss_ros.core.servo.servo_settings import ServoSettings
@@ -129,30 +128,26 @@ def test_poses_in_another_unit_are_refused_with_the_unit(pose, words):
         reach_pose(HOME, GRIP, pose)
 
 
-#: Public functions of a configuration.
-CONFIGURATION_CALLS = {
-    'analyze_grasp': lambda config: analyze_grasp(config, BODY),
-    'deform': lambda config: deform(config, {'Z': (1.0, 0.0)}),
-    'place_between': lambda config: place_between(config, GRIP.members, BODY.shape),
-    'plan_grasps': lambda config: plan_grasps(config, BODY),
-    'reach_pose': lambda config: reach_pose(config, GRIP, BODY.pose),
-    'reachable_twists': lambda config: reachable_twists(config, GRIP),
-    'settle_grasp': lambda config: settle_grasp(config, BODY),
-    'solve_joint_velocity': lambda config: solve_joint_velocity(config, {'Z': (0.01, 0.0)}),
-    'solve_twist': lambda config: solve_twist(config, GRIP, (0.01, 0.0, 0.0)),
-    'solve_twist_ahead': lambda config: solve_twist_ahead(config, GRIP, (0.01, 0.0, 0.0), 0.01),
-    'tangent_center': lambda config: tangent_center(config, 'north/Z', 0.3),
-    'RollingGrip.attach': lambda config: RollingGrip.attach(config, GRIP),
-}
+#: Public functions and methods, with a parameter for an object of this package each.
+DOORS = [
+    (door, parameter)
+    for door in (
+        *filter(inspect.isfunction, (getattr(core, name) for name in core.__all__)),
+        *(foresee_grip, foresee_path, ConvexObject, Grip.at_module, RollingGrip.attach),
+        *(ElasticObject, PathTracker, RigidObject, core.ShapeGuard, core.SimulatedRobot),
+        *(StateEstimator, TwistServo, core.Uncertainty.of, core.Uncertainty.chance),
+        *(core.Uncertainty.covariance, SettledGrasp.chance, GraspGradient.chance),
+    )
+    for parameter, entry in inspect.signature(door).parameters.items()
+    if not EXAMPLES.keys().isdisjoint(str(entry.annotation).split(' | '))
+]
 
 
-@pytest.mark.parametrize('name', CONFIGURATION_CALLS)
-@pytest.mark.parametrize('config', [ROBOT, 'nine_member', None], ids=lambda x: type(x).__name__)
-def test_other_types_than_configurations_are_refused(name, config):
-    with pytest.raises(
-        ConfigurationError, match=r'must be a Configuration, such as `robot\.home`'
-    ):
-        CONFIGURATION_CALLS[name](config)
+@pytest.mark.parametrize(('door', 'parameter'), DOORS, ids=lambda x: getattr(x, '__qualname__', x))
+@pytest.mark.parametrize('given', [Disc, 0.3], ids=repr)
+def test_arguments_of_another_kind_are_refused_with_an_example(door, parameter, given):
+    with pytest.raises(ArgumentError, match=f'{parameter}: .*: must be an? .*, such as `'):
+        door(**{parameter: given})
 
 
 def receive(**inputs):

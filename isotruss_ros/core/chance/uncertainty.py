@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sized
 from dataclasses import dataclass, fields, replace
 import math
 from typing import Any
@@ -26,6 +26,7 @@ from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.robot_schema import find_faults
 from isotruss_ros.core.model.safe_yaml import parse_yaml
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, covariance_matrix
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -80,9 +81,11 @@ class Uncertainty(Record):
         for fault in find_faults(values, 'uncertainty'):
             raise GraspError(f'uncertainty: {fault}')
         if offsets is not None:
-            covariance_matrix(offsets, len(offsets), COVARIANCE, GraspError)
+            count = len(offsets) if isinstance(offsets, Sized) else 0
+            covariance_matrix(offsets, count, COVARIANCE, GraspError)
 
     @classmethod
+    @check_kinds
     def of(
         cls,
         robot: Mechanism,
@@ -115,6 +118,7 @@ class Uncertainty(Record):
             values['offset_covariance'] = np.diag(variances)
         return cls(**values)
 
+    @check_kinds
     def covariance(self, grip: HeldGrip | LostContact) -> Array:
         """
         Return the covariance of the p parameters of a grasp, see `core.chance.criteria`.
@@ -141,6 +145,7 @@ class Uncertainty(Record):
         covariance[columns.wrench, columns.wrench] += np.outer(by_mass, by_mass)
         return covariance
 
+    @check_kinds
     @single_threaded
     def chance(
         self,
@@ -187,6 +192,7 @@ class Uncertainty(Record):
             reliability=float(scipy.special.ndtri(chances.mean())),
         )
 
+    @check_kinds
     @single_threaded
     def chance_gradient(self, gradient: GraspGradient) -> Array:
         """

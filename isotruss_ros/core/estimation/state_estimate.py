@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
 
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.model.setting_ranges import check_settings
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
 
@@ -22,6 +24,24 @@ MAX_KNOWN_DEVIATION = 0.5
 def is_squeeze_known(squeeze: float, deviation: float) -> bool:
     """Return whether the standard deviation of a squeeze is at most half of it [N]."""
     return deviation <= MAX_KNOWN_DEVIATION * squeeze
+
+
+#: Unit, smallest and largest plausible value of each setting of the estimator.
+RANGES = {
+    'zero_deviation': ('m', 0.0, 1.0),
+    'slip': ('', 0.0, 1.0),
+    'drift': ('m', 0.0, 0.1),
+    'encoders': ('m', 0.0, 0.1),
+    'load': ('N', 0.0, 1e3),
+    'load_time': ('s', 1e-3, 60.0),
+    'stiffness': ('', 0.0, 1.0),
+    'joint_error': ('m', 0.0, 1.0),
+    'marker_shift': ('m', 0.0, 10.0),
+    'marker_turn': ('rad', 0.0, math.pi),
+    'inclination': ('rad', 0.0, 0.5 * math.pi),
+    'pose_error': ('m', 1e-9, 1.0),
+    'squeeze_error': ('', 0.0, 1.0),
+}
 
 
 @dataclass(frozen=True)
@@ -62,6 +82,10 @@ class EstimatorSettings:
     inclination: float = 0.5 * math.pi
     pose_error: float = 5e-4
     squeeze_error: float = 0.04
+
+    def __post_init__(self) -> None:
+        """Raise ConfigurationError if a number is out of its range."""
+        check_settings(self, RANGES, ConfigurationError)
 
     def calibrated(
         self, description: RobotDescription, zero_deviation: float | None = None

@@ -30,6 +30,7 @@ from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import tube_pressures
@@ -40,6 +41,7 @@ from numpy.typing import ArrayLike
 class StateEstimator:
     """Estimator of roller offsets, pose and squeeze; its belief is None without an object."""
 
+    @check_kinds
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
         self.settings = settings or EstimatorSettings()
         self.grip: Grip | None = None

@@ -18,10 +18,11 @@ from isotruss_ros.core.fixed_object.contact_points import (
 )
 from isotruss_ros.core.fixed_object.friction_closure import balance_by_friction
 from isotruss_ros.core.fixed_object.straight_compliance import find_utilisation
-from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
 from isotruss_ros.core.model.pose import check_range
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -82,6 +83,7 @@ class GraspAnalysis(
     utilisation: dict[str, float]
 
 
+@check_kinds
 @single_threaded
 def analyze_grasp(
     config: Configuration,
@@ -116,7 +118,6 @@ def analyze_grasp(
     :raises SolverError: the contact problem was not solved, or the object overlaps a member by
         more than a tube diameter.
     """
-    require_configuration(config)
     mu, wrench = check_load(body, friction, external_wrench)
     spacing = _check_arguments(config, body, method, spacing)
     surface = Surface(body, 0.5 * config.robot.description.tube_diameter)
@@ -164,7 +165,7 @@ def _check_arguments(
 ) -> float:
     """Check method, spacing and overlap, see `analyze_grasp`; return the spacing [m]."""
     checked_spacing = check_range(spacing, 'spacing', 'm', *SPACING_RANGE)
-    if method not in SOLVERS:
+    if method not in tuple(SOLVERS):
         raise GraspError(f'method {method!r}: must be one of {", ".join(SOLVERS)}')
     depths = member_depths(config, body)
     # Linear statics describes small deflections.

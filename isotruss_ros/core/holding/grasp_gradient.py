@@ -14,17 +14,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import functools
-from typing import Any
+from typing import TYPE_CHECKING
 
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.inclinations import RING_HALF_WIDTH
 import numpy as np
+
+if TYPE_CHECKING:  # this package is below `core.chance`
+    from isotruss_ros.core.chance.uncertainty import Uncertainty
 
 #: Motion of the object in the finite differences along a response [m]. The relative error of the
 #: stiffness' derivatives is then below 1e-6 in grasps of the presets, and up to 3e-6 in softer
@@ -139,7 +143,8 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         size_rates[columns.friction] += by_friction @ response.forces @ wrench
         return (reserve_rates - planes.margin * size_rates) / size
 
-    def chance(self, uncertainty: Any) -> Array:
+    @check_kinds
+    def chance(self, uncertainty: Uncertainty) -> Array:
         """Return the derivatives (p + 1,) of the chance, see `Uncertainty.chance_gradient`."""
         return uncertainty.chance_gradient(self)
 
@@ -197,6 +202,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         return rates
 
 
+@check_kinds
 @single_threaded
 def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     """

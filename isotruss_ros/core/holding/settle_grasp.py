@@ -17,16 +17,18 @@ from isotruss_ros.core.holding.held_grip import (
     NotHeldError,
 )
 from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
-from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip import check_member_names, find_members
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
 from numpy.typing import ArrayLike
 
 
+@check_kinds
 @single_threaded
 def settle_grasp(
     config: Configuration,
@@ -57,12 +59,12 @@ def settle_grasp(
     :raises StructureError: a pressure is invalid, the robot is a mechanism, or its stiffness laws
         contradict each other.
     """
-    require_configuration(config)
     mu, wrench = check_load(body, friction, external_wrench)
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     indices = None
     if members is not None:
-        indices = find_members(config.robot.topology, Grip(tuple(members), body).members).members
+        names = check_member_names(members)
+        indices = find_members(config.robot.topology, names).members
     try:
         grip = attach_grip(config, body, indices, wrench, pressure)
     except NotHeldError as error:

@@ -23,6 +23,7 @@ from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatu
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
@@ -161,6 +162,7 @@ class SettledGrasp(
             return self.lost.slip_margin
         return 0.0 if self.equilibrium is None else self.equilibrium.slip_margin(self.friction)
 
+    @check_kinds
     def chance(
         self,
         uncertainty: Uncertainty,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from isotruss_ros.core.errors import ConfigurationError, format_numbers, quote
+from isotruss_ros.core.errors import ConfigurationError, format_numbers
 from isotruss_ros.core.kinematics.constraints import follow_branch
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -217,12 +217,3 @@ class ConfigurationTracker:
             except ConfigurationError:
                 self._last = self._home.moved_to(roller_positions)
         return self._last
-
-
-def require_configuration(config: Configuration) -> None:
-    """Raise ConfigurationError unless the argument of a public function is a configuration."""
-    if not hasattr(type(config), 'roller_rows'):
-        raise ConfigurationError(
-            f'configuration {quote(type(config).__name__)}: must be a Configuration, such as '
-            '`robot.home` or `robot.configuration(roller_positions)`'
-        )

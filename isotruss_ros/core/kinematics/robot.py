@@ -16,6 +16,7 @@ from isotruss_ros.core.kinematics.home import place_home, require_determinate
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.robot_file import read_robot_file
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,6 +67,7 @@ class Robot(
         """Return the arguments for unpickling, which creates one object for all equal robots."""
         return _made_of, (pickle.dumps(self.description),)
 
+    @check_kinds
     def configuration(
         self, roller_positions: ArrayLike, near: Configuration | None = None
     ) -> Configuration:

@@ -12,7 +12,7 @@ of the plane are complex numbers x + iy.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import copy
 from dataclasses import dataclass
 import functools
@@ -26,6 +26,7 @@ from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.topology import check_names, Topology
+from isotruss_ros.core.numerics.argument_kinds import check_kind, check_kinds
 from isotruss_ros.core.numerics.arrays import Indices
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
@@ -68,12 +69,10 @@ class Grip(Record, headline=('members', 'friction', 'body')):
 
     def __post_init__(self) -> None:
         """Check the number of members; their names are checked later, against a robot."""
-        try:
-            friction = self.body.friction_or(self.friction)
-        except AttributeError:
-            raise GraspError(f'object {self.body!r}: must be a ConvexObject') from None
+        check_kind('body', self.body, 'ConvexObject')
+        friction = check_friction(self.body.friction_or(self.friction))
         object.__setattr__(self, 'members', check_member_names(self.members))
-        object.__setattr__(self, 'friction', check_friction(friction))
+        object.__setattr__(self, 'friction', friction)
 
     @property
     def center(self) -> complex:
@@ -105,6 +104,7 @@ class Grip(Record, headline=('members', 'friction', 'body')):
         return touching
 
     @classmethod
+    @check_kinds
     def at_module(
         cls, robot: Robot, module: str, body: ConvexObject, friction: float | None = None
     ) -> Grip:
@@ -122,11 +122,12 @@ class Grip(Record, headline=('members', 'friction', 'body')):
 
 def check_member_names(members: Sequence[str]) -> tuple[str, ...]:
     """Return the names of grasping members; raise GraspError unless they are two or three."""
-    names = (members,) if isinstance(members, str) else tuple(members)
+    is_list = isinstance(members, Iterable) and not isinstance(members, str)
+    names = tuple(members) if is_list else ()
     fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
     if not (fits and len(names) in GRIP_SIZES):
         raise GraspError(
-            f'members {quote(", ".join(map(str, names)))}: must be two or three different members'
+            f'members {quote(str(members))}: must be a list of two or three different members'
         )
     return names
 

@@ -10,16 +10,24 @@ import itertools
 import math
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
-from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip, members_at
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import (
+    check_member_names,
+    find_contacts,
+    find_members,
+    Grip,
+    members_at,
+)
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc, Shape
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
 
+@check_kinds
 def place_between(
     config: Configuration,
     members: Sequence[str],
@@ -41,9 +49,8 @@ def place_between(
     :raises GraspError: the robot has no such members; a number is not finite; or the object does
         not fit between these members.
     """
-    require_configuration(config)
     direction, depth = finite_array([angle, indentation], 2, 'angle, indentation', GraspError)
-    names = Grip(tuple(members), ConvexObject(shape)).members
+    names = check_member_names(members)
     starts, ends = config.points[find_members(config.robot.topology, names).lines.T]
     spans = ends - starts
     middle = complex((starts + 0.5 * spans).mean())
@@ -75,6 +82,7 @@ def place_between(
     return min(grips, key=lambda grip: abs(grip.center - middle))
 
 
+@check_kinds
 def tangent_center(
     config: Configuration, module: str, diameter: float, shift: float = 0.0
 ) -> tuple[float, float]:
@@ -93,7 +101,6 @@ def tangent_center(
     :raises GraspError: the robot has no such module; the diameter is not positive; the shift is
         not finite; or the disc at its tangent center does not fit between the members.
     """
-    require_configuration(config)
     (distance,) = finite_array([shift], 1, 'shift [m]', GraspError)
     grip = place_between(config, members_at(config.robot, module), Disc(diameter))
     toward = sum(contact.normal for contact in find_contacts(config, grip))

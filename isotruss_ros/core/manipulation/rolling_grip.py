@@ -24,10 +24,11 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip, lifting_choices
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERATIONS, ROUNDING
 import numpy as np
@@ -64,6 +65,7 @@ class RollingGrip:
     misfit: float = 0.0
 
     @classmethod
+    @check_kinds
     def attach(cls, config: Configuration, grip: Grip) -> RollingGrip:
         """
         Return a rolling grip that starts at a given configuration and pose of the object.
@@ -72,7 +74,6 @@ class RollingGrip:
         :param grip: the grip, with the object at its pose.
         :raises GraspError: see `find_contacts`.
         """
-        require_configuration(config)
         contacts = find_contacts(config, grip)
         owners, corners = np.array([(contact.owner, contact.corner) for contact in contacts]).T
         # Sides and normals are the same at all contacts of a member.

@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 import math
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.face_landing import land_faces
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -23,8 +23,10 @@ from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.manipulation.task import find_task, Reach, Task, working_rollers
+from isotruss_ros.core.model.pose import check_range
 from isotruss_ros.core.model.topology import check_names
-from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
+from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +35,7 @@ from numpy.typing import ArrayLike
 SCALING = LimitHandling()
 
 
+@check_kinds
 @single_threaded
 def solve_twist(
     config: Configuration,
@@ -75,7 +78,6 @@ def solve_twist(
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """
-    require_configuration(config)
     desired = np.asarray(twist)
     usable = desired.dtype == float and desired.shape == (3,)
     if not (usable and all(map(math.isfinite, desired.tolist()))):
@@ -119,6 +121,7 @@ def _carry_out(
     return RollerCommand(speeds, achieved, scale, status, limiting, dof, reach.motion, contacts)
 
 
+@check_kinds
 def solve_twist_ahead(
     config: Configuration,
     grip: Grip,
@@ -145,9 +148,7 @@ def solve_twist_ahead(
     :raises ConfigurationError: see `solve_twist`, or no predicted configuration exists.
     :raises SolverError: a quadratic program was not solved.
     """
-    require_configuration(config)
-    if not (math.isfinite(lead) and lead >= 0.0):
-        raise GraspError(f'lead {lead!r} s: must be a finite number, not negative')
+    check_range(lead, 'lead', 's', 0.0, MAX_MAGNITUDE)
     command = solve_twist(config, grip, twist, failed, limits, handling)
     if lead == 0.0 or not command.roller_velocities.any():
         return command
@@ -156,6 +157,7 @@ def solve_twist_ahead(
     return solve_twist(predicted, rolled, twist, failed, limits, handling)
 
 
+@check_kinds
 @single_threaded
 def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] = ()) -> Array:
     """
@@ -169,11 +171,11 @@ def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] 
     :raises GraspError: the grip or a name in `failed` is invalid.
     :raises ConfigurationError: the configuration is singular.
     """
-    require_configuration(config)
     weights = np.array([1.0, 1.0, grip.body.arm])
     return _find_reach(config, grip_jacobian(config, grip), weights, failed).directions / weights
 
 
+@check_kinds
 @single_threaded
 def solve_joint_velocity(
     config: Configuration,
@@ -202,7 +204,6 @@ def solve_joint_velocity(
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """
-    require_configuration(config)
     names = config.robot.topology.joint_names
     if not velocities:
         raise GraspError(f'velocities: none; give one or more, of the joints {", ".join(names)}')

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import check_range, MAX_FRICTION, MAX_MASS, Pose, pose_fault
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
+from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD, MAX_MAGNITUDE, Points
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING
@@ -62,8 +63,7 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
 
     def __post_init__(self) -> None:
         """Check the fields, and set the derived quantities."""
-        if not callable(getattr(self.shape, 'nearest', None)):
-            raise GraspError(f'shape {self.shape!r}: must be a Disc, a Polygon or an Ellipse')
+        check_kind('shape', self.shape, 'Shape')
         self._place(self.pose)
         if fault := pose_fault(*self.pose):
             raise GraspError(f"the object's pose {tuple(self.pose)}: {fault}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.model.robot_schema import plausible_range
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array
@@ -60,11 +60,18 @@ def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
     return difference
 
 
-def check_range(value: float, what: str, unit: str, low: float, high: float) -> float:
-    """Return a checked number; raise GraspError if it is not finite or not within its range."""
+def check_range(
+    value: float,
+    what: str,
+    unit: str,
+    low: float,
+    high: float,
+    error: type[IsotrussError] = GraspError,
+) -> float:
+    """Return a checked number; raise an error if it is not finite or not within its range."""
     subject, in_unit = (f'{what} [{unit}]', f' {unit}') if unit else (what, '')
-    (number,) = finite_array([value], 1, subject, GraspError).tolist()
+    (number,) = finite_array([value], 1, subject, error).tolist()
     if not low <= number <= high:
         limits = f'from {low:g} to {high:g}{in_unit}{likely_unit(number, unit, low, high)}'
-        raise GraspError(f'{what} {value!r}{in_unit}: must be {limits}')
+        raise error(f'{what} {value!r}{in_unit}: must be {limits}')
     return float(number)

@@ -97,6 +97,8 @@ def check_names(
 ) -> None:
     """Raise an error if a robot has no parts of these names; `what` ends with their kind."""
     kind = what.split()[-1]
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise error(f'{what} {quote(str(names))}: must be a list of names')
     unknown = sorted({str(name) for name in names if name not in valid})
     if unknown:
         owner = f'robot {robot}' if robot else 'the robot'

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sized
 import functools
 
 from isotruss_ros.core.errors import IsotrussError
@@ -75,7 +76,10 @@ def finite_rows(
     most: float = LARGEST_NUMBER,
 ) -> NDArray[np.float64]:
     """Return a copy of rows of finite numbers of magnitudes up to `most`, (n, columns)."""
-    rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
+    if hasattr(values, 'shape'):
+        rows = np.shape(values)[:1]
+    else:
+        rows = (len(values),) if isinstance(values, Sized) else ()
     return finite_array(values, (*rows, columns), what, error, most)
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.errors import format_numbers, NoMotionError, PathError
-from isotruss_ros.core.model.pose import pose_fault
+from isotruss_ros.core.model.pose import check_range, pose_fault
 from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
@@ -25,6 +25,8 @@ import scipy
 
 #: Largest number of poses [-] and longest duration [s] of a valid path.
 MAX_POSES, MAX_DURATION = 10_000, 86_400.0
+#: Smallest speed [m/s] and turn rate [rad/s]; slower paths of a metre last longer than a day.
+MIN_RATE = 1e-6
 #: Approximate length [m] and rotation [rad] of a segment of a smooth path; segments are longer if
 #: there would be more than `MAX_POSES`.
 PIECE, PIECE_TURN = 0.005, 0.02
@@ -56,11 +58,8 @@ class ObjectPath:
         smooth: bool = False,
         first: int = 0,
     ) -> None:
-        if not 0.0 < speed <= 10.0:  # also refuses NaN
-            raise PathError(f'speed {speed!r} m/s: must be positive, at most 10 m/s')
-        if not 0.0 < turn_rate <= 100.0:
-            raise PathError(f'turn rate {turn_rate!r} rad/s: must be positive, at most 100 rad/s')
-        self.speed, self.turn_rate = float(speed), float(turn_rate)
+        self.speed = check_range(speed, 'speed', 'm/s', MIN_RATE, 10.0, PathError)
+        self.turn_rate = check_range(turn_rate, 'turn rate', 'rad/s', MIN_RATE, 100.0, PathError)
         self.poses = _drop_repeated(_read_poses(poses, first))
         if smooth:
             self.poses = _drop_repeated(_sample_spline(self.poses, self._durations()))

@@ -21,7 +21,9 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.inputs import MAX_TIMEOUT, Timeline
-from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.model.pose import check_range, Pose, pose_difference
+from isotruss_ros.core.model.setting_ranges import check_settings
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 from isotruss_ros.core.paths.object_path import ObjectPath
@@ -65,6 +67,19 @@ class PathPhase(enum.Enum):
 FINISHED = frozenset({PathPhase.REACHED, PathPhase.OFF_PATH, PathPhase.STUCK})
 
 
+#: Largest period of the tracking [s]; predictions of long paths have long steps.
+MAX_PERIOD = 100.0
+#: Unit, smallest and largest plausible value of each setting.
+TRACKING_RANGES = {
+    'position_tolerance': ('m', 1e-6, 10.0),
+    'angle_tolerance': ('rad', 1e-6, 2.0 * math.pi),
+    'position_gain': ('1/s', 0.0, MAX_MAGNITUDE),
+    'angle_gain': ('1/s', 0.0, MAX_MAGNITUDE),
+    'ramp_time': ('s', 1e-3, 1e3),
+    'progress_timeout': ('s', 1e-3, 1e4),
+}
+
+
 @dataclass(frozen=True)
 class TrackingSettings:
     """Settings of path tracking."""
@@ -78,10 +93,8 @@ class TrackingSettings:
     progress_timeout: float = 3.0  #: largest time without progress [s]
 
     def __post_init__(self) -> None:
-        """Raise PathError if a value is not a positive number; gains may be 0."""
-        for name, value in vars(self).items():
-            if not (value > 0.0 or (value == 0.0 and name.endswith('gain'))) or value == math.inf:
-                raise PathError(f'{name} {value!r}: must be a positive number')
+        """Raise PathError if a number is out of its range."""
+        check_settings(self, TRACKING_RANGES, PathError)
 
 
 #: Tracking settings, speed [m/s] and turn rate [rad/s] for the return of an object that the
@@ -181,8 +194,10 @@ class PathTracker:
     :param period: period of the control loop [s].
     """
 
+    @check_kinds
     def __init__(self, path: ObjectPath, settings: TrackingSettings, period: float) -> None:
         self.path, self.settings = path, settings
+        check_range(period, 'period', 's', 0.0, MAX_PERIOD, PathError)
         ramp_time, timeout = settings.ramp_time, settings.progress_timeout
         self.clock = PathClock(path.duration, ramp_time, timeout, period)
         self.max_position_error = self.max_angle_error = 0.0

@@ -30,6 +30,7 @@ from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.paths.object_path import ObjectPath
@@ -76,6 +77,7 @@ class Foresight(NamedTuple):
     grips: list[HeldGrip]  #: equilibria along the path, the first one at its start
 
 
+@check_kinds
 @single_threaded
 def foresee_grip(
     config: Configuration,
@@ -108,6 +110,7 @@ def foresee_grip(
     return foresight
 
 
+@check_kinds
 @single_threaded
 def foresee_path(
     held: HeldGrip,

@@ -20,8 +20,9 @@ import time
 
 from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.planning.approach import Closing
@@ -41,6 +42,7 @@ EQUALITY_SHARE = 0.02
 POLL_INTERVAL = 0.05
 
 
+@check_kinds
 @single_threaded
 def plan_grasps(
     config: Configuration,
@@ -81,7 +83,6 @@ def plan_grasps(
     :raises GraspError: the robot has no such module or members, or the seed is invalid.
     :raises StructureError: the robot cannot be analysed.
     """
-    require_configuration(config)
     needs = requirements or GraspRequirements()
     required_members(config.robot, needs)  # names are checked here, once
     if body.friction is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.errors import ConfigurationError, format_numbers, GraspError, SolverError
-from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import APPROACH_RATE, default_limits
@@ -16,6 +16,7 @@ from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist_ahead
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.pose import Pose, pose_difference, pose_fault
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -49,6 +50,7 @@ class ReachedPose(Record, headline=('status', 'why', 'share', 'pose', 'roller_po
         return self.config.roller_positions
 
 
+@check_kinds
 @single_threaded
 def reach_pose(config: Configuration, grip: Grip, pose: ArrayLike) -> ReachedPose:
     """
@@ -63,7 +65,6 @@ def reach_pose(config: Configuration, grip: Grip, pose: ArrayLike) -> ReachedPos
     :raises GraspError: the pose is not three finite numbers within range, or the members do not
         touch the object.
     """
-    require_configuration(config)
     what = 'the pose to reach (x, y, angle) [m, rad]'
     goal = finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE)
     if fault := pose_fault(*goal.tolist()):

@@ -19,7 +19,7 @@ from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip import check_member_names, find_members
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -77,7 +77,7 @@ def plan_release(
             f'clearance {clearance:.6g} m: must be positive, at most {longest:.6g} m, as long as '
             'all tubes together'
         )
-    names = Grip(tuple(members), body).members
+    names = check_member_names(members)
     indices = find_members(config.robot.topology, names).members
     limit = MemberLengthLimit(description.min_length, description.max_length, BOUND_SHARE)
     held = None if record is None else record.restore(config, body)

@@ -24,6 +24,8 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.model.setting_ranges import check_settings
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.barrier_law import (
     ALL_VALUES,
@@ -37,6 +39,17 @@ import numpy as np
 
 #: Largest roller travel in a sample in which no value can cross a whole `BarrierLaw.band` [m].
 BAND_STEP = 1e-3
+
+
+#: Unit, smallest and largest plausible value of each bound.
+BOUND_RANGES = {
+    'min_rigidity': ('', 0.0, 0.99),
+    'min_clearance': ('m', 0.0, 1.0),
+    'min_object_clearance': ('m', 0.0, 1.0),
+    'rigidity_band': ('', 1e-9, 1.0),
+    'clearance_band': ('m', 1e-9, 1.0),
+    'rate': ('1/s', 1e-3, 1e3),
+}
 
 
 @dataclass(frozen=True)
@@ -61,19 +74,7 @@ class ShapeBounds:
 
     def __post_init__(self) -> None:
         """Raise ConfigurationError if a bound is out of its range."""
-        if not 0.0 <= self.min_rigidity < 1.0:
-            raise ConfigurationError(
-                f'min_rigidity {self.min_rigidity!r}: must be a fraction of the index at home, '
-                'from 0 to less than 1'
-            )
-        for name in ('min_clearance', 'min_object_clearance'):
-            value = getattr(self, name)
-            if not 0.0 <= value < np.inf:
-                raise ConfigurationError(f'{name} {value!r} m: must be finite, not negative')
-        for name in ('rigidity_band', 'clearance_band', 'rate'):
-            value = getattr(self, name)
-            if not 0.0 < value < np.inf:
-                raise ConfigurationError(f'{name} {value!r}: must be finite, positive')
+        check_settings(self, BOUND_RANGES, ConfigurationError)
 
 
 class ShapeGuard:
@@ -85,6 +86,7 @@ class ShapeGuard:
     :param barriers: user-defined barriers in addition to those of rigidity and clearances.
     """
 
+    @check_kinds
     def __init__(
         self, robot: Mechanism, bounds: ShapeBounds | None = None, barriers: Sequence[Barrier] = ()
     ) -> None:

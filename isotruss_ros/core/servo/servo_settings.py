@@ -5,22 +5,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import Any
 
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.inputs import PRESSURE_TIMEOUT
+from isotruss_ros.core.inputs import MAX_TIMEOUT, PRESSURE_TIMEOUT
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Limit
-from isotruss_ros.core.numerics.arrays import MAX_MAGNITUDE
+from isotruss_ros.core.model.setting_ranges import check_settings
+from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.safety.barrier_law import Barrier
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 
 DEFAULT_BOUNDS = ShapeBounds()
-#: Settings that may be infinite.
-UNBOUNDED = ('max_utilisation', 'failure_time')
+#: Unit, smallest and largest plausible value of each number, as of the parameters of the node.
+SQUEEZE_RANGES = {
+    'force': ('N', 0.0, 1e3),
+    'pose_gain': ('1/s', 1e-6, 1e3),
+    'frequency': ('rad/s', 1e-6, 1e3),
+    'max_utilisation': ('', 1e-6, math.inf),
+    'load': ('N', 0.0, 1e3),
+    'zero_deviation': ('m', 0.0, 1.0),
+}
+SERVO_RANGES = {
+    'period': ('s', 1e-4, 1.0),
+    'timeout': ('s', 1e-3, MAX_TIMEOUT),
+    'failure_time': ('s', 1e-3, math.inf),
+    'pressure_timeout': ('s', 1e-3, 3600.0),
+}
 
 
 @dataclass(frozen=True)
@@ -49,8 +61,7 @@ class SqueezeSettings:
 
     def __post_init__(self) -> None:
         """Raise ConfigurationError if a number is out of its range."""
-        _check_numbers(self, ('pose_gain', 'frequency', 'max_utilisation'))
-        _check_numbers(self, ('force', 'load', 'zero_deviation'), zero=True)
+        check_settings(self, SQUEEZE_RANGES, ConfigurationError)
 
 
 @dataclass(frozen=True)
@@ -88,17 +99,8 @@ class ServoSettings:
     pressure_timeout: float = PRESSURE_TIMEOUT
 
     def __post_init__(self) -> None:
-        """Raise ConfigurationError if a time is out of its range."""
-        _check_numbers(self, ('period', 'timeout', 'pressure_timeout', 'failure_time'))
-
-
-def _check_numbers(settings: Any, names: Sequence[str], zero: bool = False) -> None:
-    """Raise ConfigurationError unless settings are None, positive or, if `zero`, zero."""
-    for name in names:
-        value = getattr(settings, name)
-        is_unbounded = name in UNBOUNDED and value == math.inf
-        if value is None or is_unbounded or (zero and value == 0.0):
-            continue
-        if not 0.0 < value <= MAX_MAGNITUDE:
-            bounds = f'{"zero or positive" if zero else "positive"}, at most {MAX_MAGNITUDE:g}'
-            raise ConfigurationError(f'{name} {value!r}: must be {bounds}')
+        """Raise ConfigurationError if a time is out of its range, or ArgumentError for a kind."""
+        check_settings(self, SERVO_RANGES, ConfigurationError)
+        check_kind('grip', self.grip, 'Grip')
+        check_kind('squeeze', self.squeeze, 'SqueezeSettings', 'None')
+        check_kind('bounds', self.bounds, 'ShapeBounds', 'None')

@@ -24,6 +24,7 @@ from isotruss_ros.core.manipulation.limits import default_limits
 from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.model.convex_object import EXTERNAL_WRENCH
 from isotruss_ros.core.model.topology import check_names
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, MAX_LOAD
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
@@ -41,6 +42,7 @@ class ServoState:
     The attributes and parameters are those of `TwistServo`.
     """
 
+    @check_kinds
     def __init__(
         self, robot: Robot, settings: ServoSettings, inputs: LatestInputs | None = None
     ) -> None:

@@ -16,6 +16,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, push_out
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject, EXTERNAL_WRENCH
 from isotruss_ros.core.model.pose import check_range, Pose
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import ROUNDING
@@ -43,6 +44,7 @@ class ElasticObject:
     :raises GraspError: friction or stiffness is invalid.
     """
 
+    @check_kinds
     def __init__(self, body: ConvexObject, friction: float, stiffness_scale: float = 1.0) -> None:
         limits = 1.0 / MAX_MAGNITUDE, MAX_MAGNITUDE
         self._scale = check_range(stiffness_scale, 'stiffness scale', '', *limits)

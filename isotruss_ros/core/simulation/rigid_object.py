@@ -15,6 +15,7 @@ from isotruss_ros.core.manipulation.grip import Grip, GRIP_SIZES
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 import numpy as np
 
 
@@ -33,6 +34,7 @@ class RigidObject:
     :raises GraspError: the coefficient is out of range.
     """
 
+    @check_kinds
     def __init__(self, body: ConvexObject, friction: float) -> None:
         self._body = body
         coefficient = check_friction(friction)

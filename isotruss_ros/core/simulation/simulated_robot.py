@@ -6,16 +6,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 from typing import Protocol
 
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.model.setting_ranges import check_settings
 from isotruss_ros.core.model.topology import check_names
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
+
+#: Unit, smallest and largest value of each number; a roller without limit has an infinite one.
+FAULT_RANGES = {
+    'speed_limit': ('m/s', 0.0, math.inf),
+    'noise': ('m/s', 0.0, 1.0),
+    'slip': ('', 0.0, 0.5),
+}
 
 
 @dataclass(frozen=True)
@@ -34,10 +44,14 @@ class RollerFaults:
     :ivar slip: mean slip as a fraction of the travel, 0 to 0.5 [-].
     """
 
-    speed_limit: float = float('inf')
+    speed_limit: float = math.inf
     noise: float = 0.0
     stuck: frozenset[str] = frozenset()
     slip: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raise ConfigurationError if a number is out of its range."""
+        check_settings(self, FAULT_RANGES, ConfigurationError)
 
 
 class DrivenRollers:
@@ -51,8 +65,6 @@ class DrivenRollers:
     def __init__(self, robot: Mechanism, faults: RollerFaults, seed: int = 0) -> None:
         names = robot.roller_names
         check_names('stuck rollers', faults.stuck, names, robot.name)
-        if not 0.0 <= faults.slip <= 0.5:
-            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to 0.5')
         self._robot, self._faults = robot, faults
         self._is_free = np.array([name not in faults.stuck for name in names])
         self._random = np.random.default_rng(seed)
@@ -110,6 +122,7 @@ class SimulatedRobot(DrivenRollers):
     :raises ConfigurationError: the slip is out of its range.
     """
 
+    @check_kinds
     def __init__(
         self,
         config: Configuration,

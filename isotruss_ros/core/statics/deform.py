@@ -11,8 +11,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import SolverError, StructureError
-from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.topology import check_names
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -102,6 +103,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         return path.limit
 
 
+@check_kinds
 @single_threaded
 def deform(
     config: Configuration,
@@ -132,7 +134,6 @@ def deform(
         mechanism (the message names the moving parts); or the loads exceed the limit load (the
         message names it).
     """
-    require_configuration(config)
     structure = structure_of(config, pressure)
     robot = config.robot
     frame, loads = _load_tubes(structure, tube_loads or {})

@@ -14,7 +14,7 @@ from isotruss_ros.core import (
     Polygon,
     Pose,
 )
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.manipulation.grip import find_contacts, find_members
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_friction_is_the_given_one_or_else_that_of_the_object():
     ],
 )
 def test_invalid_grips_are_refused(members, body, message):
-    with pytest.raises(GraspError, match=message):
+    with pytest.raises(IsotrussError, match=message):
         find_contacts(ROBOT.home, Grip(members, body))
 
 

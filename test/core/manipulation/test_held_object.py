@@ -25,8 +25,8 @@ def opening(config):
 @pytest.mark.parametrize(
     ('lead', 'error', 'words'),
     [
-        (-1e-3, GraspError, r'lead .* be a finite number, not negative'),
-        (np.inf, GraspError, 'lead inf s: must be'),
+        (-1e-3, GraspError, 'lead .* must be from 0'),
+        (np.inf, GraspError, 'lead .* must be'),
         (1e3, ConfigurationError, 'nine_member'),
     ],
 )

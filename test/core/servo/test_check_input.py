@@ -5,11 +5,12 @@
 
 import math
 
-from isotruss_ros.core import load_robot, Pose
+from isotruss_ros.core import ConvexObject, Grip, IsotrussError, load_robot, Pose, RollerFaults
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
+from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, EstimatorSettings
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
-from isotruss_ros.core.numerics.arrays import MAX_MAGNITUDE
+from isotruss_ros.core.paths.path_tracking import TrackingSettings
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.core.servo.servo_state import check_input
 import numpy as np
@@ -78,33 +79,39 @@ def test_times_must_be_finite(name):
     assert 'time of' in rejected.reason
 
 
-@pytest.mark.parametrize('value', [0.0, -1.0, math.nan, 1e13])
-@pytest.mark.parametrize('name', ['period', 'timeout', 'pressure_timeout', 'failure_time'])
-def test_times_that_are_not_positive_are_refused(name, value):
-    values = {'period': 0.01, 'timeout': 0.2} | {name: value}
-    with pytest.raises(ConfigurationError, match=f'{name} .*: must be positive'):
-        ServoSettings(None, **values)
+#: Settings with values, each of which is out of its range.
+WRONG_SETTINGS = [
+    (ServoSettings, {'period': 10.0, 'timeout': 200.0, 'pressure_timeout': 0.0}),
+    (ServoSettings, {'failure_time': -1.0, 'grip': None, 'squeeze': 15.0, 'bounds': {}}),
+    (SqueezeSettings, {'force': -1e-9, 'load': 1e4, 'zero_deviation': 10.0, 'frequency': 0.0}),
+    (SqueezeSettings, {'force': math.inf, 'pose_gain': math.inf, 'max_utilisation': 0.0}),
+    (EstimatorSettings, dict.fromkeys(vars(EstimatorSettings()), 100.0) | {'load': -1.0}),
+    (ShapeBounds, dict.fromkeys(vars(ShapeBounds()), -1.0)),
+    (TrackingSettings, dict.fromkeys(vars(TrackingSettings()), -1.0)),
+    (RollerFaults, {'slip': 0.6, 'noise': -1.0, 'speed_limit': -1.0}),
+]
+GOOD_SETTINGS = {
+    ServoSettings: {'grip': Grip(('north/P-Z', 'north/Z-R'), ConvexObject.disc((0.7, 0.8), 0.3))}
+    | {'period': 0.01, 'timeout': 0.2},
+    SqueezeSettings: {'force': 15.0},
+}
 
 
-@pytest.mark.parametrize('value', [-1e-9, math.nan, math.inf, 1.1e12])
-@pytest.mark.parametrize('name', ['force', 'load', 'zero_deviation'])
-def test_forces_and_deviations_may_be_zero_and_not_negative(name, value):
-    assert getattr(SqueezeSettings(**{'force': 1.0} | {name: 0.0}), name) == 0.0
-    with pytest.raises(ConfigurationError, match=f'{name} .*: must be zero or positive'):
-        SqueezeSettings(**{'force': 1.0} | {name: value})
+@pytest.mark.parametrize(
+    ('kind', 'name', 'value'),
+    [(kind, *wrong) for kind, values in WRONG_SETTINGS for wrong in values.items()],
+)
+def test_settings_out_of_range_are_refused_with_their_name_and_range(kind, name, value):
+    for wrong in {value, math.nan, 'x'} if isinstance(value, float) else (value,):
+        with pytest.raises(IsotrussError, match=f'{name}.*: must be '):
+            kind(**GOOD_SETTINGS.get(kind, {}) | {name: wrong})
 
 
-@pytest.mark.parametrize('name', ['pose_gain', 'frequency', 'max_utilisation'])
-def test_gains_and_bounds_of_the_squeeze_are_positive(name):
-    assert getattr(SqueezeSettings(1.0, **{name: MAX_MAGNITUDE}), name) == MAX_MAGNITUDE
-    for value in (0.0, math.nan):
-        with pytest.raises(ConfigurationError, match=f'{name} .*: must be positive'):
-            SqueezeSettings(1.0, **{name: value})
+def test_an_inclination_in_degrees_is_refused_with_its_value_in_radians():
+    with pytest.raises(ConfigurationError, match=r'if it is in degrees, it is 1\.571 rad'):
+        EstimatorSettings(inclination=90.0)
 
 
-@pytest.mark.parametrize('name', ['pose_gain', 'frequency'])
-def test_only_a_utilisation_and_a_failure_time_may_be_infinite(name):
-    assert SqueezeSettings(1.0, max_utilisation=math.inf).max_utilisation == math.inf
-    assert ServoSettings(None, 0.01, 0.2, failure_time=math.inf).failure_time == math.inf
-    with pytest.raises(ConfigurationError, match=name):
-        SqueezeSettings(1.0, **{name: math.inf})
+def test_a_utilisation_and_a_failure_time_may_be_infinite_and_deviations_zero():
+    SqueezeSettings(0.0, max_utilisation=math.inf, load=0.0, zero_deviation=0.0)
+    ServoSettings(**GOOD_SETTINGS[ServoSettings], failure_time=math.inf)

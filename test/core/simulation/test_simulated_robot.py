@@ -81,12 +81,6 @@ def test_encoders_do_not_measure_slip():
     assert robot.config.roller_positions == pytest.approx(np.zeros(N), abs=1e-15)
 
 
-@pytest.mark.parametrize('slip', [-0.1, 0.6, np.nan])
-def test_slip_out_of_range_is_refused(slip):
-    with pytest.raises(ConfigurationError, match=r'from 0 to 0\.5'):
-        simulated(slip=slip)
-
-
 @pytest.mark.parametrize('bad', [[0.0] * (N + 1), [np.nan] * N, 'fast', None])
 def test_a_bad_command_changes_nothing(bad):
     robot = simulated()
