@@ -39,7 +39,7 @@ RANGES = {
     'marker_shift': ('m', 0.0, 10.0),
     'marker_turn': ('rad', 0.0, math.pi),
     'inclination': ('rad', 0.0, 0.5 * math.pi),
-    'pose_error': ('m', 1e-9, 1.0),
+    'pose_error': ('m', 0.0, 1.0),
     'squeeze_error': ('', 0.0, 1.0),
 }
 
@@ -65,7 +65,7 @@ class EstimatorSettings:
     :ivar inclination: largest possible inclination of the robot's plane [rad]. The default is that
         of an upright robot.
     :ivar pose_error: model error of the object's pose, rotations times the characteristic
-        radius, positive [m].
+        radius [m].
     :ivar squeeze_error: relative model error of the squeeze [-].
     """
 

@@ -71,7 +71,7 @@ def check_kinds(function: Callable[P, R]) -> Callable[P, R]:
 
 def check_kind(name: str, value: Any, *valid: str) -> None:
     """Raise ArgumentError unless an argument is an object of a valid class, or a valid None."""
-    if not _kinds_of(type(value)).isdisjoint(valid):
+    if not _kinds_of(value.__class__).isdisjoint(valid):
         return
     kind = type(value).__name__
     shown = f'class {value.__name__}' if isinstance(value, type) else f'of type {kind}'

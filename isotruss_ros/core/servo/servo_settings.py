@@ -28,7 +28,7 @@ SQUEEZE_RANGES = {
     'zero_deviation': ('m', 0.0, 1.0),
 }
 SERVO_RANGES = {
-    'period': ('s', 1e-4, 1.0),
+    'period': ('s', 1e-9, 1.0),
     'timeout': ('s', 1e-3, MAX_TIMEOUT),
     'failure_time': ('s', 1e-3, math.inf),
     'pressure_timeout': ('s', 1e-3, 3600.0),
