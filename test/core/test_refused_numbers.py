@@ -150,6 +150,34 @@ def test_arguments_of_another_kind_are_refused_with_an_example(door, parameter, 
         door(**{parameter: given})
 
 
+#: Calls with a list in another form, or with a text in place of a list.
+FORMS = {
+    'carry': lambda: GraspRequirements(carry=(0.7, 0.8, 0.0)),
+    'carry, a list': lambda: GraspRequirements(carry=None),
+    'direction': lambda: GraspRequirements(direction=1.0),
+    'external_wrench': lambda: GraspRequirements(external_wrench=[(0.0, 0.0, 0.0)]),
+    'max_utilisation': lambda: GraspRequirements(max_utilisation=None),
+    "members 'north/P-Z'": lambda: settle_grasp(HOME, BODY, members='north/P-Z'),
+    "members 'north/Z-R'": lambda: core.place_between(HOME, 'north/Z-R', BODY.shape),
+    'poses of the path': lambda: foresee_grip(HOME, BODY, 0.8, 'north'),
+    'speed': lambda: ObjectPath(POSES, '0.1', 0.5),
+    'inputs poses': lambda: SERVO.receive(poses=None),
+    'argument twist': lambda: SERVO.receive(twist=(0.0, 0.1, 0.0)),
+    'argument rollers.value': lambda: SERVO.receive(rollers=StampedInput(NONE, 0.0)),
+    'argument estimate.value': lambda: SERVO.receive(estimate=StampedInput(NONE, 0.0)),
+    'argument failed': lambda: SERVO.receive(failed=None),
+    'failed rollers': lambda: SERVO.receive(failed='north/Z'),
+    'time of the cycle': lambda: SERVO.decide(math.nan),
+    'roller velocities': lambda: SERVO.command([0.1], 0.0),
+}
+
+
+@pytest.mark.parametrize('words', FORMS)
+def test_lists_and_inputs_of_another_form_are_refused_with_their_name(words):
+    with pytest.raises(IsotrussError, match=words):
+        FORMS[words]()
+
+
 def receive(**inputs):
     """Return the inputs of the servo after it has received values of time 0."""
     SERVO.receive(**{name: StampedInput(value, 0.0) for name, value in inputs.items()})

@@ -127,7 +127,7 @@ def check_member_names(members: Sequence[str]) -> tuple[str, ...]:
     fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
     if not (fits and len(names) in GRIP_SIZES):
         raise GraspError(
-            f'members {quote(str(members))}: must be a list of two or three different members'
+            f'members {quote(str(members))}: must be two or three different members, in a list'
         )
     return names
 

@@ -20,6 +20,7 @@ EXAMPLES = {
     'Configuration': 'robot.home',
     'ConvexObject': 'ConvexObject.disc((x, y), diameter)',
     'EstimatorSettings': 'EstimatorSettings()',
+    'EstimatedTravel': 'EstimatedTravel(offsets, covariance)',
     'GraspGradient': 'grasp_gradient(settled)',
     'GraspRequirements': 'GraspRequirements(friction=0.7)',
     'Grip': 'Grip.at_module(robot, module, body)',
@@ -30,6 +31,7 @@ EXAMPLES = {
     'Mechanism': "load_robot('nine_member')",
     'ObjectPath': 'ObjectPath(poses, speed, turn_rate)',
     'Robot': "load_robot('nine_member')",
+    'RollerState': 'RollerState(positions, velocities)',
     'RollerFaults': 'RollerFaults()',
     'RollingGrip': 'RollingGrip.attach(config, grip)',
     'ServoSettings': 'ServoSettings(grip, period, timeout)',
@@ -37,6 +39,7 @@ EXAMPLES = {
     'Shape': 'Disc(diameter)',
     'ShapeBounds': 'ShapeBounds()',
     'SqueezeSettings': 'SqueezeSettings(force)',
+    'StampedInput': 'StampedInput(value, time)',
     'TrackingSettings': 'TrackingSettings()',
     'Uncertainty': 'Uncertainty(friction=0.05)',
 }

@@ -93,7 +93,8 @@ def foresee_grip(
     Predict the motion of an object in its grip by `foresee_path`; None if no members hold it.
 
     If there is no `record` of the loop that holds the object, or its motion ends early, the motion
-    starts from the equilibrium of `attach_grip`.
+    starts from the equilibrium of `attach_grip`. The path is shifted to the start. None has no
+    reason; `settle_grasp` of the same object states it.
     """
     friction = check_friction(friction)
     foresight = None
@@ -130,6 +131,9 @@ def foresee_path(
     example where rollers would move much faster than it. Angles of the poses are not wrapped to
     one turn.
 
+    :param held: equilibrium at which the motion starts, `settle_grasp(...).equilibrium`.
+    :param poses: (n, 3) poses x, y, angle of the path [m, rad]. The path is shifted, so that its
+        first pose is that of the equilibrium.
     :param speed: speed of the path, see `ObjectPath` [m/s].
     :param turn_rate: largest angular velocity of the path [rad/s].
     """

@@ -12,7 +12,13 @@ import math
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import check_member_names
 from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
-from isotruss_ros.core.numerics.arrays import finite_array, LARGEST_NUMBER, MAX_LOAD
+from isotruss_ros.core.numerics.arrays import (
+    finite_array,
+    finite_rows,
+    LARGEST_NUMBER,
+    MAX_LOAD,
+    MAX_MAGNITUDE,
+)
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.violations import RequirementError
@@ -83,7 +89,8 @@ class GraspRequirements(Record):
             object.__setattr__(self, name, tuple(values.tolist()))
         for field in fields(self):
             name, value = field.name, getattr(self, field.name)
-            if field.type not in ('float', 'float | None') or value is None:
+            is_optional = value is None and field.default is None
+            if field.type not in ('float', 'float | None') or is_optional:
                 continue
             must_be_finite = not name.startswith('max_') or name == 'max_length'
             is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
@@ -93,8 +100,9 @@ class GraspRequirements(Record):
                     + (', and finite' if must_be_finite else '')
                 )
         check_friction(self.friction, 'requirement friction')
-        poses = [finite_array(pose, 3, 'pose of carry', GraspError) for pose in self.carry]
-        object.__setattr__(self, 'carry', tuple(tuple(pose.tolist()) for pose in poses))
+        what = 'requirement carry, a list of poses (x, y, angle) [m, rad]'
+        poses = finite_rows(self.carry, 3, what, GraspError, MAX_MAGNITUDE)
+        object.__setattr__(self, 'carry', tuple(map(tuple, poses.tolist())))
         if self.members is not None:
             object.__setattr__(self, 'members', check_member_names(self.members))
             if self.module is not None:

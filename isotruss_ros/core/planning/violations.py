@@ -61,6 +61,15 @@ class Violation:
             return math.inf
         return 1.0 + len(names) - names.index(self.requirement)
 
+    def __str__(self) -> str:
+        """Return a sentence that describes the violation."""
+        sentence = (SENTENCES_BY_REQUIREMENT | BOUNDS).get(self.requirement)
+        if sentence is None:
+            return f'the closest grasp candidate cannot be computed: {self.requirement}'
+        value, bound = distinct_numbers(self.value, self.bound)
+        words = sentence.format(value=value, bound=bound, share=self.value)
+        return f'{self.requirement}: {words}'
+
 
 class RequirementError(IsotrussError):
     """Error: a candidate violates a requirement. The arguments are the fields of a `Violation`."""
@@ -109,11 +118,4 @@ def export_violation(violation: Violation | None) -> dict[str, Any]:
 
 def violation_in_words(violation: Violation | None) -> str:
     """Return a sentence that describes the violation of a requirement."""
-    if violation is None:
-        return 'there was no grasp candidate'
-    sentence = (SENTENCES_BY_REQUIREMENT | BOUNDS).get(violation.requirement)
-    if sentence is None:
-        return f'the closest grasp candidate cannot be computed: {violation.requirement}'
-    value, bound = distinct_numbers(violation.value, violation.bound)
-    words = sentence.format(value=value, bound=bound, share=violation.value)
-    return f'{violation.requirement}: {words}'
+    return 'there was no grasp candidate' if violation is None else str(violation)

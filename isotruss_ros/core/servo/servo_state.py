@@ -24,7 +24,7 @@ from isotruss_ros.core.manipulation.limits import default_limits
 from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.model.convex_object import EXTERNAL_WRENCH
 from isotruss_ros.core.model.topology import check_names
-from isotruss_ros.core.numerics.argument_kinds import check_kinds
+from isotruss_ros.core.numerics.argument_kinds import check_kind, check_kinds
 from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, MAX_LOAD
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
@@ -33,6 +33,9 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from isotruss_ros.core.statics.section import tube_pressures
 import numpy as np
+
+#: Kind of the value of an input that is not a list of numbers.
+VALUE_KINDS = {'rollers': 'RollerState', 'estimate': 'EstimatedTravel'}
 
 
 class ServoState:
@@ -96,14 +99,20 @@ class ServoState:
         Invalid numbers are replaced by a rejection, which halts the rollers; see `check_input`.
 
         :param inputs: new values; the keywords are the fields of `LatestInputs`.
-        :raises GraspError: a roller named as failed does not exist in the robot; then no input is
-            replaced.
+        :raises ArgumentError: an input is of another kind than `LatestInputs` states.
+        :raises GraspError: there is no such input, or the robot has no roller named as failed.
+            After an error no input is replaced.
         """
+        if unknown := inputs.keys() - set(LatestInputs.__slots__):
+            known = ', '.join(LatestInputs.__slots__)
+            raise GraspError(f'inputs {", ".join(sorted(unknown))}: must be from {known}')
         if 'failed' in inputs:
+            check_kind('failed', inputs['failed'], 'Collection[str]')
             inputs['failed'] = frozenset(inputs['failed'])
             working_rollers(self.robot.topology, inputs['failed'])
-        for name, value in inputs.items():
-            setattr(self.inputs, name, check_input(self.robot, name, value))
+        checked = [check_input(self.robot, *item) for item in inputs.items()]
+        for name, value in zip(inputs, checked, strict=True):
+            setattr(self.inputs, name, value)
 
 
 def check_input(robot: Robot, name: str, given: Input) -> Input:
@@ -113,8 +122,13 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
     Time, twist, pose, external wrench, roller state and roller offsets must be finite numbers of
     the required count, and a covariance must be positive semidefinite; see `tube_pressures`.
     """
-    if not isinstance(given, StampedInput):
+    if name in ('failed', 'halt'):
         return given
+    if not isinstance(given, StampedInput):
+        check_kind(name, given, 'StampedInput', 'RejectedInput', 'None')
+        return given
+    if name in VALUE_KINDS:
+        check_kind(f'{name}.value', given.value, VALUE_KINDS[name])
     words, value = name.replace('_', ' '), given.value
     rollers = len(robot.roller_names)
     try:

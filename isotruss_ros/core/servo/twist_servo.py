@@ -18,7 +18,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.errors import ConfigurationError, IsotrussError
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.inputs import (
     fresh_pressures,
@@ -36,7 +36,7 @@ from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.solve_twist import solve_joint_velocity, solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.work_limit import limited_work
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError
@@ -145,6 +145,7 @@ class TwistServo(ServoState):
         :param velocities: (r,) desired velocities [m/s]; zeros stop the rollers at once.
         :param now: current time on the clock of the inputs [s].
         """
+        velocities = self.robot.check_rollers(velocities, 'roller velocities [m/s]')
         self._begin_cycle(now)
         last = np.zeros(len(velocities)) if self._history.last is None else self._history.last
         if velocities.any():
@@ -156,6 +157,7 @@ class TwistServo(ServoState):
 
     def _begin_cycle(self, now: float) -> None:
         """Discard old commands, and update the failed rollers by commands and measured travel."""
+        finite_array([now], 1, 'time of the cycle [s]', ConfigurationError)
         self._history.discard_old(now, self.settings.timeout)
         rollers = self.inputs.rollers
         if not isinstance(rollers, StampedInput):

@@ -18,7 +18,6 @@ from isotruss_ros.core.planning.violations import (
     SearchTally,
     SENTENCES_BY_REQUIREMENT,
     Violation,
-    violation_in_words,
 )
 import numpy as np
 import pytest
@@ -96,8 +95,9 @@ def test_a_plan_without_grasps_says_what_is_violated(violation, words):
 
 def test_every_violation_has_words():
     for name in SENTENCES_BY_REQUIREMENT | BOUNDS:
-        words = violation_in_words(Violation(name, 0.125, 0.25))
+        words = str(Violation(name, 0.125, 0.25))
         assert words.startswith(f'{name}: ')
+        assert ('12% of its path' in words) == (name == 'carry')
         assert '{' not in words
 
 
