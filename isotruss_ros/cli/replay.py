@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.model.pose import check_range, MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.extras import MissingPackageError
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import LOCAL
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Rate of displayed frames [Hz].
 FRAME_RATE = 20.0
+#: Smallest and largest speed of the playback relative to the recording [-].
+SPEED_RANGE = 1e-3, 1e3
 
 
 def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) -> str:
@@ -116,9 +119,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--once', action='store_true', help='play the recording only once')
     parser.add_argument('--page', type=Path, help='HTML file to write instead')
     options = parser.parse_args(arguments)
-    if not options.speed > 0.0:
-        parser.error(f'--speed {options.speed}: must be positive')
     try:
+        check_range(options.speed, '--speed', '', *SPEED_RANGE)
+        check_range(options.diameter, '--diameter', 'm', MIN_DIAMETER, MAX_SIZE)
         try:
             import isotruss_ros.viewer.recording  # noqa: F401 - needs packages, too
             from isotruss_ros.viewer.view import View

@@ -197,6 +197,13 @@ def test_replay_shows_the_readable_part_and_reports_the_damage_in_one_line(tmp_p
     assert line.startswith(f'replay: {path} ends after ')
 
 
+@pytest.mark.parametrize('value', ['nan', 'inf', '-1'])
+@pytest.mark.parametrize('option', ['--speed', '--diameter'])
+def test_replay_refuses_numbers_out_of_range(option, value, capsys):
+    assert replay.main(['none.mcap', f'{option}={value}']) == 1
+    assert capsys.readouterr().err.startswith(f'replay failed: {option}')
+
+
 def test_an_exported_page_names_no_server(tmp_path, capsys):
     path, page = tmp_path / 'whole.mcap', tmp_path / 'whole.html'
     path.write_bytes(whole())
