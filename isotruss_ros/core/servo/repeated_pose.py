@@ -27,7 +27,7 @@ class RepeatedPose:
 
     def __init__(self) -> None:
         self._value: tuple[float, ...] = ()
-        self._first = self._now = math.nan  # stamp of the first equal pose, and last cycle [s]
+        self._first = self._now = math.nan  # stamp where the time begins, and last cycle [s]
         self._motion = self.velocity = np.zeros(3)
         self._positions = np.zeros(0)  # (r,) measured with the first equal pose [m]
 
@@ -37,7 +37,8 @@ class RepeatedPose:
         """
         Raise InputError if the pose is older than the timeout [s] although its stamp is not.
 
-        After a pause without commands, the time and the motion count anew.
+        The time counts from the first pose after the rollers have moved: at rest, poses without
+        noise are equal however long. After a pause without commands, all counts anew.
 
         :param positions: (r,) measured roller positions [m].
         :param arm: characteristic radius of the object [m].
@@ -49,9 +50,10 @@ class RepeatedPose:
             self._value, self._first, self._motion = value, pose.time, np.zeros(3)
             self._positions = np.array(positions)
         self._now, self.velocity = now, np.zeros(3)
+        if np.abs(positions - self._positions).max(initial=0.0) <= MAX_STUCK_TRAVEL:
+            self._first = pose.time
         age, distance = pose.time - self._first, math.hypot(*(self._motion * (1.0, 1.0, arm)))
-        travel = np.abs(positions - self._positions).max(initial=0.0)
-        if age > timeout and distance > MAX_REPEATED_MOTION and travel > MAX_STUCK_TRAVEL:
+        if age > timeout and distance > MAX_REPEATED_MOTION:
             change = f'while the rollers moved the object by {1e3 * distance:.0f} mm'
             message = f'object pose: equal to the last bit for {age:.3f} s {change}'
             remedy = 'the tracker repeats its last pose; it must send new ones'

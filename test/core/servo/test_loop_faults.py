@@ -161,6 +161,17 @@ def test_a_tracker_that_repeats_its_pose_beyond_the_timeout_stops_the_object(rep
     assert loop.plant.object_pose.x - start.x > 0.01
 
 
+def test_a_late_pose_of_an_object_that_begins_to_move_is_not_repeated():
+    loop = SqueezeLoop(CONFIG, HELD, period=0.05, pose_gain=None, load=0.0)
+    poses = 4 * [loop.plant.object_pose]
+    for number in range(40):
+        pose = StampedInput(poses[number], loop.now - 0.19)
+        decision = loop.cycle((0.1 * (number > 30), 0.0, 0.0), pose=pose)
+        poses.append(loop.plant.object_pose)
+        assert decision.command.status < Status.HALT_NO_TWIST, decision.message
+    assert poses[-1].x - poses[0].x > 0.01
+
+
 @pytest.mark.parametrize(
     ('rollers_late', 'pose_late', 'every'),
     some_now([(5, 0, 1), (0, 5, 1), (0, 1, 2), (0, 0, 1), (1, 0, 1)]),

@@ -16,7 +16,7 @@ from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
-from probe import overrides, planar
+from probe import overrides, planar, ROBOT
 import pytest
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
@@ -146,3 +146,16 @@ def test_stops_within_the_timeout_and_resumes(name):
         relay.distorting = False
         w.until_code(Status.OK, send(w))
         w.until(lambda: relay.speed() > 0.0, send(w))
+
+
+def test_an_object_that_jumps_in_the_grasp_is_moved_from_its_new_pose():
+    with relayed() as w:
+        relay = Relay(w, 'object_pose', moved(-0.02))
+        w.until_code(Status.OK, send(w))
+        relay.distorting = True
+        count = len(w.probe.seen['status'])
+        w.until(lambda: len(w.probe.seen['status']) > count + 50, send(w))
+        commands = np.array([m.data for _, m in w.probe.seen['command']])
+        assert np.isfinite(commands).all()
+        assert np.abs(commands).max() <= ROBOT.description.max_speed + 1e-9
+        assert w.code() < Status.HALT_NO_TWIST
