@@ -12,6 +12,7 @@ from isotruss_ros.core import Status
 from probe import DEADLINE, failed, ROBOT, world
 from probe import manipulation as node
 import pytest
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool
 
@@ -25,6 +26,7 @@ def until_heard_by_both(w, publisher):
 
 
 LONG = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+PLAIN = QoSProfile(depth=1000)
 HASTY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -40,6 +42,23 @@ publisher = rclpy.create_node('button').create_publisher(Bool, 'emergency_stop',
 publisher.publish(Bool(data=True))
 sys.stdin.read()
 """
+
+
+def test_a_publisher_that_does_not_latch_is_not_told_that_its_messages_are_not_sent():
+    told = []
+    with world() as w:
+        w.probe.destroy_publisher(w.probe.stops)
+        w.add(node()())
+        publisher = w.probe.create_publisher(
+            Bool,
+            'emergency_stop',
+            PLAIN,
+            event_callbacks=PublisherEventCallbacks(incompatible_qos=told.append),
+        )
+        w.until_code(Status.OK, w.probe.send_all)
+        publisher.publish(Bool(data=True))
+        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+    assert not told
 
 
 @pytest.mark.parametrize('autostart', [True, False])

@@ -11,13 +11,17 @@ import signal
 import subprocess
 import sys
 
+from builtin_interfaces.msg import Duration
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Status
 from nightly import some_now
-from probe import DEADLINE, Manager
+import numpy as np
+from probe import DEADLINE, Manager, N, ROBOT
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_processes import robot
 from std_msgs.msg import Bool
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 pytestmark = [pytest.mark.system, pytest.mark.xdist_group('one robot')]
 
@@ -30,11 +34,13 @@ NODES = {
 
 
 def start(r, name, **values):
+    """Start a node."""
     r.start(name, **NODES[name], **values)
 
 
 @pytest.fixture(scope='module')
 def processes(shared_domain, tmp_path_factory):
+    """Return the robot of all tests, of which nothing runs yet."""
     with robot(tmp_path_factory.mktemp('nodes')) as made:
         yield made
 
@@ -52,6 +58,7 @@ def r(processes, request):
 
 
 def release(r):
+    """Release an emergency stop."""
     r.w.probe.stops.publish(Bool(data=False))
     r.w.until(lambda: r.w.release_stop().success)
 
@@ -121,6 +128,37 @@ def test_a_process_that_publishes_once_and_exits_stops_the_robot(r, durability):
     r.check_at_rest()
 
 
+def test_a_stop_counts_however_many_messages_follow_from_another_process(r):
+    latched = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = r.w.probe.create_publisher(Bool, 'emergency_stop', latched)
+    r.w.until(lambda: publisher.get_subscription_count() == 2)
+    for count in (1, 500):
+        r.until_moving()
+        publisher.publish(Bool(data=True))
+        for _ in range(count):
+            publisher.publish(Bool(data=False))
+        r.until(lambda: r.w.code() == Status.HALT_EMERGENCY_STOP)
+        r.until(lambda: 'message is false' in r.w.probe.last('status').message)
+        release(r)
+    r.w.probe.destroy_publisher(publisher)
+
+
+def test_a_latched_stop_persists_when_the_node_restarts(r):
+    w = r.w
+    r.until_moving()
+    w.probe.stops.publish(Bool(data=True))
+    r.until(lambda: w.code() == Status.HALT_EMERGENCY_STOP)
+    r.check_at_rest()
+    r.alive.pop('manipulation').stop()
+    w.probe.seen['status'].clear()
+    w.probe.seen['command'].clear()
+    start(r, 'manipulation', require_emergency_stop=True)
+    r.until(lambda: len(w.probe.seen['status']) > 50)
+    assert {m.code for _, m in w.probe.seen['status']} == {Status.HALT_EMERGENCY_STOP}
+    assert not any(any(m.data) for _, m in w.probe.seen['command'])
+    r.check_at_rest()
+
+
 def test_two_manipulation_nodes_halt_until_one_of_them_ends(r):
     r.until_moving()
     r.alive['first'] = r.alive['manipulation']
@@ -185,3 +223,32 @@ def test_an_unexpected_error_stops_the_rollers_and_the_services_remain(r, tmp_pa
             process.kill()
             process.wait()
     assert 'ZeroDivisionError' in log.read_text()
+
+
+@pytest.mark.nightly
+def test_a_trajectory_ends_with_its_node_and_the_next_one_works(r):
+    w = r.w
+    topic = 'joint_trajectory_controller/joint_trajectory'
+    publisher = w.probe.create_publisher(JointTrajectory, topic, 1)
+
+    def send(travel):
+        begin = r.w.travel()
+        points = [
+            JointTrajectoryPoint(positions=(begin + share * travel).tolist())
+            for share in (0.0, 1.0)
+        ]
+        points[1].time_from_start = Duration(sec=round(20.0 * np.abs(travel).max()))
+        names = list(ROBOT.roller_names)
+        publisher.publish(JointTrajectory(joint_names=names, points=points))
+
+    r.check_rests()
+    w.until(lambda: publisher.get_subscription_count() > 0)
+    w.until(r.moving, lambda: send(np.full(N, 0.2)), period=0.5)
+    r.signal('manipulation', signal.SIGKILL)
+    r.check_rests()
+    start(r, 'manipulation')
+    w.probe.seen['status'].clear()
+    w.until(lambda: w.code() == Status.HALT_NO_TWIST)
+    r.check_rests()
+    # A trajectory that does not begin at the measured positions is refused.
+    w.until(lambda: w.code() == Status.ARRIVED, lambda: send(np.full(N, -0.05)), period=10.0)

@@ -6,6 +6,8 @@
 import cmath
 import contextlib
 import math
+import sys
+import threading
 import time
 
 from isotruss_ros.core import load_robot, Pose
@@ -15,7 +17,7 @@ from isotruss_ros.viewer.picture import Picture
 import pytest
 
 pytest.importorskip('viser')
-from fake_browser import CAMERA, FakeBrowser  # noqa: E402,I100
+from fake_browser import CAMERA, FakeBrowser, HEARTBEAT  # noqa: E402,I100
 from isotruss_ros.viewer.controls import Controls  # noqa: E402
 from isotruss_ros.viewer.requests import check_request, list_choices, RequestError  # noqa: E402
 from isotruss_ros.viewer.view import View  # noqa: E402
@@ -24,6 +26,10 @@ ROBOT = load_robot('nine_member')
 CHOICES = list_choices(['P', 'Q'])
 #: Longest wait of a test [s].
 DEADLINE = 60.0
+#: Number of cycles under a flood of messages, of which unlocked reading fails in some percent [-].
+CYCLES = 300
+#: Interval between switches of threads [s].
+SWITCH_INTERVAL = sys.getswitchinterval()
 OBJECT_POSE = Pose(0.5, 0.2, 0.3)
 
 
@@ -60,6 +66,7 @@ class Session:
         self.controls.mark(now)
 
     def until(self, what):
+        """Step until a condition is true."""
         end = time.monotonic() + DEADLINE
         while not what():
             assert time.monotonic() < end, (self.control, self.refused, self.taken)
@@ -67,6 +74,7 @@ class Session:
             time.sleep(0.01)
 
     def grab(self):
+        """Begin a drag of the object."""
         self.browser.drag('handle', 'start', 0.1, 0.0)
         self.until(lambda: self.control.drag is not None)
 
@@ -76,6 +84,7 @@ class Session:
         self.until(lambda: self.stops)
 
     def close(self):
+        """End browser and server."""
         self.browser.close()
         self.view.close()
 
@@ -163,6 +172,30 @@ def test_a_browser_without_control_commands_nothing(session):
     session.until(lambda: len(session.view.server.get_clients()) == 1)
     session.step()
     assert session.control.drag is None
+
+
+def test_a_flood_of_messages_from_other_threads_ends_nothing(session):
+    done = threading.Event()
+
+    def flood():
+        while not done.is_set():
+            session.browser.send(HEARTBEAT | {'value': '1.0'})
+
+    threads = [threading.Thread(target=flood) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    sys.setswitchinterval(1e-5)
+    try:
+        for _ in range(CYCLES):
+            now = time.monotonic()
+            session.controls.hear(now)
+            session.controls.take(now, now)
+    finally:
+        sys.setswitchinterval(SWITCH_INTERVAL)
+        done.set()
+        for thread in threads:
+            thread.join()
+    session.grab()
 
 
 def test_a_stop_ends_control_until_the_switch_is_switched_on_again(session):

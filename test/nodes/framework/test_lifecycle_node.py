@@ -11,7 +11,7 @@ from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import DOWN, Manager, UP, world
 import numpy as np
-from probe import manipulation, overrides
+from probe import manipulation, N, overrides, ROBOT
 import pytest
 
 OUTPUTS = {
@@ -22,6 +22,7 @@ OUTPUTS = {
 
 
 def counts(w, keys):
+    """Return how many messages came of each."""
     return [len(w.probe.seen[key]) for key in keys]
 
 
@@ -89,3 +90,25 @@ def test_manipulation_is_configured_for_another_robot():
         w.until(lambda: w.code() is not None and w.code() < Status.HALT_NO_TWIST, send)
         w.until(lambda: len(w.probe.last('command').data) == len(names), send)
         w.until(lambda: w.report('manipulation').hardware_id == 'triangle', send)
+
+
+def test_manipulation_reports_its_loop_and_its_inputs():
+    with world(manipulation()) as w:
+        w.until(lambda: w.report('manipulation').level == DiagnosticStatus.OK)
+        assert w.detail('age of joint states [s]') == 'none received'
+
+        def moving():
+            return w.detail('status') == 'OK' and int(w.detail('cycles')) > 10
+
+        w.until(moving, w.probe.send_all)
+        assert w.report('manipulation').hardware_id == ROBOT.name
+        assert w.detail('emergency stop') == 'no'
+        for name in ('twist', 'joint states', 'object pose'):
+            assert float(w.detail(f'age of {name} [s]')) < 0.2
+        median = float(w.detail('cycle time, median [s]'))
+        assert 0.0 < median <= float(w.detail('cycle time, longest [s]'))
+        assert int(w.detail('overruns')) >= 0
+        w.until(
+            lambda: w.report('manipulation').level == DiagnosticStatus.ERROR,
+            lambda: (w.probe.send_all(), w.probe.send_joints(position=[np.nan] * N)),
+        )
