@@ -8,12 +8,7 @@ import contextlib
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import ManipulationStatus, StateEstimate
 from isotruss_ros.core import load_robot, Status
-from isotruss_ros.demo.client import (
-    DemoClient,
-    DemoError,
-    FINAL_HALTS,
-    REST_TIME,
-)
+from isotruss_ros.demo.client import DemoClient, DemoError, FINAL_HALTS, REST_TIME
 from isotruss_ros.demo.gripping import find_unknown_offsets
 from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.framework.topics import RELIABLE

@@ -14,13 +14,7 @@ from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
 import numpy as np
 import pytest
-from studies.comparison.grips import (
-    move_to,
-    press,
-    PressedCase,
-    release,
-    STILL,
-)
+from studies.comparison.grips import move_to, press, PressedCase, release, STILL
 
 
 @needs_mujoco

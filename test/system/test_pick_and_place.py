@@ -14,17 +14,7 @@ from action_msgs.msg import GoalStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_ros.nodes.conversions.messages import read_stamp
 import numpy as np
-from picking import (
-    ANSWERS,
-    APART,
-    CENTER,
-    Client,
-    DIAMETER,
-    path_to,
-    PATIENT,
-    PICK,
-    READY,
-)
+from picking import ANSWERS, APART, CENTER, Client, DIAMETER, path_to, PATIENT, PICK, READY
 import pytest
 from robot_processes import robot
 

@@ -10,16 +10,8 @@ from carries import make_robot, place
 from held_grips import APART, BOX
 from isotruss_ros import core
 from isotruss_ros.core.chance.criteria import find_criteria, scaled
-from isotruss_ros.core.chance.probability import (
-    changed_grip,
-    failure_probability,
-    sample_friction,
-)
-from isotruss_ros.core.errors import (
-    GraspError,
-    ObjectFileError,
-    RobotFileError,
-)
+from isotruss_ros.core.chance.probability import changed_grip, failure_probability, sample_friction
+from isotruss_ros.core.errors import GraspError, ObjectFileError, RobotFileError
 from nightly import some_now
 import numpy as np
 import pytest

@@ -4,12 +4,7 @@
 """Contact with any convex object: against discs, distances, least squares, and itself."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    load_robot,
-    Polygon,
-)
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, Polygon
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import find_contact_points, Surface
 from isotruss_ros.core.kinematics.depths import member_lines

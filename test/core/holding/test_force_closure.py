@@ -5,12 +5,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core import (
-    ConvexObject,
-    HoldStatus,
-    settle_grasp,
-    tangent_center,
-)
+from isotruss_ros.core import ConvexObject, HoldStatus, settle_grasp, tangent_center
 from isotruss_ros.core.errors import GraspError
 import numpy as np
 import pytest

@@ -7,13 +7,7 @@ from functools import cache
 from itertools import product
 
 from held_grips import NINE
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Ellipse,
-    place_between,
-    settle_grasp,
-)
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, place_between, settle_grasp
 from isotruss_ros.core.errors import GraspError
 from nightly import some_now
 import numpy as np

@@ -7,12 +7,7 @@ from dataclasses import replace
 
 from grips import surface
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import (
-    load_robot,
-    reachable_twists,
-    solve_twist,
-    Status,
-)
+from isotruss_ros.core import load_robot, reachable_twists, solve_twist, Status
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 import numpy as np
 import pytest

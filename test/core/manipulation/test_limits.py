@@ -6,11 +6,7 @@
 from grips import held_at, rolled
 from hypothesis import given
 from isotruss_ros.core import solve_twist, Status
-from isotruss_ros.core.manipulation.limits import (
-    default_limits,
-    MemberLengthLimit,
-    stack_rows,
-)
+from isotruss_ros.core.manipulation.limits import default_limits, MemberLengthLimit, stack_rows
 import numpy as np
 import pytest
 import robots

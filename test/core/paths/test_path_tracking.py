@@ -9,12 +9,7 @@ import math
 from hypothesis import given, strategies
 from isotruss_ros.core import ObjectPath, PathTracker, Pose
 from isotruss_ros.core.inputs import MAX_TIMEOUT
-from isotruss_ros.core.paths.path_tracking import (
-    FINISHED,
-    PathClock,
-    PathPhase,
-    TrackingSettings,
-)
+from isotruss_ros.core.paths.path_tracking import FINISHED, PathClock, PathPhase, TrackingSettings
 import numpy as np
 import pytest
 import robots

@@ -7,12 +7,7 @@ from hypothesis import given
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
-from isotruss_ros.core.planning.grasp_plan import (
-    export_path,
-    GraspPlan,
-    path_times,
-    plan_in_words,
-)
+from isotruss_ros.core.planning.grasp_plan import export_path, GraspPlan, path_times, plan_in_words
 from isotruss_ros.core.planning.violations import (
     BOUNDS,
     SearchTally,

@@ -17,12 +17,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.inputs import (
-    LatestInputs,
-    RejectedInput,
-    RollerState,
-    StampedInput,
-)
+from isotruss_ros.core.inputs import LatestInputs, RejectedInput, RollerState, StampedInput
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
