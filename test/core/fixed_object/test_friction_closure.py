@@ -12,7 +12,6 @@ import pytest
 import robots
 from scipy.optimize import linprog
 
-counts = strategies.integers(1, 25)
 coefficients = strategies.floats(0.0, 1.5)
 generators = robots.generators()
 

@@ -5,7 +5,6 @@
 
 import math
 
-from grips import gripped
 from held_grips import APART, BOX, held, HOME, LOOP, NINE, numbers
 from isotruss_ros.core import (
     Disc,
@@ -25,16 +24,10 @@ from nightly import some_now
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from shapes import regular_polygon
 from skin_depths import bent_line
 
-CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
 SHARP = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
 CORNER = ('north/P-Z', 'north/Z-R')
-NOTHING = np.zeros(0, dtype=np.intp)
-TRIANGLE = Polygon(regular_polygon(3, 0.645, 0.5 * np.pi).vertices, corner_radius=0.12)
-
-
 CASES = [
     (BOX, 0.2, APART, 2),
     (BOX, 0.0, APART, 3),
@@ -244,17 +237,6 @@ def test_third_member_comes_into_contact_by_bending():
     # Rolling linearises tubes within `FOLLOWED_MOTION`, so forces err by about 1e-4 N.
     for there, back in zip(states[:2], states[:2:-1], strict=True):
         assert back == pytest.approx(there, rel=1e-6, abs=1e-7)
-
-
-def test_face_between_three_members_determines_the_angle_without_friction():
-    grip = place_between(HOME, LOOP, TRIANGLE, indentation=0.012)
-    settled = settle_grasp(HOME, grip.body, 0.5)
-    assert settled.hold is HoldStatus.HELD
-    assert max(map(abs, settled.friction_forces.values())) < 1e-6
-    turned = grip.body.moved_to(np.add(grip.body.pose, (0.0, 0.0, 0.005)))
-    # Tables of dents are made for angles in steps.
-    again = settle_grasp(HOME, turned, 0.5).pose
-    assert np.array(again) == pytest.approx(np.array(settled.pose), abs=0.2 * 0.005)
 
 
 @pytest.mark.parametrize(('shape', 'angle'), [(Disc(0.4), 0.4), (BOX, 0.2)])

@@ -9,6 +9,7 @@ from isotruss_ros.core.kinematics.depths import member_lines
 import numpy as np
 import pytest
 from robots import preset
+from skin_depths import contact_loads
 
 ROBOT = preset('nine_member')
 DIAMETER = 0.3
@@ -24,13 +25,7 @@ def grip(request):
 
 
 def test_drawn_ends_of_members_agree_with_the_deformation_under_the_contact_forces(grip):
-    loads, axis = {}, grip.statics.bent.lines.axis
-    for name, foot, (along, across, moment), way in zip(
-        grip.member_names, grip.state.feet, grip.state.loads, axis, strict=True
-    ):
-        force = complex(along, across) * way
-        loads[name] = [(foot, force.real, force.imag, moment)]
-    deformed = deform(grip.config, {}, tube_loads=loads)
+    deformed = deform(grip.config, {}, tube_loads=contact_loads(grip))
     lines, straight = deformed_lines(grip), member_lines(grip.config)
     for name, line, ends in zip(ROBOT.member_names, lines, straight, strict=True):
         tube, _, joints = name.partition('/')

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from robots import preset
 import scipy.linalg
+from skin_depths import contact_loads
 
 FILE = preset('nine_member').description
 BOX = Polygon([(-0.12, -0.1), (0.14, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)
@@ -31,13 +32,7 @@ def grip_of(module_mass, tube_mass, **options):
 def moved_parts(grip, wrench):
     """Return the pose of an object, and the displacements of pinch points, under a wrench."""
     rolled = roll_grip(grip, grip.config, wrench)
-    loads, axis = {}, rolled.statics.bent.lines.axis
-    for number, foot, (along, across, moment), way in zip(
-        rolled.contacts.members, rolled.state.feet, rolled.state.loads, axis, strict=True
-    ):
-        force, name = complex(along, across) * way, grip.config.robot.member_names[number]
-        loads.setdefault(name, []).append((foot, force.real, force.imag, moment))
-    bent, points = deform(grip.config, {}, tube_loads=loads), {}
+    bent, points = deform(grip.config, {}, tube_loads=contact_loads(rolled)), {}
     for name in grip.config.robot.module_names:
         for node in 'BC':
             points[f'{name}/{node}'] = bent.displacement(f'{name}/{node}')[:2]

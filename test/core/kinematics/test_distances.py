@@ -4,7 +4,6 @@
 """Distances of parts from each other and from an object: against points along the parts."""
 
 from hypothesis import given
-from hypothesis import strategies as st
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.safety.margins import object_distances
@@ -13,9 +12,6 @@ import pytest
 import robots
 
 ROBOT = load_robot('nine_member')
-ROLLERS = len(ROBOT.roller_names)
-POSITIONS = st.lists(st.floats(-0.12, 0.12), min_size=ROLLERS, max_size=ROLLERS)
-CENTERS = st.tuples(st.floats(-0.8, 2.2), st.floats(-1.4, 1.4))
 SHARE = np.linspace(0.0, 1.0, 4001)
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
 SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]

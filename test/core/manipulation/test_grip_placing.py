@@ -15,6 +15,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
 import random_grips
@@ -24,15 +25,10 @@ NINE = load_robot('nine_member')
 BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)])
 
 
-def gaps(config, grip):
-    """Return how far the object's contacts are from the skin of the tubes [m]."""
-    contacts = random_grips.contacts_of(config, grip)
-    result = []
-    for k, owner in enumerate(contacts.owners):
-        start, _ = robots.member_ends(config, grip.members[owner])
-        off = ((start - contacts.points[k]) * contacts.normals[k].conjugate()).real
-        result.append(off - 0.5 * config.robot.description.tube_diameter)
-    return np.array(result)
+def depths(config, grip):
+    """Return the depths of the object in the straight members of a grip [m]."""
+    names = config.robot.member_names
+    return member_depths(config, grip.body)[[names.index(name) for name in grip.members]]
 
 
 @robots.examples(30)
@@ -48,13 +44,13 @@ def test_penetrations_of_two_members_are_equal(robot, rng):
         return
     assert placed.body.shape is shape
     assert placed.body.pose.angle == pytest.approx(angle)
-    assert gaps(config, placed) == pytest.approx(-depth, abs=1e-9)
+    assert depths(config, placed) == pytest.approx(depth, abs=1e-9)
 
 
 def test_penetrations_of_three_members_at_symmetry_are_equal():
     members = ('south/P-Q', 'east/Q-R', 'north/R-P')
     grip = place_between(NINE.home, members, Disc(0.82), indentation=0.002)
-    apart = gaps(NINE.home, grip)
+    apart = -depths(NINE.home, grip)
     # The hole of the robot is a regular triangle, for a disc of 0.824 m.
     assert np.ptp(apart) < 1e-9
     assert apart[0] == pytest.approx(0.002, abs=1e-3)

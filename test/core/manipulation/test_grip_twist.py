@@ -112,36 +112,6 @@ def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(flat, kind, 
     )
 
 
-@pytest.mark.parametrize('flat', [False, True])
-@pytest.mark.parametrize('kind', ['module', 'tube', 'tubes'])
-@robots.examples(25)
-@given(strategies.data(), robots.generators(), strategies.booleans())
-def test_an_object_moves_with_the_middle_of_two_contacts(kind, flat, data, rng, swapped):
-    """Whatever the rollers do, and it turns with the first member on which a face lies."""
-    robot = data.draw(random_grips.robots_with(kind))
-    config, grip = random_grips.random_convex_grip(robot, rng, kind, 2, flat)
-    assume(grip is not None)
-    grip = replace(grip, members=grip.members[::-1]) if swapped else grip
-    contacts, jacobian = random_grips.contacts_of(config, grip), grip_jacobian(config, grip)
-    rollers = rng.standard_normal((jacobian.shape[1], 5))
-    scale = 1e-10 * np.abs(jacobian).max()
-    speeds = np.ascontiguousarray((contact_rows(config, grip)[0] @ rollers).T).view(complex).T
-    own = [contacts.owners == member for member in (0, 1)]
-    points = [contacts.points[k].mean() for k in own]
-    moved = [speeds[k].mean(0) for k in own]
-    turning = jacobian[2] @ rollers
-    middle = jacobian[0] @ rollers + 1j * (jacobian[1] @ rollers)
-    middle += 1j * turning * (sum(points) / 2.0 - grip.center)
-    assert middle == pytest.approx(sum(moved) / 2.0, abs=scale)
-    apart = points[1] - points[0]
-    opening = ((moved[1] - moved[0]) * apart.conjugate()).real / abs(apart)
-    assert jacobian[3] @ rollers == pytest.approx(opening, abs=scale)
-    turned = [k for k in own if k.sum() == 2][:1] or [slice(None)]
-    ends = contacts.points[turned[0]]
-    by_ends = (speeds[turned[0]][1] - speeds[turned[0]][0]) / (ends[1] - ends[0])
-    assert turning == pytest.approx(by_ends.imag, abs=100.0 * scale)
-
-
 def test_three_members_open_alike_by_half_of_the_opening_rate():
     rng = np.random.default_rng(0)
     opened = 0

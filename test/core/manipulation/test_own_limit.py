@@ -6,12 +6,11 @@
 from dataclasses import replace
 import itertools
 
+from driven import Driven
 from grips import disc_grip
-from isotruss_ros.core import load_robot, Robot, RollingGrip, solve_twist, Status, TwistServo
-from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core import load_robot, Robot, RollingGrip, solve_twist, Status
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import default_limits, Rows
-from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 import pytest
 
@@ -63,17 +62,10 @@ def test_a_scaled_twist_names_the_limit(slide):
     assert command.achieved_twist == pytest.approx(command.scale * TWIST, abs=1e-9)
 
 
-def test_a_loop_keeps_the_limit_that_it_is_given():
-    limits = (SupplyLimit(SPEED),)
+def test_a_loop_keeps_the_limit():
     robot = Robot(replace(ROBOT.description, max_acceleration=np.inf))
-    servo = TwistServo(robot, ServoSettings(GRIP, 0.01, timeout=1.0, limits=limits))
-    servo.receive(twist=StampedInput(TWIST, 0.0))
-    zeros = np.zeros(len(ROBOT.roller_names))
-    servo.receive(
-        rollers=StampedInput(RollerState(zeros, zeros), 0.0),
-        pose=StampedInput(RollingGrip.attach(ROBOT.home, GRIP).pose, 0.0),
-    )
-    decision = servo.decide(0.0)
-    assert decision.command.status is Status.SLOWED_BARRIER
-    assert fastest_two(decision.command.roller_velocities) <= SPEED * (1.0 + 1e-6)
-    assert 'the supply' in decision.message
+    driven = Driven(RollingGrip.attach(robot.home, GRIP), limits=(SupplyLimit(SPEED),))
+    command = driven.step(TWIST)
+    assert command.status is Status.SLOWED_BARRIER
+    assert fastest_two(command.roller_velocities) <= SPEED * (1.0 + 1e-6)
+    assert set(command.limiting) == {'the supply'}

@@ -27,6 +27,7 @@ import robots
 KINDS = (('module', 2), ('tube', 2), ('tubes', 2), ('tubes', 3))
 #: Where a disc of half a metre touches both, in the hole between the three tubes.
 CENTER = 0.4180504 - 0.2413615j
+DISC = ConvexObject.disc((CENTER.real, CENTER.imag), 0.5)
 #: About as large as a disc of half a metre.
 ROUNDED = Polygon(PENTAGON.vertices, 0.02)
 
@@ -34,7 +35,7 @@ ROUNDED = Polygon(PENTAGON.vertices, 0.02)
 @pytest.mark.parametrize(
     'body',
     [
-        ConvexObject.disc((CENTER.real, CENTER.imag), 0.5),
+        DISC,
         ConvexObject(Ellipse((0.25, 0.24)), Pose(CENTER.real, CENTER.imag, 0.3)),
         ConvexObject(ROUNDED, Pose(CENTER.real, CENTER.imag, 0.1)),
     ],
@@ -106,9 +107,7 @@ def test_the_object_moves_with_the_achieved_twist(kind, count, data, rng, flat):
 
 
 def test_rollers_that_do_not_keep_the_contacts_show_as_a_misfit():
-    rolling = RollingGrip.attach(
-        NINE.home, Grip(APART, ConvexObject.disc((CENTER.real, CENTER.imag), 0.5))
-    )
+    rolling = RollingGrip.attach(NINE.home, Grip(APART, DISC))
     command = solve_twist(NINE.home, rolling.grip, np.zeros(3), opening_rate=0.01)
     assert np.abs(command.achieved_twist).max() < 1e-9
     opened = rolling.moved_to(NINE.home.moved_to(command.roller_velocities))
@@ -118,9 +117,7 @@ def test_rollers_that_do_not_keep_the_contacts_show_as_a_misfit():
 
 
 def test_an_object_that_left_the_members_is_refused():
-    rolling = RollingGrip.attach(
-        NINE.home, Grip(APART, ConvexObject.disc((CENTER.real, CENTER.imag), 0.5))
-    )
+    rolling = RollingGrip.attach(NINE.home, Grip(APART, DISC))
     far = NINE.home.moved_to([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
     with pytest.raises(GraspError, match='no pose of the object keeps its contacts'):
         rolling.moved_to(far)
