@@ -108,12 +108,6 @@ def test_joint_states_of_parts_of_the_robot_are_merged_while_they_are_fresh(paus
     assert not is_fresh or picture.config.roller_positions == pytest.approx([0.01] * 6)
 
 
-def test_a_picture_has_position_and_angle_of_the_object():
-    picture, place = Picture(ROBOT, 0.3), (0.5, -0.2, 2.5)
-    picture.receive_object_pose(PoseStamped(pose=to_pose_message(PlanarPose(*place))), 0.0)
-    assert picture.pose == pytest.approx(place)
-
-
 def marker(name, *points):
     return MarkerArray(markers=[Marker(ns=name, points=points)])
 

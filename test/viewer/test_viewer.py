@@ -8,7 +8,6 @@ import math
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import ConvexObject, load_robot, Polygon, Status, tangent_center
-from isotruss_ros.core.fixed_object.analyze_grasp import NO_CONTACT
 from isotruss_ros.nodes.conversions.grasp_messages import to_state_message
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor, GraspQuery, LatestInputs
 from isotruss_ros.viewer.camera import FIELD_OF_VIEW, PANEL_SHARE, PHONE_ASPECT, place_camera
@@ -196,16 +195,6 @@ def test_state_line_has_hold_chance_margin_squeeze_and_next_step(panels, picture
     assert f'held</b>{known}, slip margin 3.2 N ↑' in shown
     assert 'squeeze 10.0 N' in shown
     assert ('<strong>' in shown) == (code in LATCHED)
-
-
-@pytest.mark.parametrize(('message', 'is_free'), [(NO_CONTACT, True), ('', False)])
-def test_a_free_object_is_not_described_as_lost(panels, picture, message, is_free):
-    state = GraspState(held=False, message=message, hold_message='not held: no equilibrium')
-    picture.receive_state(state, 0.0)
-    tell(picture, Status.HALT_NOT_HELD, message='not held: no equilibrium')
-    shown = panels.describe_state(picture, 0.0) + panels.describe(picture, 0.0)
-    assert ('not held' not in shown) == is_free
-    assert '“pick”' in shown
 
 
 @pytest.mark.parametrize('aspect', [0.46, 0.7, 1.0, 1.6, 2.4])

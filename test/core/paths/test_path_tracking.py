@@ -246,20 +246,6 @@ def clock(duration=10.0, time=0.0, rate=0.0, progress_timeout=1.0):
     return moving
 
 
-def test_limits_of_the_robot_slow_it_at_the_pace_of_the_ramp_to_a_tenth():
-    moving = clock(100.0, 1.0, 1.0)
-    rates = []
-    for _ in range(300):
-        moving.advance(PERIOD, 1.0, 0.0, False)
-        rates.append(moving.rate)
-    assert rates[0] == pytest.approx(1.0 - PERIOD / RAMP)
-    assert rates[-1] == pytest.approx(0.1, rel=1e-12)
-    moving.advance(PERIOD, 0.03, 1.0, False)
-    assert moving.rate == 0.03  # the lag of the robot is obeyed at once
-    moving.advance(PERIOD, 1.0, 1.0, True)
-    assert moving.rate == 0.0
-
-
 @pytest.mark.parametrize(('room', 'progresses'), [(0.0099, False), (0.0101, True)])
 def test_path_time_at_less_than_a_hundredth_of_full_rate_is_no_progress(room, progresses):
     moving = clock(1000.0, 0.0, room, progress_timeout=20.0)

@@ -3,7 +3,6 @@
 
 """Closing on a free object: simulation of planned paths with elastic tubes."""
 
-from dataclasses import replace
 import functools
 import itertools
 import math
@@ -18,11 +17,6 @@ from isotruss_ros.core import (
     settle_grasp,
     SimulatedRobot,
 )
-from isotruss_ros.core.planning.approach import approach
-from isotruss_ros.core.planning.facing import CONE_SHARE
-from isotruss_ros.core.planning.grasp_candidate import close_grip
-from isotruss_ros.core.planning.seeds import find_seeds
-from isotruss_ros.core.planning.violations import SearchTally
 from nightly import some_now
 import pytest
 from robots import preset
@@ -37,22 +31,6 @@ def planned(**values):
     """Return a planned grasp."""
     needs = GraspRequirements(friction=FRICTION, module=MODULE, count=1, **values)
     return plan_grasps(HOME, BODY, needs, thorough=False)[0]
-
-
-@functools.lru_cache(maxsize=2)
-def opened():
-    """Return a configuration with an open grip, and the closing motion."""
-    seed = find_seeds(HOME, BODY, GraspRequirements(module=MODULE), 0, 0)[0]
-    *_, there = approach(HOME, seed)
-    return there, seed
-
-
-def close(**values):
-    """Close an open grip; return the path, the grip, None without one, and the violation."""
-    config, seed = opened()
-    seed = replace(seed, needs=GraspRequirements(**values), tally=SearchTally())
-    closed = close_grip(config, seed)
-    return (*(closed or (None, None)), seed.tally)
 
 
 @pytest.mark.parametrize(
@@ -73,23 +51,6 @@ def test_a_free_object_stays_at_its_pose_while_the_planned_grip_closes(squeeze, 
     assert simulated.slip_margin == pytest.approx(grasp.slip_margin, rel=0.02)
     assert robot.object_pose[:2] == pytest.approx(BODY.pose[:2], abs=4e-4)
     assert abs(robot.object_pose.angle) < math.radians(0.2)
-
-
-@pytest.mark.parametrize(
-    ('values', 'name', 'bound'),
-    [
-        ({'max_contact_force': 1e-3}, 'max_contact_force', 1e-3),
-        # This wedge opens by more than such friction holds: seeds for it are narrower.
-        ({'friction': 0.28}, 'force_closure', math.tan(CONE_SHARE * math.atan(0.28))),
-        ({'external_wrench': (0.0, 1e4, 0.0), 'squeeze': 15.0}, 'held', 1.0),
-    ],
-)
-def test_a_grip_that_cannot_be_reached_has_its_violation(values, name, bound):
-    _, grip, tally = close(**values)
-    assert grip is None
-    violation = tally.closest
-    assert (violation.requirement, violation.bound) == (name, bound)
-    assert (violation.value < violation.bound) == (name == 'held')
 
 
 def test_a_robot_with_two_rollers_displaces_the_object_by_little():

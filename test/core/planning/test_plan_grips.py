@@ -17,7 +17,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.planning.facing import balances, friction_angles
 from isotruss_ros.core.planning.grasp_plan import export_figures, plan_in_words
-from isotruss_ros.core.planning.seeds import find_seeds
 import numpy as np
 import pytest
 from robots import preset
@@ -68,17 +67,6 @@ def test_the_planned_grip_holds_the_object(plan):
     assert sum(settled.normal_forces.values()) / 3.0 == pytest.approx(grasp.squeeze, rel=0.05)
     assert 'between south/P-Q, east/Q-R, north/R-P' in plan_in_words(result).replace("'", '')
     assert export_figures(grasp)['module'] == ''
-
-
-@pytest.mark.parametrize('number', [0, 1])
-def test_pairs_of_a_search_use_three_quarters_of_the_friction_angle_at_most(number):
-    body, postures = ConvexObject(Disc(0.2), (0.716, 0.5, 0.0)), []
-    for seed in find_seeds(HOME, body, GraspRequirements(), 0, number):
-        postures.append(seed.nominal_posture)
-        if len(seed.members) == 2:
-            used = friction_angles(body, seed.facing[:1], seed.facing[1:], RADIUS)[0]
-            assert used <= 0.75 * seed.friction_angle + 1e-12
-    assert number == 0 or len(np.unique(postures, axis=0)) == len(postures)
 
 
 SIDES = ('south/P-Q', 'north/R-P')  # of two tubes, that meet at no module
