@@ -98,12 +98,7 @@ def check_curvature(shape, generator):
 
 
 def check_rolling(shape, generator):
-    """
-    Check that `surface_at` and `unroll` agree with the radii of curvature.
-
-    The derivative of a surface point by the angle of its normal is the radius of curvature along
-    the tangent, and `unroll` is the integral of the radii. A full turn adds the perimeter.
-    """
+    """Check that `surface_at` and `unroll` are integrals of the radii of curvature."""
     for angle in generator.uniform(-np.pi, np.pi, SAMPLES).tolist():
         corner = shape.corner_at(complex(np.exp(1j * angle)))
         angles, step = angle + np.linspace(0.0, 0.1, 101), 1e-5

@@ -37,12 +37,10 @@ MARK = '<!--picture ', '-->'
 
 class FakeBrowser:
     """
-    Client that draws each picture at once while it is not frozen.
+    Client that draws every picture at once while it is not frozen.
 
-    :ivar frozen: whether it draws no pictures.
-    :ivar controls: uuid of each control of the page, by its label.
-    :ivar scene: fields of the last messages about each node of the scene, by its name.
-    :param address: address of the view.
+    :ivar controls: uuids of the controls of the page, by their labels.
+    :ivar scene: fields of the last messages about the nodes of the scene, by their names.
     """
 
     def __init__(self, address: str) -> None:

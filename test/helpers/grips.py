@@ -91,11 +91,7 @@ def random_pressed(rng):
 
 
 def backed_off(config, body, distance, steps=10):
-    """
-    Return configurations in which the wedge is farther and farther back from a disc.
-
-    Its angle stays as it is, and it moves along its bisector.
-    """
+    """Return configurations in which the wedge moves back from a disc along its bisector."""
     diameter = body.shape.diameter
     near, deep = (complex(*tangent_center(config, 'north/Z', diameter, d)) for d in (0.01, 0.02))
     back = distance / steps * (deep - near) / abs(deep - near)

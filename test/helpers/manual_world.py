@@ -75,15 +75,7 @@ def call_at_once(_pool: ThreadPoolExecutor, call: Callable[..., Any], *arguments
 
 
 class Goal:
-    """
-    A goal of an action, as its client has it.
-
-    :ivar accepted: whether the server accepted it.
-    :ivar feedback: all messages so far.
-    :ivar info: with its id.
-    :param goal_id: drawn by default.
-    :param note: receives the feedback; by default, `feedback` keeps it.
-    """
+    """A goal of an action, as its client has it; `feedback` is empty where `note` receives it."""
 
     def __init__(
         self,
@@ -141,11 +133,9 @@ class World(Watched):
     """
     Nodes and a probe, driven by hand.
 
-    :ivar now: the test's clock, which all clocks but simulated ones read, from zero [s].
-    :ivar shift: by which the system's clock was set [s].
+    :ivar now: clock of the test, which all clocks but simulated ones read, from zero [s].
+    :ivar shift: offset of the system's clock [s].
     :ivar busy: returns the time that a timer's callback takes [s].
-    :param nodes: made by the test; destroyed at the end.
-    :param remaps: other topics by node's name and topic.
     """
 
     def __init__(self, remaps: dict[tuple[str, str], str]) -> None:

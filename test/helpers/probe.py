@@ -79,11 +79,7 @@ def planar(message: PoseStamped) -> np.ndarray:
 
 
 class Probe(Node):
-    """
-    Publishes every input of our nodes and keeps every output with the time of its arrival.
-
-    :param sim_time: go by `/clock`, which the test publishes by `tick`.
-    """
+    """Publishes every input of our nodes and keeps every output with the time of its arrival."""
 
     def __init__(self, twist_type: type, sim_time: bool = False) -> None:
         super().__init__('probe', parameter_overrides=overrides(use_sim_time=sim_time))
@@ -189,14 +185,7 @@ class Probe(Node):
 
 
 class Watched:
-    """
-    What a probe hears of nodes, as they and time go on.
-
-    :ivar probe: the probe.
-    :ivar nodes: the probe, and the nodes.
-    :ivar until: goes on until something holds, and calls something else meanwhile.
-    :ivar call: returns the response of a service, named relative to the root.
-    """
+    """Messages of nodes to a probe; `nodes` are the probe and the nodes."""
 
     probe: Probe
     nodes: list[Node]
@@ -214,11 +203,7 @@ class Watched:
     def until_code(
         self, code: int, each: Callable[[], None], key: str = 'status'
     ) -> ManipulationStatus | GraspState:
-        """
-        Go on until a node reports a code; return the report.
-
-        :param key: `status` of the manipulation node or `state` of the grasp.
-        """
+        """Go on until a node reports a code; return the `status` or the `state` of the grasp."""
         self.until(lambda: self.code(key) == code, each)
         return self.probe.last(key)
 
@@ -257,12 +242,7 @@ class Watched:
 
 
 class World(Watched):
-    """
-    Nodes under one executor.
-
-    :param nodes: made by the test; destroyed at the end.
-    :param sim_time: for the probe.
-    """
+    """Nodes under one executor, destroyed at the end."""
 
     def __init__(
         self, *nodes: ManagedNode, twist_type: type = Twist, sim_time: bool = False
@@ -322,11 +302,7 @@ class World(Watched):
 
 
 class Manager:
-    """
-    Requests transitions of a managed node.
-
-    :param name: of the node.
-    """
+    """Requests of transitions to a managed node."""
 
     UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
     DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)

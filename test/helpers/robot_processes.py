@@ -30,12 +30,7 @@ UNSHARED = {
 
 
 class Robot:
-    """
-    The nodes as processes, and a probe that commands a twist.
-
-    :ivar alive: the processes by name of the node.
-    :param logs: folder for what they print.
-    """
+    """The nodes as processes (`alive`, by name), and a probe that commands a twist."""
 
     def __init__(self, w: World, logs: Path) -> None:
         self.w, self._logs = w, logs
@@ -129,12 +124,7 @@ class Robot:
 
 @contextlib.contextmanager
 def robot(logs: Path, **options: object) -> Iterator[Robot]:
-    """
-    Return a robot of processes; they are stopped at the end.
-
-    :param logs: folder for what they print.
-    :param options: those of `world`.
-    """
+    """Return a robot of processes, stopped at the end, with the options of `world`."""
     with world(**options) as w, mock.patch.dict(os.environ, UNSHARED):
         made = Robot(w, logs)
         try:

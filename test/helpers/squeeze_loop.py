@@ -19,15 +19,12 @@ class SqueezeLoop:
     A twist servo that controls the squeeze of an object in the elastic plant.
 
     :ivar reference: (3,) initial pose of the object plus the integral of the twists [m, rad].
-    :ivar decisions: decisions of all cycles.
     :ivar sends: False while the rollers keep their last command.
     :ivar errors: (3,) errors of the mid-cycle poses to the desired ones [m, rad].
     :param force: desired squeeze [N]; None: `more` times the initial one.
     :param scale: stiffness of the plant over that of the model [-].
     :param noise: standard deviation of the measured poses [m, rad].
     :param follows: False if the rollers stand still whatever is commanded.
-    :param servo: further settings of the servo.
-    :param settings: further settings of the squeeze control.
     """
 
     def __init__(

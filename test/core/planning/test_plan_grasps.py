@@ -5,7 +5,6 @@
 
 from concurrent.futures import Future
 import itertools
-import pickle
 
 import closings
 from isotruss_ros.core import (
@@ -186,48 +185,12 @@ def test_a_plan_without_grasps_has_the_closest_violation(body, needs, missed):
         assert miss.bound == 0.0
 
 
-def test_a_stopped_search_returns_an_incomplete_plan():
-    reports = []
-    plan = plan_grasps(
-        ROBOT.home,
-        OBJECTS['north'],
-        GraspRequirements(min_slip_margin=1e3),
-        on_progress=reports.append,
-        should_stop=lambda: len(reports) >= 3,
-    )
-    assert not plan.complete
-    assert len(reports) == 3
-    assert [one.evaluations for one in reports] == sorted(one.evaluations for one in reports)
-    assert all(0.0 <= one.share <= 1.0 for one in reports)
-
-
 def test_an_invalid_module_or_seed_is_refused():
     with pytest.raises(GraspError, match='north/Q'):
         plan_grasps(ROBOT.home, OBJECTS['north'], GraspRequirements(module='north/Q'))
     for seed in (-1, 0.5, True):
         with pytest.raises(GraspError, match='seed'):
             plan_grasps(ROBOT.home, OBJECTS['north'], NEEDS, seed=seed)
-
-
-class OtherProcess:
-    """Executor that computes on copies, as another process does."""
-
-    def submit(self, function, *arguments):
-        future = Future()
-        future.set_result(
-            pickle.loads(pickle.dumps(function(*pickle.loads(pickle.dumps(arguments)))))
-        )
-        return future
-
-
-def test_other_processes_plan_the_same_grasps(plans):
-    plan = plan_grasps(
-        ROBOT.home, OBJECTS['north'], NEEDS, executor=OtherProcess(), thorough=False
-    )
-    assert plan.evaluations == plans['north'].evaluations
-    for grasp, other in zip(plan, plans['north'], strict=True):
-        assert (grasp.path == other.path).all()
-        assert grasp.score == other.score
 
 
 def test_a_search_that_waits_for_an_executor_stops_on_request():

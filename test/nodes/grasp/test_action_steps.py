@@ -14,7 +14,6 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     CANCEL_TICKS,
     CancelledError,
     RETRY_TICKS,
-    set_parameters,
     StepError,
     StepOutcome,
 )
@@ -191,24 +190,6 @@ def test_a_fault_cancels_the_goal_and_is_the_error_once_that_has_ended(server, c
     with pytest.raises(StepError, match='lost') as error:
         steps.throw(CancelledError()) if cancelled else next(steps)
     assert error.value is fault
-
-
-def test_parameters_are_set_or_the_reason_is_raised():
-    answer, requests = Future(), []
-    service = SimpleNamespace(
-        srv_name='/manipulation/set_parameters',
-        service_is_ready=lambda: True,
-        call_async=lambda request: requests.append(request) or answer,
-    )
-    steps = set_parameters(service, {'grip_module': 'north/Z', 'squeeze_force': 15.0})
-    next(steps)
-    values = {part.name: part.value for part in requests[0].parameters}
-    assert values['grip_module'].string_value == 'north/Z'
-    assert values['squeeze_force'].double_value == 15.0
-    results = [SimpleNamespace(successful=ok, reason='why') for ok in (True, False)]
-    answer.set_result(SimpleNamespace(results=results))
-    with pytest.raises(StepError, match='squeeze_force: why'):
-        next(steps)
 
 
 def test_heartbeats_of_another_goal_do_not_replace_those_of_the_own_client():
