@@ -63,11 +63,11 @@ def supports(n, held):
     return flags
 
 
-def frame(points, members_, held, rows=None):
+def frame(points, members_, held):
     """Return the package's frame; nodes are called n0, n1, ... ."""
     names = [f'n{i}' for i in range(len(points))]
     points = np.asarray(points, dtype=complex)
-    constraints = LinearRows(np.zeros((0, held.size)) if rows is None else rows)
+    constraints = LinearRows(np.zeros((0, held.size)))
     start, end, section, pinned = members_
     return Frame.of(points, section, Numbering(names, start, end, pinned, held, constraints))
 
@@ -175,26 +175,23 @@ def stands(points, bars, held):
     return np.linalg.eigvalsh(scale[:, None] * part * scale)[0] > 1e-5
 
 
-def reference(points, bars, held, loads, rows=None):
+def reference(points, bars, held, loads, rows):
     """Return displacements (n, 3), reactions (n, 3) and end forces (k, 6)."""
     matrix, parts = _assembled(points, bars)
     free, size = _free(matrix, bars, held), held.size
     pushed = np.zeros(len(matrix))
     pushed[:size] = loads.ravel()
-    bound = np.zeros((0 if rows is None else len(rows), len(matrix)))
-    if rows is not None:
-        bound[:, :size] = rows
+    bound = np.pad(rows, ((0, 0), (0, len(matrix) - size)))
     scale = 1.0 / np.sqrt(np.diagonal(matrix)[free])
-    basis = np.eye(len(free)) if rows is None else null_space(bound[:, free] * scale)
+    basis = null_space(bound[:, free] * scale)
     part = scale[:, None] * matrix[np.ix_(free, free)] * scale
     moved = np.zeros(len(matrix))
     moved[free] = scale * (
         basis @ np.linalg.solve(basis.T @ part @ basis, basis.T @ (scale * pushed[free]))
     )
     rest = matrix @ moved - pushed
-    if rows is not None:
-        tied = scale[:, None] * bound[:, free].T
-        rest += bound.T @ np.linalg.lstsq(tied, -scale * rest[free], rcond=None)[0]
+    tied = scale[:, None] * bound[:, free].T
+    rest += bound.T @ np.linalg.lstsq(tied, -scale * rest[free], rcond=None)[0]
     reactions = np.where(held, rest[:size].reshape(-1, 3), 0.0)
     forces = np.array([turn @ part @ moved[place] for place, part, turn in parts])
     return moved[:size].reshape(-1, 3), reactions, forces

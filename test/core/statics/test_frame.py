@@ -36,27 +36,6 @@ def random_case(rng):
     return points, bars, held, frames.random_loads(rng, bars, len(points))
 
 
-def random_rows(rng, points, bars, held):
-    """Return one or two constraints that leave a frame somewhere to go."""
-    free = ~held
-    free[:, 2] &= frames.turning(bars, len(points))
-    count = min(int(rng.integers(1, 3)), np.count_nonzero(free) - 1)
-    rows = rng.uniform(-1.0, 1.0, (count, free.size))
-    # Some displacements count more than others; rotations that are none do not count.
-    rows[:, 2::3] *= frames.turning(bars, len(points))
-    return rows * np.where(rng.random(rows.shape) < 0.5, 1.0, 0.1)
-
-
-@given(generators())
-@examples(30)
-def test_constraints_agree_with_an_independent_model(rng):
-    points, bars, held, loads = random_case(rng)
-    rows = random_rows(rng, points, bars, held)
-    state = solve(unloaded(frames.frame(points, bars, held, rows)), loads)
-    expected = frames.reference(points, bars, held, loads, rows)
-    assert_states_agree(state, expected, 1e-8)
-
-
 @given(generators())
 @examples(30)
 def test_cutting_members_changes_nothing_at_their_ends(rng):
