@@ -124,10 +124,11 @@ def check_member_names(members: Sequence[str]) -> tuple[str, ...]:
     """Return the names of grasping members; raise GraspError unless they are two or three."""
     is_list = isinstance(members, Iterable) and not isinstance(members, str)
     names = tuple(members) if is_list else ()
+    shown = ', '.join(map(str, names)) if is_list else str(members)
     fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
     if not (fits and len(names) in GRIP_SIZES):
         raise GraspError(
-            f'members {quote(str(members))}: must be two or three different members, in a list'
+            f'members {quote(shown)}: must be two or three different members, in a list'
         )
     return names
 
