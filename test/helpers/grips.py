@@ -45,15 +45,10 @@ def surface(grip):
     return np.array([1.0, 1.0, grip.body.arm])
 
 
-def drive(rolling, twist, duration, rate=20.0, lead=None):
-    """
-    Carry out a twist by commands, each for one interval of a loop.
-
-    :param lead: time ahead for which commands are computed [s]; half of an interval if None.
-    """
+def drive(rolling, twist, duration, rate=20.0):
+    """Carry out a twist by commands for the middles of the intervals of a loop."""
     for _ in range(round(duration * rate)):
-        ahead = 0.5 / rate if lead is None else lead
-        command = solve_twist_ahead(rolling.config, rolling.grip, twist, ahead)
+        command = solve_twist_ahead(rolling.config, rolling.grip, twist, 0.5 / rate)
         assert command.status is Status.OK
         rolling = rolled(rolling, command.roller_velocities / rate)
     return rolling

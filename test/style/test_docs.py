@@ -3,11 +3,9 @@
 
 """Names, paths, links and examples of the pages are valid; generated pages are up to date."""
 
-import importlib.util
 from pathlib import Path
 import pydoc
 import re
-import sys
 
 import committed_pages
 import equations
@@ -128,19 +126,3 @@ def test_names_of_recipes_exist_in_their_files():
     for name, path in named:
         (place,) = (place for place in places(path) if place.exists())
         assert re.search(rf'\b{name}\b', place.read_text(encoding='utf-8')), (name, path)
-
-
-def test_every_picture_on_a_page_has_a_command(monkeypatch):
-    spec = importlib.util.spec_from_file_location('pictures', TOP / 'tools' / 'pictures.py')
-    pictures = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, 'pictures', pictures)
-    spec.loader.exec_module(pictures)
-    drawn = {file for picture in pictures.PICTURES.values() for file in picture.files}
-    shown = {
-        (page.parent / name).resolve().relative_to(TOP).as_posix()
-        for page in (TOP / 'README.md', *TOP.glob('docs/*.md'), *TOP.glob('docs/*.rst'))
-        for name in re.findall(r'(?:\]\(|image:: )([\w./]+\.(?:png|gif|svg))', page.read_text())
-    }
-    assert shown
-    assert shown <= drawn
-    assert all((TOP / file).exists() for file in drawn)

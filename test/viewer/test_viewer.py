@@ -94,14 +94,6 @@ def test_a_rotation_is_the_shorter_one_and_within_the_speed_limit(begin, end):
     assert abs(angle - begin) <= math.pi
 
 
-def test_one_browser_has_control_and_the_others_show_which():
-    control = Control()
-    control.pass_on({1: False, 2: True})
-    control.pass_on({1: True, 2: True})
-    assert control.browser == 2
-    assert control.describe(1) == 'browser 1: browser 2 has control'
-
-
 @pytest.mark.parametrize('wishes', [{}, {2: False}, {1: False, 3: False}, {3: True}])
 def test_commands_of_a_browser_end_with_its_control(wishes):
     control = Control(2, Drag((1.0, 0.0), 0.0), (5.0, 0.0, 0.0))

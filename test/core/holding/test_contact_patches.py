@@ -4,7 +4,7 @@
 """Contact patches of a held object: forces from pressures, wall tension, and known limits."""
 
 from held_grips import APART, BOX, HOME, NINE
-from isotruss_ros.core import deform, Disc, Ellipse, place_between, Polygon, settle_grasp
+from isotruss_ros.core import deform, Disc, Ellipse, place_between, settle_grasp
 from isotruss_ros.core.holding.contact_patches import find_patches
 import numpy as np
 import pytest
@@ -47,23 +47,6 @@ def test_pressure_of_a_disc_is_gas_pressure_plus_wall_tension_over_its_radius(de
         pull -= max(-before[3], behind[0])
         pressure = GAUGE + pull / (2.0 * np.pi * RADIUS) / 0.2
         assert grasp.contact_pressures[name] == pytest.approx(pressure, rel=2e-3)
-
-
-@pytest.mark.parametrize(
-    ('members', 'angle', 'descends'),
-    [(APART, 0.0, False), (('south/P-Q', 'south/Q-X'), -3.1, True)],
-)
-def test_span_of_a_pressed_face_has_both_of_its_ends(members, angle, descends):
-    """Counter-clockwise contacts descend along a member with the object on its right."""
-    shape = BOX if members is APART else Polygon(0.5 * np.array(BOX.vertices), 0.02)
-    body = place_between(HOME, members, shape, angle, 0.01).body
-    grasp = settle_grasp(HOME, body, 5.0, members=members)
-    grip = grasp.equilibrium
-    feet = grip.state.feet[grip.contacts.owners == 1]
-    assert (feet[0] > feet[1]) == descends
-    first, last = grip.patches.spans[1]
-    assert first < feet.min() < feet.max() < last
-    assert last - first == pytest.approx(np.ptp(feet), abs=0.05)
 
 
 def test_a_section_is_flat_where_the_contact_is_as_wide_as_half_of_the_circumference():

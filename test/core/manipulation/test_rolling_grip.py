@@ -3,7 +3,7 @@
 
 """Objects that roll in a grip: carried and turned between sides that do not meet, and back."""
 
-from grips import apart, disc_grip, drive, surface
+from grips import apart, drive, surface
 from held_grips import APART, NINE, PENTAGON
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
@@ -52,31 +52,6 @@ def test_carries_and_turns_an_object_between_sides_that_do_not_meet(body):
         assert apart(rolling.pose, wanted) == pytest.approx((0.0, 0.0), abs=2e-6)
         assert rolling.misfit < 1e-6
     assert apart(rolling.pose, start.pose) == pytest.approx((0.0, 0.0), abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    ('angle', 'wrapped'),
-    [(0.0, 0.0), (3.1, 3.1), (3.3, 3.3 - 2.0 * np.pi), (-9.0, 2.0 * np.pi - 9.0)],
-)
-def test_the_angle_of_a_disc_is_wrapped_to_half_a_turn(angle, wrapped):
-    body = disc_grip(NINE.home, 'east/Q').body
-    turned = body.moved_to((*body.pose[:2], angle))
-    rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, 'east/Q', turned))
-    assert rolling.pose.angle == pytest.approx(wrapped, abs=1e-12)
-    assert rolling.misfit == 0.0
-
-
-def test_the_pose_depends_on_the_configuration_and_not_on_the_path():
-    body = ConvexObject(ROUNDED, Pose(CENTER.real, CENTER.imag, 0.1))
-    start = RollingGrip.attach(NINE.home, Grip(APART, body))
-    away = drive(start, [0.01, 0.02, 0.1], 2.0)
-    # Straight back in one step; and by another way around.
-    assert apart(away.moved_to(start.config).pose, start.pose)[0] < 1e-9
-    around = drive(drive(away, [0.02, 0.0, 0.0], 1.0), [0.0, 0.0, -0.1], 1.0)
-    assert apart(around.moved_to(start.config).pose, start.pose) == pytest.approx(
-        (0.0, 0.0), abs=1e-9
-    )
-    assert around.moved_to(start.config).misfit < 1e-9
 
 
 @pytest.mark.parametrize(('kind', 'count'), KINDS)

@@ -5,8 +5,8 @@
 
 from grips import disc_grip
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import load_robot, solve_twist, Status
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core import load_robot, solve_twist, solve_twist_ahead, Status
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import (
@@ -260,3 +260,17 @@ NO_COSTS = {
 def test_indefinite_costs_are_refused(cost, words):
     with pytest.raises(GraspError, match=words):
         solve_twist(HOME, GRIP, (0.01, 0.0, 0.0), cost=cost)
+
+
+@pytest.mark.parametrize(
+    ('lead', 'error', 'words'),
+    [
+        (-1e-3, GraspError, 'lead .* must be from 0'),
+        (np.inf, GraspError, 'lead .* must be'),
+        (1e3, ConfigurationError, 'nine_member'),
+    ],
+)
+def test_invalid_leads_are_refused(lead, error, words):
+    with pytest.raises(error, match=words):
+        solve_twist_ahead(HOME, GRIP, [0.0, 0.05, 0.0], lead)
+    assert solve_twist_ahead(HOME, GRIP, np.zeros(3), 0.1).status is Status.IDLE
