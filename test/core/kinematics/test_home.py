@@ -3,13 +3,8 @@
 
 """The robot at home: names, orders, joints where the file puts them, modules that bisect."""
 
-from pathlib import Path
-
 from hypothesis import given, strategies
 from isotruss_ros.core.errors import RobotFileError
-from isotruss_ros.core.kinematics.home import place_home
-from isotruss_ros.core.kinematics.mechanism import Mechanism
-from isotruss_ros.core.model.robot_file import describe_robot
 import numpy as np
 import pytest
 import robots
@@ -99,31 +94,6 @@ def pinched(opening, module):
     document['module'].update(module, guide_ring_distance=0.001)
     document['members'] = {'min_length': 1e-3, 'max_length': 10.0}
     return document
-
-
-def placed_lengths(document):
-    """Return the lengths of the members at home, whether or not parts overlap there [m]."""
-    robot = Mechanism(describe_robot(Path('pinched.yaml'), document))
-    points = place_home(robot)
-    return np.abs(robot.constraints.spans(points))[: robot.topology.n_modules]
-
-
-def test_module_fits_until_the_members_have_no_length():
-    # In an equilateral triangle modules take up sqrt(3) h + s/2 of the distance of the joints.
-    side, s = 0.8, 0.1
-    limit, half = (side - 0.5 * s) / np.sqrt(3.0), 0.5 * side
-    for h in (0.02, 0.2, limit - 0.01, limit + 0.001, 2.0 * limit):
-        document = pinched(60.0, {'pinch_separation': s, 'rod_length': h})
-        height = np.sqrt(3.0) * half
-        document['joints'] = {'P': [-half, 0.0], 'Q': [half, 0.0], 'X': [0.0, height]}
-        if h < limit:
-            lengths = placed_lengths(document)
-            assert lengths == pytest.approx([np.sqrt(3.0) * (limit - h)] * 3, abs=1e-12)
-        else:
-            length = side - np.sqrt(3.0) * h - 0.05
-            message = robots.refusal(document)
-            assert 'module south/P does not fit its corner' in message
-            assert f'{length:.4g} m long: its joints are 0.8 m apart' in message
 
 
 @pytest.mark.parametrize(
