@@ -84,11 +84,7 @@ def launch(playwright: Any, program: Path | str) -> Any:
 
 
 def open_page(browser: Any, scale: float) -> Any:
-    """
-    Return a page that draws at most four times a second.
-
-    :param scale: pixels drawn for one of the viewport, each way.
-    """
+    """Return a page that draws at most four times a second, scaled in pixels."""
     page = browser.new_page(viewport=VIEWPORT, device_scale_factor=scale)
     page.add_init_script(SLOWLY)
     page.set_default_timeout(1e3 * DEADLINE)

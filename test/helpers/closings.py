@@ -1,11 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-What the tests of the search for grasps share: random objects inside loops, and oracles.
-
-The oracles know nothing of the code under test: distances are from ends and heights.
-"""
+"""Random objects inside loops, and distances from ends and heights alone as oracles."""
 
 import itertools
 

@@ -13,13 +13,7 @@ from studies.comparison.walks import rolled
 
 
 class Driven:
-    """
-    A robot under the twist servo; its sensors are prompt and exact.
-
-    :ivar held: how the object is held.
-    :ivar velocities: of the rollers in the last cycle [m/s].
-    :ivar change: the largest change of these from the cycle before [m/s].
-    """
+    """A robot under the twist servo; its sensors are prompt and exact."""
 
     def __init__(self, held, period=0.01, **settings):
         robot = held.config.robot

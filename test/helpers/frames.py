@@ -44,11 +44,7 @@ class Members(NamedTuple):
 
 
 def members(ends, axial, flexural, shear=np.inf, pins=()):
-    """
-    Return members between pairs of nodes; rigidities are one for all or one for each.
-
-    :param pins: members whose starts transmit no moment.
-    """
+    """Return members between pairs of nodes; the starts of `pins` transmit no moment."""
     ends = np.array(ends, dtype=np.intp).reshape(-1, 2)
     pinned = np.isin(np.arange(len(ends)), pins)
     rigidities = [np.broadcast_to(x, len(ends)).astype(float) for x in (axial, flexural, shear)]
@@ -73,11 +69,7 @@ def frame(points, members_, held):
 
 
 def random_frame(rng, spread=1.5):
-    """
-    Return points, members and supports of a frame that stands.
-
-    :param spread: decades over which rigidities are spread.
-    """
+    """Return points, members and supports of a stable frame, its rigidities over decades."""
     while True:
         n = int(rng.integers(3, 8))
         points = rng.uniform(-2.0, 2.0, n) + 1j * rng.uniform(-2.0, 2.0, n)

@@ -61,11 +61,7 @@ class ManualActionClient:
 
 
 class MotionClient:
-    """
-    Stand-in for the client of a motion, whose server ends it with a result or when cancelled.
-
-    :ivar goal: last goal; None before.
-    """
+    """Client of a motion whose stand-in server ends it with a result or when cancelled."""
 
     def __init__(self, result: Any = None) -> None:
         self.goal: Any = None

@@ -327,11 +327,7 @@ READ_CLOCK = Clock.now
 
 
 def _keep_participant() -> None:
-    """
-    Let the participant live as long as the context, not only while there are nodes.
-
-    Fast DDS 2.14 may hang where it destroys one that just discovers another.
-    """
+    """Keep the participant: Fast DDS 2.14 may hang if one is destroyed during discovery."""
     kept = rclpy.create_node('kept', start_parameter_services=False)
     # A method would be held weakly, and the node with it.
     rclpy.get_default_context().on_shutdown(lambda: kept.destroy_node())
@@ -345,12 +341,7 @@ def world(
     remaps: dict[tuple[str, str], str] | None = None,
     enter: Callable[[World], None] = lambda w: None,
 ) -> Iterator[World]:
-    """
-    Make nodes and a probe, and destroy them at the end.
-
-    :param remaps: other topics by node's name and topic.
-    :param enter: receives the world before its nodes are made.
-    """
+    """Bring up nodes and a probe, once `enter` has the world, and destroy them at the end."""
     if not rclpy.ok():
         rclpy.init()
         _keep_participant()

@@ -28,12 +28,7 @@ def stiffness(mode, length, pressure, tube=TUBE):
 
 
 def points(tube=TUBE, noise=0.0, trials=1, count=12, bend=1.0, softer=1.0, seed=0):
-    """
-    Return the rows of a CSV file, header and trial included.
-
-    :param noise: of the loads, part of the largest; each trial also has an offset of this order.
-    :param bend: part of the largest displacement at which the slope changes by `softer`.
-    """
+    """Return the rows of a CSV file, times `softer` beyond a share `bend` of the range."""
     rng = np.random.default_rng(seed)
     rows = [[*HEADER, 'trial']]
     for mode in MODES:

@@ -338,11 +338,7 @@ def world(
     sim_time: bool = False,
     remaps: Sequence[str] = (),
 ) -> Iterator[World]:
-    """
-    Bring up a context with nodes in it, and take it down.
-
-    :param remaps: rules such as `node:from:=to`.
-    """
+    """Bring up a context with nodes, with remaps such as `node:from:=to`, and take it down."""
     begin_context(['--ros-args', *(part for rule in remaps for part in ('-r', rule))])
     made = None
     try:

@@ -37,11 +37,7 @@ def kind_of(robot, members):
 
 
 def random_grip(robot, rng, kind, count=2):
-    """
-    Return a random state and a disc that touches members of a kind there, somewhat pressed in.
-
-    :return: the grip is None where none was found.
-    """
+    """Return a random state and a disc pressed into members of a kind there, or None."""
     try:
         config = robots.random_state(robot, rng)
     except ConfigurationError:

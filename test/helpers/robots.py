@@ -1,12 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Random robots and states for the property tests, and what they are compared with.
-
-Every robot comes from a seed: the same on each run and machine. That it can work is known from a
-plain pin-jointed truss between the joints, not from the code under test.
-"""
+"""Random robots, which are feasible by a plain pin-jointed truss, and states from seeds."""
 
 import atexit
 import contextlib
@@ -185,11 +180,7 @@ def extreme_state(robot, rng, halvings=8):
 
 
 def random_grasp(robot, rng, number):
-    """
-    Return a state, a grip of a disc at a module, pressed in somewhat, and the ends of the members.
-
-    :param number: which module, modulo their number.
-    """
+    """Return a state, a grip of a disc at a module (by number), and the ends of both members."""
     config = random_state(robot, rng)
     module = robot.module_names[number % len(robot.module_names)]
     ends, tube = side_ends(config, module), robot.description.tube_diameter

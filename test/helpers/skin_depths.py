@@ -72,11 +72,7 @@ def gap(point, line):
 
 
 def hidden_depth(grip):
-    """
-    Return how much deeper a corner that does not press is than those that press on its member [m].
-
-    On members that do not grasp the object, it is the depth of the deepest corner.
-    """
+    """Return how much deeper in a member a corner is than those that press there [m]."""
     worst = -np.inf
     for number, name in enumerate(grip.config.robot.member_names):
         depths, pressed = corner_depths(grip, name), grip.contacts.members == number

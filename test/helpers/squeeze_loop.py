@@ -66,13 +66,7 @@ class SqueezeLoop:
         return [decision.command.status for decision in self.decisions]
 
     def cycle(self, twist=(0.0, 0.0, 0.0), elapsed=None, away=(0.0, 0.0, 0.0), **inputs):
-        """
-        Return the decision of a cycle, whose command is executed until the next one.
-
-        :param elapsed: time until the next cycle [s]; None: the period.
-        :param away: (3,) measured minus true pose of the object [m, rad].
-        :param inputs: inputs that replace the measured ones.
-        """
+        """Return the decision of a cycle; the measured pose is `away` from the true one."""
         elapsed = elapsed or self.period
         state = RollerState(self.plant.roller_positions, self.plant.roller_velocities)
         error = np.add(away, self.noise * self.rng.standard_normal(3))

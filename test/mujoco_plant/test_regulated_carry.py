@@ -44,11 +44,7 @@ GROWING = [
 
 
 class Carry(Regulated):
-    """
-    An object in MuJoCo, and the servo that carries it.
-
-    :ivar errors: (n, 3) pose errors of the object on its path, rotations times its arm [m].
-    """
+    """An object in MuJoCo and its servo, with pose errors (n, 3), rotations times the arm [m]."""
 
     def __init__(
         self,

@@ -1,11 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Docstrings of the public API document every parameter; ruff requires a summary of all others.
-
-The public API is the exported names of the core and the protocols that users implement.
-"""
+"""Docstrings of the exported names and of the protocols for users document every parameter."""
 
 from enum import Enum
 import inspect

@@ -1,11 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Launch files start existing executables with declared parameters.
-
-Where `launch` is not installed (it has no wheels), a stand-in records the description.
-"""
+"""Launch files start existing executables with declared parameters; `launch` may be a stand-in."""
 
 import importlib
 import importlib.util

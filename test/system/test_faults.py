@@ -1,11 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-One robot whose nodes are killed, hang or fail in mid-motion, or are stopped by another process.
-
-It rests until somebody asks anew, and what is started again works.
-"""
+"""A robot whose nodes are killed, hang or fail rests until somebody asks anew."""
 
 import signal
 import subprocess

@@ -22,11 +22,7 @@ def server():
 
 
 class Page:
-    """
-    Page that draws pictures, which are sent 20 times a second.
-
-    The heartbeat has the last picture that had arrived when the drawing began.
-    """
+    """Page that draws pictures, which are sent 20 times a second, by the last that had arrived."""
 
     def __init__(self, server):
         self.now = 100.0

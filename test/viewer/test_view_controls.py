@@ -34,11 +34,7 @@ OBJECT_POSE = Pose(0.5, 0.2, 0.3)
 
 
 class Session:
-    """
-    View without a node, and a browser in control.
-
-    :param timeout: time without a drawn picture after which control ends [s].
-    """
+    """View without a node, and a browser that has control until a timeout without pictures [s]."""
 
     def __init__(self, timeout):
         self.view = View(Picture(ROBOT, 0.3), '127.0.0.1', 0)

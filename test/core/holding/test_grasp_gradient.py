@@ -129,15 +129,7 @@ def random_grasp(number):
 
 
 def largest_error(exact, reached, step):
-    """
-    Return the largest error of a gradient, as a share of the sum of what all parameters do.
-
-    None where differences of other steps differ, as they do where something changes on the way.
-
-    :param exact: rows (n, p) by name.
-    :param reached: values (n,) by name, after steps by `SHARES`.
-    :param step: (p,).
-    """
+    """Return the largest relative error of a gradient; None where it depends on the step."""
     worst = 0.0
     for name, rows in exact.items():
         near, far, farthest = (

@@ -21,11 +21,7 @@ SPEED = 0.002
 
 
 class SupplyLimit:
-    """
-    No two rollers together are faster than their supply allows.
-
-    :param speed: of any two together [m/s].
-    """
+    """Bound on the speed of any two rollers together [m/s]."""
 
     status = Status.SLOWED_BARRIER
     can_slide = False

@@ -21,11 +21,7 @@ ORIGIN = [0.0] * N
 
 
 def random_path(rng, quick=1.0):
-    """
-    Return waypoints and times that the rollers can keep to.
-
-    :param quick: share of their speed that they need at most.
-    """
+    """Return waypoints and times that take the rollers a share of their speed at most."""
     # Corners of twice the speed need so long to be rounded.
     rounding = 2.0 * quick * MAX_SPEED / MAX_ACCELERATION
     steps = rounding + 10.0 ** rng.uniform(-3.0, 1.0, rng.integers(1, 8))

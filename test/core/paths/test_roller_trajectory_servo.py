@@ -47,11 +47,7 @@ PATH = RollerTrajectory(ROBOT, WAY, TIMES)
 
 
 class Run:
-    """
-    A simulated robot whose rollers follow a path.
-
-    :param late: how many cycles the measurements are old when they are used.
-    """
+    """A simulated robot whose rollers follow a path; measurements are some cycles late."""
 
     def __init__(self, faults=PERFECT, seed=0, late=0, begin=None):
         config = ROBOT.home if begin is None else ROBOT.configuration(begin)

@@ -39,11 +39,7 @@ def load_opensees():
 
 
 def bend_by_opensees(points, bars, held, loads):
-    """
-    Return how the nodes (n, 3) of a frame move by large displacements.
-
-    Members are chains of co-rotational Timoshenko beams, pins are nodes of their own.
-    """
+    """Return large displacements (n, 3) of the nodes, by chains of Timoshenko beams."""
     ops, n, parts, steps = load_opensees(), len(points), 8, 4
     ops.wipe()
     ops.model('basic', '-ndm', 2, '-ndf', 3)

@@ -182,11 +182,7 @@ def test_the_result_has_the_planned_grasps_and_trajectories():
 
 
 class StandIn:
-    """
-    In place of the searcher: begins, and ends when the test says so.
-
-    :ivar begun: arguments of the last search.
-    """
+    """In place of the searcher: begins, and ends when the test says so."""
 
     def __init__(self, workers):
         self.workers, self.begun, self.reply, self.closed = workers, None, None, False

@@ -33,11 +33,7 @@ simulator = maker(Simulator, command_timeout=TIMEOUT)
 
 
 class Rollers:
-    """
-    Client that sends trajectories, and observer of the commands.
-
-    :param still: whether the probe publishes joint states of rollers at rest at home.
-    """
+    """Client that sends trajectories, and observer of the commands."""
 
     def __init__(self, w, still=False):
         self.w = w
