@@ -7,6 +7,8 @@ First: `ros2 launch isotruss_ros simulation.launch.py indentation:=0.005`, or yo
 `grasp_analysis`.
 """
 
+import sys
+
 from isotruss_ros.extras import explained_imports
 
 with explained_imports():
@@ -28,3 +30,4 @@ else:
     print('held:', state.held == state.HELD_YES, '- force closure:', state.force_closure)
 node.destroy_node()
 rclpy.shutdown()
+sys.exit(not received)

@@ -111,7 +111,7 @@ def _send(node: Node, kind: Any, name: str, goal: Any) -> int:
     """Send a goal and wait for its result; Ctrl-C cancels the goal."""
     client = ActionClient(node, kind, name)
     if not client.wait_for_server(DISCOVERY_TIMEOUT):
-        return _fail(f'no node offers the action {name}: start pick_and_place')
+        return _fail_to_find(node, 'action', name, 'pick_and_place')
     handle = _await(node, client.send_goal_async(goal))
     if not handle.accepted:
         return _fail(f'{name} was rejected: pick_and_place must be active, without another goal')
@@ -130,7 +130,7 @@ def _call(node: Node, options: argparse.Namespace) -> int:
     """Call a service of the node `manipulation`."""
     client = node.create_client(Trigger, options.service)
     if not client.wait_for_service(DISCOVERY_TIMEOUT):
-        return _fail(f'no node offers the service {options.service}: start manipulation')
+        return _fail_to_find(node, 'service', options.service, 'manipulation')
     answer = _await(node, client.call_async(Trigger.Request()))
     if options.service == RELEASE and not answer.success:
         # The last message of the topic is true, as after a stop in the viewer.
@@ -145,6 +145,13 @@ def _call(node: Node, options: argparse.Namespace) -> int:
 def _await(node: Node, future: Future) -> Any:
     rclpy.spin_until_future_complete(node, future)
     return future.result()
+
+
+def _fail_to_find(node: Node, kind: str, name: str, server: str) -> int:
+    return _fail(
+        f'no node offers the {kind} {node.resolve_topic_name(name)} in {DISCOVERY_TIMEOUT:g} s: '
+        f'check that {server} runs, its namespace, and ROS_DOMAIN_ID'
+    )
 
 
 def _fail(why: str) -> int:

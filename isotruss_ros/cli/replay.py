@@ -123,11 +123,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         check_range(options.speed, '--speed', '', *SPEED_RANGE)
         check_range(options.diameter, '--diameter', 'm', MIN_DIAMETER, MAX_SIZE)
         try:
-            import isotruss_ros.viewer.recording  # noqa: F401 - needs packages, too
+            from isotruss_ros.viewer.recording import read_recording
             from isotruss_ros.viewer.view import View
         except ModuleNotFoundError as error:
             raise MissingPackageError(error) from error
         robot = load_robot(options.robot)
+        next(read_recording(options.file))  # refused before an address is printed
         # Writing needs no fixed port.
         port = options.port if options.page is None else 0
         with contextlib.closing(View(Picture(robot, options.diameter), LOCAL, port)) as view:

@@ -99,6 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f'isotruss stop: {why}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
+        print('isotruss stop: NOT CONFIRMED: interrupted; press the stop button', file=sys.stderr)
         return 130
     finally:
         for caller in callers:

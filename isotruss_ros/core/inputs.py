@@ -23,6 +23,8 @@ from numpy.typing import ArrayLike
 
 #: Largest time by which a stamp may be ahead of the clock [s]; clocks are not exactly synchronous.
 CLOCK_SKEW = 0.01
+#: Age of a message, in timeouts, from which on its sender has ended rather than is late.
+ENDED_SHARE = 3.0
 #: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
 #: Largest admissible timeout of inputs [s]. Motions are stored for this time, so that a
@@ -117,7 +119,8 @@ def check_stamp(
     """
     words, age = name.replace('_', ' '), now - stamp
     if age > timeout:
-        remedy = f' ({setting}: set it higher where the machine is busy)' if setting else ''
+        is_late = setting and age < ENDED_SHARE * timeout
+        remedy = f' ({setting}: set it higher where the machine is busy)' if is_late else ''
         message = f'{words}: {age:.3f} s old; must be at most {timeout} s{remedy}'
         raise InputError(InputFault.STALE, name, message)
     if age < -skew:

@@ -226,7 +226,8 @@ class Controls:
             if self._heartbeats.delay(holder, now) > timeout:
                 alive[holder] = False
                 self._report(
-                    f'control ended: browser {holder} has drawn no new picture for {timeout:.3g} s'
+                    f'control ended: browser {holder} has drawn no new picture for '
+                    f'{timeout:.3g} s; switch control on again'
                 )
         self.control.pass_on(alive)
         if self.control.browser not in (holder, None):

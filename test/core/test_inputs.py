@@ -36,6 +36,7 @@ def test_a_stamp_counts_from_the_largest_age_to_the_skew(ahead):
         check_stamp('object_pose', stamp, NOW, TIMEOUT)
     assert caught.value.fault is (InputFault.STALE if age > 0.0 else InputFault.INVALID)
     assert f' {abs(age):.3f} s ' in str(caught.value)
+    assert ('set it higher' in str(caught.value)) is (TIMEOUT < age < 3.0 * TIMEOUT)
 
 
 @pytest.mark.parametrize(
