@@ -144,15 +144,3 @@ def test_a_motion_ends_with_a_pick_and_place_that_is_killed(client):
     r.signal('pick_and_place', signal.SIGKILL)
     r.w.until(lambda: 'supervises the goal' in r.w.report('path_follower').message)
     r.check_rests()
-
-
-@pytest.mark.nightly
-def test_a_pick_ends_where_a_node_under_it_is_killed_and_started_again(client):
-    client.let_go()
-    handle = client.until_approaching()
-    client.restart('manipulation')
-    status, result = client.end(handle)
-    assert (status, result.code) == (GoalStatus.STATUS_ABORTED, PickObject.Result.STOPPED)
-    assert ENDED.search(result.message)
-    client.r.check_rests()
-    assert client.execute(READY)[1].code in ANSWERS
