@@ -36,12 +36,7 @@ MARK = '<!--picture ', '-->'
 
 
 class FakeBrowser:
-    """
-    Client that draws every picture at once while it is not frozen.
-
-    :ivar controls: uuids of the controls of the page, by their labels.
-    :ivar scene: fields of the last messages about the nodes of the scene, by their names.
-    """
+    """Client that draws every picture at once while it is not frozen; keeps controls and scene."""
 
     def __init__(self, address: str) -> None:
         parts = urlsplit(address)

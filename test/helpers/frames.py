@@ -1,12 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Random plane frames for the tests of statics, and other programs and models that solve them.
-
-`reference` shares nothing with the package: members come from the flexibility of a cantilever,
-pinned starts have rotations of their own, constraints are met by a basis of what they allow.
-"""
+"""Random plane frames, and a model of them that shares nothing with the package."""
 
 from typing import NamedTuple
 

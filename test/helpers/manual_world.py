@@ -1,12 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Nodes whose callbacks and timers the test calls, by a clock of its own: no executor and no DDS.
-
-A publication is copied to the subscriptions that match it, by topic, type and quality of service;
-time goes from one timer to the next. So a test has the same course however busy the machine is.
-"""
+"""Nodes whose callbacks and timers the test calls, by a clock of its own: no executor, no DDS."""
 
 from __future__ import annotations
 

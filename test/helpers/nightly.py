@@ -7,11 +7,7 @@ import pytest
 
 
 def some_now(cases, now=1):
-    """
-    Return the cases of a parametrised test.
-
-    :param now: how many of them, the first ones, run with all tests; the others run nightly.
-    """
+    """Return cases of a parametrised test; only the first `now` run with all tests."""
     rows = [case if isinstance(case, tuple) else (case,) for case in cases]
     marks = [[]] * min(now, len(rows)) + [pytest.mark.nightly] * (len(rows) - now)
     return [pytest.param(*row, marks=mark) for row, mark in zip(rows, marks, strict=True)]

@@ -269,11 +269,7 @@ class World(Watched):
         return self.ask(lambda: client.call_async(request))
 
     def ask(self, send: Callable[[], Future], period: float = 1.0) -> object:
-        """
-        Return the first answer to what is sent again and again while there is none.
-
-        A server sends no answer to a client that it does not discover within 0.1 s.
-        """
+        """Return the first answer to repeated requests; some are lost before discovery."""
         sent: list[Future] = []
         self.until(
             lambda: any(future.done() for future in sent), lambda: sent.append(send()), period

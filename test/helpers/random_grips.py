@@ -70,11 +70,7 @@ def random_grip(robot, rng, kind, count=2):
 
 
 def random_convex_grip(robot, rng, kind, count=2, flat=False):
-    """
-    Return a random state and a random shape that touches members of a kind, or None.
-
-    :param flat: True for a polygon of which a face lies on the first member; None for a disc.
-    """
+    """Return a random state and shape at members; flat: a face on the first, None: a disc."""
     config, round_grip = random_grip(robot, rng, kind, count)
     if round_grip is None or flat is None:
         return config, round_grip

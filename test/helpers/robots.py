@@ -119,12 +119,7 @@ def refusal(content):
 
 
 def random_document(seed, kind=None, size=None):
-    """
-    Return the document of a robot that can work, and of which nothing overlaps at home.
-
-    :param kind: one of KINDS; any of them when left out.
-    :param size: number of arches, of triangles in the ring or of corners of the polygon.
-    """
+    """Return the document of a feasible robot of a kind and size, without overlaps at home."""
     rng = np.random.default_rng(seed)
     kind = kind or str(rng.choice(KINDS))
     grow = {'arch': _arches, 'ring': _ring, 'polygon': _polygon}[kind]

@@ -36,12 +36,7 @@ def bent_line(grip, name, places):
 
 
 def corner_depths(grip, name):
-    """
-    Return the depths (c,) of the object's corners in the skin of a bent member [m].
-
-    Corners that are beyond the member's ends, or farther than a diameter from the straight skin,
-    have the depth minus infinity.
-    """
+    """Return the depths (c,) of corners in a bent member, minus infinity far from it [m]."""
     shape, body = grip.body.shape, grip.body
     radius = 0.5 * grip.config.robot.description.tube_diameter
     start, end = robots.member_ends(grip.config, name)

@@ -57,15 +57,7 @@ class Carry(Regulated):
         seed=0,
         **settings,
     ):
-        """
-        Hold an object of `GRASPS` with its squeeze as the desired one.
-
-        :param masses: of module and object in the plant [kg].
-        :param mass_ratio: masses in the model over those of the plant.
-        :param stiffness: of the plant's tubes over those of the model.
-        :param late: delay of the poses [cycles].
-        :param noise: standard deviation of the poses [m, rad].
-        """
+        """Hold an object of `GRASPS`; masses and stiffness are of the plant, `late` in cycles."""
         robot = make_robot(mass_ratio * masses[0])
         body, members = place(robot, grasp, mass_ratio * masses[1])
         real, heavy = make_robot(masses[0], stiffness), replace(body, mass=masses[1])

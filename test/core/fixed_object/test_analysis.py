@@ -22,17 +22,6 @@ def gripped():
     return pressed_between(load_robot('nine_member'), 'north/Z', 0.5, 0.01)
 
 
-def test_measured_pressures_agree_with_a_robot_file_of_these_pressures(gripped):
-    _, cylinder = gripped
-    document = robots.preset_document('nine_member')
-    document['tube']['pressure'] = {'south': 30e3, 'east': 25e3, 'north': 20e3}
-    expected = analyze_grasp(robots.load(document).home, cylinder)
-    for pressure in ([30e3, 25e3, 20e3], document['tube']['pressure']):
-        measured = analyze_grasp(load_robot('nine_member').home, cylinder, pressure=pressure)
-        np.testing.assert_array_equal(measured.normal_forces, expected.normal_forces)
-        assert measured.utilisation == expected.utilisation
-
-
 @robots.examples(40)
 @given(generators, strategies.floats(0.0, 1.5))
 def test_wrench_forces_and_regions_are_consistent(rng, friction):

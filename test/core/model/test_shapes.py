@@ -27,22 +27,6 @@ def test_shapes_keep_the_contract_of_shapes(seed):
     check_shape(random_shape(generator), generator)
 
 
-@robots.examples(50)
-@given(SEEDS)
-def test_corners_touch_where_the_tangents_do_and_faces_join_them(seed):
-    generator = np.random.default_rng(seed)
-    shape = random_shape(generator)
-    for normal in directions(generator):
-        corner = shape.corner_at(complex(normal))
-        wanted = shape.support_points(np.array([normal]))[0]
-        assert shape.point_at(corner, complex(normal)) == pytest.approx(wanted, abs=1e-12)
-    face = random_polygon(generator, 0.2)
-    for k, normal in enumerate(face.normals.tolist()):
-        after = (k + 1) % len(face.normals)
-        assert {face.corner_at(normal * np.exp(1e-9j * side)) for side in (-1, 1)} == {k, after}
-        assert face.faces_at(k)[1].corner == after
-
-
 @robots.examples(100)
 @given(SEEDS)
 def test_vertices_may_have_either_orientation(seed):

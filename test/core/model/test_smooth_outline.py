@@ -44,17 +44,6 @@ def test_nearest_point_is_at_the_largest_distance_from_a_tangent(ellipse):
     assert actual.normals[outside] == pytest.approx(wanted.normals[outside], abs=1e-6)
 
 
-def test_curve_depends_on_no_first_corner_or_frame():
-    polygon, turn = sampled(ELLIPSES[0], 24, 0.3), np.exp(1j)
-    points = polygon.smoothed(1.0).support_points(NORMALS)
-    begun = Polygon(polygon.vertices[5:] + polygon.vertices[:5]).smoothed(1.0)
-    assert begun.support_points(NORMALS) == pytest.approx(points, abs=1e-12)
-    moved = polygon.corners * turn + AWAY
-    other = Polygon(tuple(zip(moved.real, moved.imag, strict=True))).smoothed(1.0)
-    actual = (other.support_points(NORMALS * turn) - AWAY) / turn
-    assert actual == pytest.approx(points, abs=1e-12)
-
-
 def test_polygons_with_few_or_sharp_corners_or_long_faces_stay_polygons():
     few, many = regular_polygon(12, 0.02), regular_polygon(24, 0.15)
     face = many.faces_at(0)[0].length

@@ -8,7 +8,6 @@ import math
 from hypothesis import given, strategies
 from isotruss_ros.core import ObjectPath
 from isotruss_ros.core.errors import PathError
-from isotruss_ros.core.paths.object_path import MAX_POSES
 import numpy as np
 import pytest
 import robots
@@ -118,14 +117,6 @@ def test_infeasible_paths_are_refused(case, smooth):
     arguments, words = BAD[case]
     with pytest.raises(PathError, match=words):
         ObjectPath(*arguments, smooth=smooth)
-
-
-@pytest.mark.parametrize('step', [(1.0, 0.0, 0.0), (0.0, 0.0, 3.0)])
-def test_pieces_of_long_smooth_paths_are_longer(step):
-    zigzag = (np.arange(MAX_POSES) % 2)[:, np.newaxis] * np.array(step)
-    for count in (2, 1000, MAX_POSES):
-        smooth = ObjectPath(zigzag[:count], 0.5, 1.0, smooth=True)
-        assert count <= len(smooth.poses) <= 2 * MAX_POSES
 
 
 @robots.examples(150)

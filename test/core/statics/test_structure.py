@@ -59,12 +59,7 @@ def gradient(points):
 
 
 def from_scratch(config):
-    """
-    Return names, points, members, supports and constraint rows of the robot, as in Fig. 1b.
-
-    Members are in the order of the modules here: AB, AC, BC, the pieces BD and CE, DE'. The guide
-    arms act by the constraint rows alone: they hold nothing along the tube.
-    """
+    """Return names, points, members (AB, AC, BC, BD, CE, DE), supports and rows as in Fig. 1b."""
     description = config.robot.description
     points = places(config)
     names = list(points)
