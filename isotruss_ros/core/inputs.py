@@ -10,8 +10,8 @@ From the history of commands, the roller travel since an old measurement is pred
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import deque
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 import enum
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -176,106 +176,123 @@ def steady_pressures(
     return kept if (change <= np.multiply(PRESSURE_CHANGE, kept)).all() else pressures
 
 
+@dataclass(frozen=True, eq=False)
 class Timeline:
-    """Values at increasing times [s], between which numbers are interpolated linearly."""
+    """
+    Values at increasing times [s], between which numbers are interpolated linearly.
 
-    def __init__(self) -> None:
-        self._samples: deque[tuple[float, Any]] = deque()
+    :ivar samples: pairs of time and value, in order of time.
+    """
+
+    samples: tuple[tuple[float, Any], ...] = ()
 
     def __bool__(self) -> bool:
         """Return whether a value is stored."""
-        return bool(self._samples)
+        return bool(self.samples)
 
     @property
     def first(self) -> tuple[float, Any]:
         """Return the earliest time and its value."""
-        return self._samples[0]
+        return self.samples[0]
 
     @property
     def last(self) -> tuple[float, Any]:
         """Return the latest time and its value."""
-        return self._samples[-1]
+        return self.samples[-1]
 
     @property
     def values(self) -> list[Any]:
         """Return all values in order of time."""
-        return [value for _, value in self._samples]
+        return [value for _, value in self.samples]
 
-    def add(self, time: float, value: Any) -> None:
-        """Add a value at a time; remove earlier added values at this time or later."""
-        while self._samples and self._samples[-1][0] >= time:
-            self._samples.pop()
-        self._samples.append((time, value))
+    def added(self, time: float, value: Any) -> Timeline:
+        """Return the timeline with a value, without values added for this time or later."""
+        count = len(self.samples)
+        while count and self.samples[count - 1][0] >= time:
+            count -= 1
+        return Timeline((*self.samples[:count], (time, value)))
 
-    def discard_before(self, time: float) -> None:
-        """Remove old values that are not needed to interpolate at the given time or later."""
-        while len(self._samples) > 1 and self._samples[1][0] <= time:
-            self._samples.popleft()
+    def since(self, time: float) -> Timeline:
+        """Return the samples that are needed to interpolate at the given time or later."""
+        count = max(bisect_right(self.samples, time, key=itemgetter(0)) - 1, 0)
+        return Timeline(self.samples[count:]) if count else self
 
     def at(self, time: float) -> Any:
         """Return the interpolated value; beyond the first and the last time, it is constant."""
-        following = bisect_right(self._samples, time, key=itemgetter(0))
+        following = bisect_right(self.samples, time, key=itemgetter(0))
         if following == 0:
             return self.first[1]
-        if following == len(self._samples):
+        if following == len(self.samples):
             return self.last[1]
-        start, start_value = self._samples[following - 1]
-        end, end_value = self._samples[following]
+        start, start_value = self.samples[following - 1]
+        end, end_value = self.samples[following]
         return start_value + (time - start) / (end - start) * (end_value - start_value)
 
 
+@dataclass(frozen=True, eq=False)
 class UsedReadings:
     """
     Last used reading of each sensor, which distinguishes new measurements from repeated ones.
 
     A new measurement has a later stamp and another value: noise differs in the last bit at least.
+
+    :ivar last: stamp [s] and content of the last used reading by the name of the sensor.
     """
 
-    def __init__(self) -> None:
-        self._last: dict[str, tuple[float, bytes]] = {}
+    last: Mapping[str, tuple[float, bytes]] = field(default_factory=dict)
 
-    def use(self, name: str, time: float, value: ArrayLike) -> bool:
-        """Record a reading with its stamp [s]; return whether it is a new measurement."""
-        last, content = self._last.get(name), np.asarray(value, dtype=float).tobytes()
+    def use(self, name: str, time: float, value: ArrayLike) -> tuple[UsedReadings, bool]:
+        """Return the readings with a reading stamped at `time` [s], and whether it is new."""
+        last, content = self.last.get(name), np.asarray(value, dtype=float).tobytes()
         if last is not None:
             # A stamp that is much earlier is that of a clock that was set back.
             is_late = last[0] - HISTORY_DURATION < time <= last[0]
             if is_late or content == last[1]:
-                return False
-        self._last[name] = time, content
-        return True
+                return self, False
+        return UsedReadings({**self.last, name: (time, content)}), True
 
 
+@dataclass(frozen=True, eq=False)
 class CommandHistory:
-    """History of commanded roller speeds, which are piecewise constant in time."""
+    """
+    History of commanded roller speeds, which are piecewise constant in time.
 
-    def __init__(self, count: int) -> None:
-        self._count = count
-        self.clear()
+    :ivar count: number r of rollers.
+    :ivar last: (r,) speeds of the last command [m/s]; None without commands.
+    :ivar previous: (r,) speeds of the command before [m/s]; None without it.
+    :ivar travelled: integral (r,) of the commands up to each time, from any start [m].
+    """
 
-    def clear(self) -> None:
-        """Remove all commands from the history."""
-        self.last: Array | None = None  #: (r,) speeds of the last command [m/s]
-        #: (r,) change of the speeds by the last command [m/s]
-        self.step = np.zeros(self._count)
-        self._travel = Timeline()  # integral of the commands up to each time, from any start [m]
+    count: int
+    last: Array | None = None
+    previous: Array | None = None
+    travelled: Timeline = Timeline()
 
-    def discard_old(self, now: float, span: float) -> None:
-        """Remove the commands before a span [s] that ends now; all if the clock was set back."""
-        if self.last is not None and not 0.0 <= now - self._travel.last[0] <= span:
-            self.clear()
-        self._travel.discard_before(now - span)
+    @property
+    def step(self) -> Array:
+        """Return the change (r,) of the speeds by the last command [m/s]."""
+        speeds = (np.zeros(self.count) if v is None else v for v in (self.last, self.previous))
+        return np.subtract(*speeds)
+
+    def recent(self, now: float, span: float) -> CommandHistory:
+        """Return the commands in a span [s] that ends now; none if the clock was set back."""
+        if self.last is None:
+            return self
+        if not 0.0 <= now - self.travelled.last[0] <= span:
+            return CommandHistory(self.count)
+        return replace(self, travelled=self.travelled.since(now - span))
 
     def elapsed(self, now: float) -> float:
         """Return the time since the last command, 0 without commands [s]."""
-        return 0.0 if self.last is None else now - self._travel.last[0]
+        return 0.0 if self.last is None else now - self.travelled.last[0]
 
-    def record(self, now: float, speeds: Array) -> None:
-        """Record commanded roller speeds (r,) [m/s] that are valid from the time `now`."""
-        none = np.zeros(self._count)
-        self._travel.add(now, none if self.last is None else self._until(now, none))
-        self.step = speeds - (none if self.last is None else self.last)
-        self.last = speeds
+    def recorded(self, now: float, speeds: Array) -> CommandHistory:
+        """Return the history with roller speeds (r,) [m/s] commanded from the time `now` on."""
+        none = np.zeros(self.count)
+        travelled = self.travelled.added(
+            now, none if self.last is None else self._until(now, none)
+        )
+        return CommandHistory(self.count, speeds, self.last, travelled)
 
     def travel(self, begin: float, end: float, before: Array) -> Array:
         """
@@ -307,7 +324,7 @@ class CommandHistory:
 
     def _until(self, time: float, before: Array) -> Array:
         """Return the integral (r,) of the commands [m]; before them, the speeds are `before`."""
-        (first, _), (last, travel) = self._travel.first, self._travel.last
+        (first, _), (last, travel) = self.travelled.first, self.travelled.last
         if time > last:
             return travel + (time - last) * self.last
-        return self._travel.at(time) + min(time - first, 0.0) * before
+        return self.travelled.at(time) + min(time - first, 0.0) * before

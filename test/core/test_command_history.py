@@ -29,7 +29,7 @@ def test_travel_is_the_integral_of_the_commands(rng):
     speeds, before = rng.uniform(-0.1, 0.1, (60, COUNT)), rng.uniform(-0.1, 0.1, COUNT)
     sent = CommandHistory(COUNT)
     for time, speed in zip(times, speeds, strict=True):
-        sent.record(time, speed)
+        sent = sent.recorded(time, speed)
     begin, end = np.sort(99.8 + STEP * rng.integers(0, 9000, 2))
     expected = by_steps(times, speeds, before, begin, end)
     assert sent.travel(begin, end, before) == pytest.approx(expected, abs=1e-4)
@@ -39,11 +39,9 @@ def test_travel_is_the_integral_of_the_commands(rng):
 
 @pytest.mark.parametrize('now', [9.9, 10.9])
 def test_commands_are_discarded_after_a_gap_or_a_clock_set_back(now):
-    sent = CommandHistory(COUNT)
-    sent.record(10.0, np.ones(COUNT))
-    sent.discard_old(10.5, 0.5)
+    sent = CommandHistory(COUNT).recorded(10.0, np.ones(COUNT)).recent(10.5, 0.5)
     assert sent.travel(10.0, 10.5, np.zeros(COUNT)) == pytest.approx(0.5)
-    sent.discard_old(now, 0.5)
+    sent = sent.recent(now, 0.5)
     assert sent.last is None
     assert not sent.travel(9.0, 11.0, np.zeros(COUNT)).any()
 
@@ -56,7 +54,7 @@ def test_expected_travel_is_the_integral_of_commands_of_rollers_that_follow_them
     still = np.array([False, True, False])
     history = CommandHistory(COUNT)
     for time, speed in zip(times, speeds, strict=True):
-        history.record(time, speed)
+        history = history.recorded(time, speed)
     begin, then, now = np.sort(99.9 + STEP * rng.integers(0, 8000, 3))
     rollers = StampedInput(RollerState(np.zeros(COUNT), measured), begin)
     travels = history.expected_travel(rollers, then, now, 0.03, still)
@@ -70,8 +68,8 @@ def test_expected_travel_is_the_integral_of_commands_of_rollers_that_follow_them
 def test_travel_beyond_the_span_is_discarded():
     history, period, span = CommandHistory(COUNT), 0.01, 0.5
     for step in range(300):
-        history.record(step * period, np.full(COUNT, float(step)))
-        history.discard_old(step * period, span)
+        history = history.recorded(step * period, np.full(COUNT, float(step)))
+        history = history.recent(step * period, span)
     now = 299 * period
     expected = period * sum(range(249, 299))
     none = np.zeros(COUNT)
@@ -87,9 +85,9 @@ def test_travel_beyond_the_span_is_discarded():
 def test_a_timeline_agrees_with_linear_interpolation(values, times, start):
     timeline, stored = Timeline(), []
     for time, value in values:
-        timeline.add(time, value)
+        timeline = timeline.added(time, value)
         stored = [*(pair for pair in stored if pair[0] < time), (time, value)]
-    timeline.discard_before(start)
+    timeline = timeline.since(start)
 
     for time in (t for t in times if t >= start):
         expected = np.interp(time, *np.transpose(stored))

@@ -51,10 +51,10 @@ def test_a_stamp_counts_from_the_largest_age_to_the_skew(ahead):
     ids=['new', 'same value', 'same stamp', 'earlier stamp', 'clock set back'],
 )
 def test_a_new_measurement_has_a_later_stamp_and_another_value(age, value, is_new):
-    used = UsedReadings()
-    assert used.use('pose', NOW, (1.0, 2.0))
-    assert used.use('pose', NOW + age, value) is is_new
-    assert used.use('markers', NOW, (1.0, 2.0))
+    used, is_first = UsedReadings().use('pose', NOW, (1.0, 2.0))
+    assert is_first
+    assert used.use('pose', NOW + age, value)[1] is is_new
+    assert used.use('markers', NOW, (1.0, 2.0))[1]
 
 
 @pytest.mark.parametrize('change', [-0.019, 0.019, -0.021, 0.021])

@@ -32,18 +32,16 @@ class InputLag:
     def __init__(self, pose: Array) -> None:
         self.time, self.pose_at_equilibrium = 0.0, pose
         self._measured = 0.0, pose  # time of the last measured rollers, and pose then
-        self.rolled_poses = Timeline()
-        self.rolled_poses.add(*self._measured)
+        self.rolled_poses = Timeline().added(*self._measured)
         self.filters = np.zeros((2, 4))
 
     def record(self, pose: Array, motion: Array, age: float) -> None:
         """Store the present pose (3,), and the pose without the `motion` of the last `age` [s]."""
         # The last call's prediction is replaced, because rollers may follow their commands late.
-        self.rolled_poses.add(*self._measured)
+        poses = self.rolled_poses.added(*self._measured)
         self._measured = self.time - age, pose - motion
-        self.rolled_poses.add(*self._measured)
-        self.rolled_poses.add(self.time, pose)
-        self.rolled_poses.discard_before(self.time - MAX_TIMEOUT)
+        poses = poses.added(*self._measured).added(self.time, pose)
+        self.rolled_poses = poses.since(self.time - MAX_TIMEOUT)
 
     def hold_back(self, correction: Array) -> None:
         """Put a correction (4,) of pose and squeeze into the low-pass filters for control."""

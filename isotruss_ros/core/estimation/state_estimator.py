@@ -69,8 +69,7 @@ class StateEstimator:
             if time <= previous_time:
                 return
             self._filter.predict(time - previous_time, np.abs(readings - previous))
-        self._readings.add(time, readings)
-        self._readings.discard_before(time - HISTORY_DURATION)
+        self._readings = self._readings.added(time, readings).since(time - HISTORY_DURATION)
 
     def take_pressures(self, pressures: Pressures) -> None:
         """Use gauge pressures (t,) [Pa], or those of the robot file; see `steady_pressures`."""
@@ -114,7 +113,8 @@ class StateEstimator:
         deviations = _positive(deviations, 3, 'deviations of the pose [m, rad]')
         if self.grip is None or self._record is not None or not self._in_time(time):
             return False
-        if not self._measured.use('pose', time, pose):
+        self._measured, is_new = self._measured.use('pose', time, pose)
+        if not is_new:
             return False
         self._roll()
         if self.belief is not None:
@@ -155,7 +155,11 @@ class StateEstimator:
             finite_array(xy, 2, f'marker on joint {name} [m]', GraspError, MAX_MAGNITUDE)
         if not self._in_time(time):
             return False
-        markers = {name: xy for name, xy in joints.items() if self._measured.use(name, time, xy)}
+        markers = {}
+        for name, xy in joints.items():
+            self._measured, is_new = self._measured.use(name, time, xy)
+            if is_new:
+                markers[name] = xy
         if not markers:
             return False
         self._roll()

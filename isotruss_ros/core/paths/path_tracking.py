@@ -130,8 +130,7 @@ class PathClock:
         self._duration, self.ramp_time, self.period = duration, ramp_time, period
         self._least_progress = MIN_PROGRESS_RATE * timeout
         self._progress_time = self._now = 0.0  # path time at the last progress; time of the loop
-        self._path_times = Timeline()  # path time by time of the loop
-        self._path_times.add(0.0, 0.0)
+        self._path_times = Timeline().added(0.0, 0.0)  # path time by time of the loop
 
     @property
     def at_end(self) -> bool:
@@ -164,8 +163,8 @@ class PathClock:
         # The history has the path time at the expected end of the last cycle. If this cycle is
         # late, path time has stood still since then.
         if self._now > self._path_times.last[0]:
-            self._path_times.add(self._now, self.time)
-        self._path_times.discard_before(self._now - MAX_TIMEOUT)
+            self._path_times = self._path_times.added(self._now, self.time)
+        self._path_times = self._path_times.since(self._now - MAX_TIMEOUT)
         # Rate of path time, by ramps of constant slope 1 / ramp_time.
         time_step = min(elapsed, 2.0 * self.period)
         desired = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_LIMITED_RATE)
@@ -176,7 +175,7 @@ class PathClock:
         self.rate = 0.0 if held else min(ramped, max_rate, stopping_rate)
 
         self.time = min(self.time + self.rate * time_step, self._duration)
-        self._path_times.add(self._now + self.period, self.time)
+        self._path_times = self._path_times.added(self._now + self.period, self.time)
         if self.time - self._progress_time > self._least_progress:
             self.waited, self._progress_time = 0.0, self.time
         return time_step

@@ -117,17 +117,16 @@ class SqueezeControl:
         """Use measured gauge pressures [Pa] in the model, see `steady_pressures`."""
         self._pressures = steady_pressures(self._pressures, pressures)
 
-    def take_offsets(
-        self, offsets: Array | float, covariance: Array | None, time: float | None = None
-    ) -> None:
-        """Set the offsets (r,) of the rollers [m] and their covariance, stamped at `time` [s]."""
+    def take_offsets(self, offsets: Array | float, covariance: Array | None, stamp: float) -> None:
+        """Set the offsets (r,) of the rollers [m] and their covariance, with a `stamp` [s]."""
         before, self._offsets, belief = self._offsets, offsets, self.belief
         self._zero_covariance = covariance
         if belief is None:
             return
-        use = self._readings.use
-        if covariance is not None and (time is None or use('estimate', time, covariance)):
-            belief.state.prior = covariance
+        if covariance is not None:
+            self._readings, is_new = self._readings.use('estimate', stamp, covariance)
+            if is_new:
+                belief.state.prior = covariance
         if before is not None and not np.array_equal(offsets, before):
             belief.correct_zeros(offsets - before)
 
@@ -165,7 +164,10 @@ class SqueezeControl:
         self._pause(elapsed)
         # Without a sample, the pose of the grip is new.
         measured, age = sample or (StampedInput(grip.body.pose, math.nan), 0.0)
-        if sample is None or self._readings.use('pose', measured.time, measured.value):
+        is_new = True
+        if sample is not None:
+            self._readings, is_new = self._readings.use('pose', measured.time, measured.value)
+        if is_new:
             belief.observe(measured.value, age)
             self.judge(belief, self._since, self._velocity)
             self._since = 0.0

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+import math
 from typing import Any
 
 from isotruss_ros.core.errors import ConfigurationError, IsotrussError
@@ -108,7 +109,7 @@ class TwistServo(ServoState):
             # The twist is checked first, so a fault of another input leaves it valid.
             if isinstance(error, InputError) and error.name != 'twist':
                 twist = np.asarray(received.twist.value)  # type: ignore[union-attr]
-        self._history.record(now, command.roller_velocities)
+        self._history = self._history.recorded(now, command.roller_velocities)
         names = tuple(name for name in self.robot.roller_names if name in failed)
         if squeeze is None or squeeze.belief is None:
             return Decision(command, twist, message, names)
@@ -150,7 +151,7 @@ class TwistServo(ServoState):
         last = np.zeros(len(velocities)) if self._history.last is None else self._history.last
         if velocities.any():
             velocities = limit_change(velocities, last, self._largest_change(now))
-        self._history.record(now, velocities)
+        self._history = self._history.recorded(now, velocities)
         if self.squeeze is not None:
             self.squeeze.acknowledge()
         return velocities
@@ -158,7 +159,7 @@ class TwistServo(ServoState):
     def _begin_cycle(self, now: float) -> None:
         """Discard old commands, and update the failed rollers by commands and measured travel."""
         finite_array([now], 1, 'time of the cycle [s]', ConfigurationError)
-        self._history.discard_old(now, self.settings.timeout)
+        self._history = self._history.recent(now, self.settings.timeout)
         rollers = self.inputs.rollers
         if not isinstance(rollers, StampedInput):
             return
@@ -285,7 +286,7 @@ class TwistServo(ServoState):
         """Propagate the belief to mid-cycle by inputs (rollers, pose); return the hold status."""
         (rollers, pose), settings = inputs, self.settings
         estimate, pressures = self.inputs.estimate, self.inputs.pressures
-        covariance = stamp = None
+        covariance, stamp = None, math.nan
         if isinstance(estimate, StampedInput):
             covariance, stamp = estimate.value.covariance, estimate.time
         squeeze.take_offsets(rollers.value.offsets, covariance, stamp)
@@ -297,8 +298,7 @@ class TwistServo(ServoState):
         # the travel up to them is measured.
         if squeeze.belief is None:
             self._poses = Timeline()
-        self._poses.add(pose.time, pose)
-        self._poses.discard_before(rollers.time)
+        self._poses = self._poses.added(pose.time, pose).since(rollers.time)
         pose_time, measured_pose = self._poses.first
         mid_cycle = now + 0.5 * settings.period
         sample = measured_pose, mid_cycle - pose_time

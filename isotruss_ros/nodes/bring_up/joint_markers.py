@@ -45,10 +45,10 @@ class JointMarkers:
     """Recent messages of `joint_markers` and `joint_states`."""
 
     def __init__(self, node: StoppableNode, robot: Robot) -> None:
-        self._rollers, self._markers = Timeline(), Timeline()
+        self._recent = {'rollers': Timeline(), 'markers': Timeline()}
         self.inputs = Inputs(node, robot, oldest=MAX_TOPIC_AGE)
-        self.inputs.keep('rollers', take=partial(self._take, self._rollers))
-        self.inputs.keep('markers', take=partial(self._take, self._markers))
+        for name in self._recent:
+            self.inputs.keep(name, take=partial(self._take, name))
 
     def measure(self, now: float) -> MeasuredJoints:
         """Return the mean joint positions over the averaging time."""
@@ -58,7 +58,7 @@ class JointMarkers:
             require_fresh(now, MAX_TOPIC_AGE, '', joint_states=rollers, joint_markers=markers)
         except InputError as error:
             raise MeasurementError(str(error)) from error
-        readings = np.array([state.positions for state in self._rollers.values])
+        readings = np.array([state.positions for state in self._recent['rollers'].values])
         change = float(np.ptp(readings, axis=0).max())
         if change > REST_TOLERANCE:
             raise MeasurementError(
@@ -66,13 +66,13 @@ class JointMarkers:
                 f'at most {1e3 * REST_TOLERANCE:g} mm while joints are measured'
             )
         seen: dict[str, list[tuple[float, float]]] = {}
-        for joints in self._markers.values:
+        for joints in self._recent['markers'].values:
             for name, place in joints.items():  # type: ignore[union-attr]
                 seen.setdefault(name, []).append(place)
         means = {name: tuple(np.mean(places, axis=0).tolist()) for name, places in seen.items()}
         least = min(map(len, seen.values()))
         return MeasuredJoints(Posture(readings.mean(axis=0), means), least)
 
-    def _take(self, timeline: Timeline, sample: StampedInput) -> None:
-        timeline.add(sample.time, sample.value)
-        timeline.discard_before(timeline.last[0] - AVERAGING_TIME)
+    def _take(self, name: str, sample: StampedInput) -> None:
+        timeline = self._recent[name].added(sample.time, sample.value)
+        self._recent[name] = timeline.since(sample.time - AVERAGING_TIME)
