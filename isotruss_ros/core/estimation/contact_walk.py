@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections import deque
+from dataclasses import dataclass, field, replace
+from functools import partial
 import math
 from typing import NamedTuple
 
@@ -26,7 +27,7 @@ MIN_WEIGHT = 0.02
 MAX_STEP_SIGMAS = 3.0
 
 
-class _Sum(NamedTuple):
+class Sum(NamedTuple):
     """Sum of the pose corrections before a time, and the covariances at this time."""
 
     time: float  #: [s]
@@ -36,6 +37,7 @@ class _Sum(NamedTuple):
     by_offsets: Array  #: (3, c) derivatives of the pose by the roller offsets
 
 
+@dataclass(frozen=True, eq=False)
 class ContactWalk:
     """
     Detector of slip from sums of pose corrections and their standard deviations without slip.
@@ -44,28 +46,32 @@ class ContactWalk:
 
     :ivar length: norm of the largest sum, with rotations times the characteristic radius [m].
     :ivar deviations: largest ratio of a sum to its expected standard deviation [-].
+    :ivar correction: (3,) sum of all corrections of the pose [m].
+    :ivar walk: (3, 3) covariance of the contacts' random walk [m^2].
+    :ivar jumps: (3, c) jumps of the derivatives by offsets, see `without_jump`.
+    :ivar windows: sums within each of `SUM_INTERVALS`, in order of time.
     """
 
-    def __init__(self) -> None:
-        self.length = self.deviations = 0.0
-        self._correction, self._walk = np.zeros(3), np.zeros((3, 3))
-        self._jumps: Array | float = 0.0  # jumps of the derivatives by offsets, see `exclude_jump`
-        #: Sums within each of `SUM_INTERVALS`, in order of time.
-        self._windows: tuple[deque[_Sum], ...] = tuple(deque() for _ in SUM_INTERVALS)
+    length: float = 0.0
+    deviations: float = 0.0
+    correction: Array = field(default_factory=partial(np.zeros, 3))
+    walk: Array = field(default_factory=partial(np.zeros, (3, 3)))
+    jumps: Array | float = 0.0
+    windows: tuple[tuple[Sum, ...], ...] = ((),) * len(SUM_INTERVALS)
 
-    def spread(self, noise: Array) -> None:
-        """Add process noise (3, 3) to the covariance of the contacts' random walk [m^2]."""
-        self._walk = self._walk + noise
+    def spread(self, noise: Array) -> ContactWalk:
+        """Return the detector after process noise (3, 3) of the contacts' random walk [m^2]."""
+        return replace(self, walk=self.walk + noise)
 
-    def exclude_jump(self, jump: Array) -> None:
-        """Exclude a jump (3, c) of the derivatives by offsets from the detection of slip."""
-        self._jumps = self._jumps + jump
+    def without_jump(self, jump: Array) -> ContactWalk:
+        """Return the detector in which a jump (3, c) of the derivatives by offsets is no slip."""
+        return replace(self, jumps=self.jumps + jump)
 
-    def add(
+    def added(
         self, time: float, change: Array, prior: Array, noise: Array, rates: Array, offsets: Array
-    ) -> None:
+    ) -> ContactWalk:
         """
-        Add a correction (3,) of the estimated pose, without its part by the load [m].
+        Return the detector after a correction (3,) of the pose, without its part by the load [m].
 
         :param prior: (3, 3) covariance of contacts and unexplained pose before it [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].
@@ -74,47 +80,62 @@ class ContactWalk:
         :param offsets: (c, c) covariance of the roller offsets [m^2].
         """
         # The sum before this time starts a window; sums older than a window's interval leave it.
-        by_offsets = rates - self._jumps
-        before = _Sum(time, self._correction, self._walk, prior, by_offsets)
-        self._correction = self._correction + change
-        for window, interval in zip(self._windows, SUM_INTERVALS, strict=True):
-            window.append(before)
-            while time - window[0].time > interval:
-                window.popleft()
+        by_offsets = rates - self.jumps
+        before = Sum(time, self.correction, self.walk, prior, by_offsets)
+        correction = self.correction + change
+        windows = tuple(
+            _drop_old((*window, before), time, interval)
+            for window, interval in zip(self.windows, SUM_INTERVALS, strict=True)
+        )
         # Sum of the corrections in each window. First axis: window.
-        starts = [window[0] for window in self._windows]
-        sums = self._correction - np.array([start.correction for start in starts])
-        self.length = float(np.hypot.reduce(sums, axis=1).max())
+        starts = [window[0] for window in windows]
+        sums = correction - np.array([start.correction for start in starts])
         # Covariances of the sums without slip: S = prior + walk + noise + B C B^T.
-        walks = self._walk - np.array([start.walk for start in starts])
+        walks = self.walk - np.array([start.walk for start in starts])
         rate_changes = by_offsets - np.array([start.by_offsets for start in starts])
         by_rate_changes = rate_changes @ offsets @ rate_changes.transpose(0, 2, 1)
         covariances = np.array([start.prior for start in starts]) + walks + noise + by_rate_changes
         # Largest Mahalanobis distance of a sum s from zero, sqrt(s^T S^-1 s).
         weighted = np.linalg.solve(covariances, sums[:, :, None])[:, :, 0]  # sums are columns
-        self.deviations = math.sqrt((sums * weighted).sum(axis=1).max())
+        return replace(
+            self,
+            length=float(np.hypot.reduce(sums, axis=1).max()),
+            deviations=math.sqrt((sums * weighted).sum(axis=1).max()),
+            correction=correction,
+            windows=windows,
+        )
 
 
+def _drop_old(window: tuple[Sum, ...], time: float, interval: float) -> tuple[Sum, ...]:
+    """Return the sums of an interval [s] that ends at a time."""
+    count = next(i for i, start in enumerate(window) if time - start.time <= interval)
+    return window[count:]
+
+
+@dataclass(frozen=True, eq=False)
 class PoseNoise:
     """
-    Estimated variances (3,) of white noise in the poses of a slowly moving object [m^2].
+    Estimated variances of white noise in the poses of a slowly moving object.
 
     They include the model error. Angles are multiplied by the characteristic radius.
+
+    :ivar variances: (3,) variances [m^2].
+    :ivar previous: (3,) last residual, see `added` [m]; None before the first pose.
+    :ivar weight: weight of the next pose [-]; the prior weighs as much as four poses.
     """
 
-    def __init__(self, deviations: Array) -> None:
-        self.variances = deviations**2
-        self._previous: Array | None = None
-        self._weight = 0.2  # of the next pose; the prior weighs as much as four poses
+    variances: Array
+    previous: Array | None = None
+    weight: float = 0.2
 
-    def add(self, residual: Array) -> None:
-        """Update the variances with a pose (3,) minus the pose by roller travel alone [m]."""
-        previous, self._previous = self._previous, residual
-        if previous is None:
-            return
+    def added(self, residual: Array) -> PoseNoise:
+        """Return the variances after a pose (3,), minus the pose by roller travel alone [m]."""
+        if self.previous is None:
+            return replace(self, previous=residual)
         # Half of the square, because both residuals have noise.
-        squares = np.minimum(0.5 * (residual - previous) ** 2, MAX_STEP_SIGMAS**2 * self.variances)
-        averages = self.variances + self._weight * (squares - self.variances)
-        self.variances = np.maximum(averages, MODEL_ERROR**2)
+        half_squares = 0.5 * (residual - self.previous) ** 2
+        squares = np.minimum(half_squares, MAX_STEP_SIGMAS**2 * self.variances)
+        averages = self.variances + self.weight * (squares - self.variances)
         # The weights 1/5, 1/6, 1/7, ... give the arithmetic mean, until they are the smallest.
-        self._weight = max(self._weight / (1.0 + self._weight), MIN_WEIGHT)
+        weight = max(self.weight / (1.0 + self.weight), MIN_WEIGHT)
+        return PoseNoise(np.maximum(averages, MODEL_ERROR**2), residual, weight)

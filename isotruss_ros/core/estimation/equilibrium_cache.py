@@ -87,7 +87,7 @@ class EquilibriumCache:
 
     def forget_motion(self, grasp: HeldGrip) -> None:
         """Reset drift, neglected motion and usage limits, which follow from the last motion."""
-        self.usage, self._neglected, self.drift = UsageLimits(grasp), np.zeros(4), np.zeros(4)
+        self.usage, self._neglected, self.drift = UsageLimits.of(grasp), np.zeros(4), np.zeros(4)
         self._last_travel = np.zeros(len(grasp.config.roller_positions))
 
     def predict(self, config: Configuration) -> tuple[Array, bool]:
@@ -147,4 +147,5 @@ class EquilibriumCache:
             return
         self._last_travel, self._neglected = travel, change - self.travel_rates @ travel
         self.drift = self._neglected / elapsed
-        self.usage.learn(grasp, grasp.slip_margin(self._friction) - self.margin(), travel)
+        margin_change = grasp.slip_margin(self._friction) - self.margin()
+        self.usage = self.usage.learned(grasp, margin_change, travel)

@@ -20,6 +20,7 @@ stiffer, so the relative error of the squeeze is at most that of the stiffness, 
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 import math
 
 from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
@@ -89,7 +90,7 @@ class GripBelief:
             zero_covariance = settings.zero_deviation**2 * np.eye(rollers)
         self.state = GripState(settings, len(grasp.members), zero_covariance, self.scale * noise)
         self.cache = EquilibriumCache(grasp, grip.friction)
-        self.lag = InputLag(np.array(grasp.pose))
+        self.lag = InputLag.of(np.array(grasp.pose))
         self._search_time = self._equilibrium_time = 0.0  # last search, last equilibrium [s]
         # Hold status if the search that is due in the next cycle fails; None: no search is due.
         self._search_due: HoldStatus | None = None
@@ -206,7 +207,7 @@ class GripBelief:
             configuration is measured.
         """
         cache, lag, state = self.cache, self.lag, self.state
-        lag.time += elapsed
+        self.lag = lag = replace(lag, time=lag.time + elapsed)
         interval = lag.time - self._equilibrium_time
 
         # Prediction from the last equilibrium, to first order.
@@ -225,8 +226,8 @@ class GripBelief:
         if rolled is None:
             predicted_pose = lag.pose_at_equilibrium + predicted_motion
             if self.cache is not cache:  # the new equilibrium is that in this configuration
-                lag.pose_at_equilibrium = predicted_pose
-            lag.record(predicted_pose, motion_since_reading, age)
+                lag = replace(self.lag, pose_at_equilibrium=predicted_pose)
+            self.lag = lag.recorded(predicted_pose, motion_since_reading, age)
             return hold
 
         # Motion of the object since the last equilibrium.
@@ -237,13 +238,14 @@ class GripBelief:
             state.bias = state.bias - self.scale * (change[:3] - motion)
         else:
             cache.learn(rolled, travel, change, interval)
-        lag.pose_at_equilibrium = lag.pose_at_equilibrium + motion
-        lag.record(lag.pose_at_equilibrium, motion_since_reading, age)
+        pose = lag.pose_at_equilibrium + motion
+        lag = replace(lag, pose_at_equilibrium=pose)
+        self.lag = lag = lag.recorded(pose, motion_since_reading, age)
         self.take(rolled)
 
         # Process noise; the expected load decays, which moves the estimated pose.
         load_change = state.propagate(interval, self.scale * motion, np.abs(travel), cache)
-        lag.hold_back(cache.rates[:, LOAD] @ load_change / cache.scale)
+        self.lag = lag.held_back(cache.rates[:, LOAD] @ load_change / cache.scale)
 
         if self._needs_search():
             self._search_due = HoldStatus.HELD
@@ -295,12 +297,13 @@ class GripBelief:
         # Innovation: measured pose minus the pose that was estimated for that time.
         motion_since = pose_difference(rolled_poses.last[1], rolled_pose)
         innovation = self.scale * pose_difference(pose, self.pose - motion_since)
-        self.state.noise.add(self.scale * pose_difference(pose, rolled_pose))
+        residual = self.scale * pose_difference(pose, rolled_pose)
+        self.state.noise = self.state.noise.added(residual)
         # Kalman update; for control, the correction passes the low-pass filters.
         outputs_before = self.outputs
         change = self.state.correct(innovation, velocity, cache, lag.time)
         cache.shift(change[SHIFTS:])
-        lag.hold_back(self.outputs - outputs_before)
+        self.lag = lag.held_back(self.outputs - outputs_before)
 
     def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
@@ -330,8 +333,8 @@ class GripBelief:
         started._fit_state()
         started._start_at(pose_without_load)
         self.__dict__.update(started.__dict__)
-        self.state.walk.exclude_jump(jump)
-        self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze_before))
+        self.state.walk = self.state.walk.without_jump(jump)
+        self.lag = self.lag.held_back(np.append(np.zeros(3), self.squeeze - squeeze_before))
         return True
 
     def _start_at(self, pose: Array) -> None:

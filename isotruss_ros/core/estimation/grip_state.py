@@ -57,7 +57,7 @@ class GripState(SchmidtFilter):
         self._settings = settings
         self.load, self.bias, self.delay = np.zeros(3), np.zeros(3), 0.0
         self.innovation, self.jump = 0.0, 0.0
-        self.walk, self.noise = ContactWalk(), PoseNoise(noise)
+        self.walk, self.noise = ContactWalk(), PoseNoise(noise**2)
 
     def initialise(self, cache: EquilibriumCache, friction: float) -> Array:
         """Set the prior covariance, update it by a measured pose, and return the gain (n, 3)."""
@@ -113,7 +113,8 @@ class GripState(SchmidtFilter):
         delay = self.delay + float(change[DELAY])
         self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
         correction, expected = walk_rates @ change, self._noise_with_load(cache)
-        self.walk.add(time, correction, walk_covariance, expected, by_offsets, self.prior)
+        expectation = walk_covariance, expected, by_offsets, self.prior
+        self.walk = self.walk.added(time, correction, *expectation)
         return change
 
     def propagate(
@@ -131,7 +132,7 @@ class GripState(SchmidtFilter):
         slip_variances = settings.slip**2 * SLIP_LENGTH * travel
         noise[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*motion)
         noise[SHIFTS:] = slip_variances.max()
-        self.walk.spread(cache.rates[:3] * noise @ cache.rates[:3].T)
+        self.walk = self.walk.spread(cache.rates[:3] * noise @ cache.rates[:3].T)
         # The load is a first-order Gauss-Markov process, which is not part of the walk.
         remaining = math.exp(-elapsed / settings.load_time)
         noise[LOAD] = settings.load**2 * (1.0 - remaining**2)

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from functools import partial
 import math
 
 from isotruss_ros.core.inputs import InputError, InputFault, StampedInput
@@ -18,41 +20,54 @@ MAX_REPEATED_MOTION = 0.005
 MAX_STUCK_TRAVEL = 0.001
 
 
+@dataclass(frozen=True, eq=False)
 class RepeatedPose:
     """
     Time and commanded motion since the measured pose changed.
 
+    :ivar value: measured pose of the last cycle; empty before the first one.
+    :ivar first: stamp of the pose from which the time counts [s].
+    :ivar last: stamp of the last equal pose [s].
+    :ivar cycle: time of the last cycle [s].
+    :ivar motion: (3,) commanded motion of the object since the first equal pose [m, rad].
+    :ivar positions: (r,) measured roller positions of the first equal pose [m].
     :ivar velocity: (3,) velocity of the object by the last command [m/s, rad/s].
     """
 
-    def __init__(self) -> None:
-        self._value: tuple[float, ...] = ()
-        self._first = self._now = math.nan  # stamp where the time begins, and last cycle [s]
-        self._motion = self.velocity = np.zeros(3)
-        self._positions = np.zeros(0)  # (r,) measured with the first equal pose [m]
+    value: tuple[float, ...] = ()
+    first: float = math.nan
+    last: float = math.nan
+    cycle: float = math.nan
+    motion: Array = field(default_factory=partial(np.zeros, 3))
+    positions: Array = field(default_factory=partial(np.zeros, 0))
+    velocity: Array = field(default_factory=partial(np.zeros, 3))
 
-    def check(
-        self, pose: StampedInput, positions: Array, now: float, timeout: float, arm: float
-    ) -> None:
+    def updated(
+        self, pose: StampedInput, positions: Array, now: float, timeout: float
+    ) -> RepeatedPose:
         """
-        Raise InputError if the pose is older than the timeout [s] although its stamp is not.
+        Return the record with a measured pose, from which the object is at rest.
 
         The time counts from the first pose after the rollers have moved: at rest, poses without
         noise are equal however long. After a pause without commands, all counts anew.
 
         :param positions: (r,) measured roller positions [m].
+        """
+        elapsed, value = now - self.cycle, tuple(pose.value)
+        if value == self.value and 0.0 <= elapsed <= timeout:
+            motion = self.motion + elapsed * self.velocity
+            travel = np.abs(positions - self.positions).max(initial=0.0)
+            first = pose.time if travel <= MAX_STUCK_TRAVEL else self.first
+            return RepeatedPose(value, first, pose.time, now, motion, self.positions)
+        return RepeatedPose(value, pose.time, pose.time, now, positions=np.array(positions))
+
+    def check(self, timeout: float, arm: float) -> None:
+        """
+        Raise InputError if the pose is older than the timeout [s] although its stamp is not.
+
         :param arm: characteristic radius of the object [m].
         """
-        elapsed, value = now - self._now, tuple(pose.value)
-        if value == self._value and 0.0 <= elapsed <= timeout:
-            self._motion = self._motion + elapsed * self.velocity
-        else:
-            self._value, self._first, self._motion = value, pose.time, np.zeros(3)
-            self._positions = np.array(positions)
-        self._now, self.velocity = now, np.zeros(3)
-        if np.abs(positions - self._positions).max(initial=0.0) <= MAX_STUCK_TRAVEL:
-            self._first = pose.time
-        age, distance = pose.time - self._first, math.hypot(*(self._motion * (1.0, 1.0, arm)))
+        age, distance = self.last - self.first, math.hypot(*(self.motion * (1.0, 1.0, arm)))
         if age > timeout and distance > MAX_REPEATED_MOTION:
             change = f'while the rollers moved the object by {1e3 * distance:.0f} mm'
             message = f'object pose: equal to the last bit for {age:.3f} s {change}'

@@ -159,7 +159,7 @@ class SqueezeControl:
             self.belief, self._lost = None, hold
             return hold
         self._choose_gain(belief)
-        belief.lag.advance(elapsed, 1.0 / self.gain)
+        belief.lag = belief.lag.advanced(elapsed, 1.0 / self.gain)
         self._since += elapsed
         self._pause(elapsed)
         # Without a sample, the pose of the grip is new.
@@ -253,7 +253,7 @@ class SqueezeControl:
         smallest_squeeze = (1.0 - 2.0 * belief.settings.squeeze_error) * belief.squeeze
         self._excess = max(smallest_squeeze - self.settings.force, 0.0)
         self._choose_gain(belief)
-        self.swings = SwingWatch(self.frequency)
+        self.swings = SwingWatch.of(self.frequency)
         return HoldStatus.HELD
 
     def _choose_gain(self, belief: GripBelief) -> None:
@@ -286,7 +286,7 @@ class SqueezeControl:
             self._rest -= elapsed
             if self._rest <= 0.0:
                 self.fault = None
-                self.swings.forget()
+                self.swings = self.swings.restarted()
 
     def judge(self, belief: GripBelief, elapsed: float, velocity: Array) -> None:
         """
@@ -300,7 +300,7 @@ class SqueezeControl:
         state = belief.state
         noise = math.sqrt(state.noise.variances.max())
         travel = elapsed * float(np.linalg.norm(belief.scale * velocity))
-        oscillates = self.swings.update(belief.correction, noise, elapsed, travel)
+        self.swings, oscillates = self.swings.updated(belief.correction, noise, elapsed, travel)
         if self.fault is None and oscillates:
             self.fault = Status.HALT_OSCILLATES
             self._rest, self.softening = REST_TIME, 0.5 * self.softening

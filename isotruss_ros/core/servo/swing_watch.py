@@ -17,7 +17,8 @@ holds up to a larger p. The gain of the squeeze is p, up to `MAX_SQUEEZE_GAIN`.
 
 from __future__ import annotations
 
-from collections import deque
+from dataclasses import dataclass, field, replace
+from functools import partial
 import itertools
 import math
 
@@ -52,27 +53,86 @@ MIN_SWING_POSES = 3
 SWING_COUNT, MIN_SWING_RATIO = 3, 0.95
 
 
+@dataclass(frozen=True)
+class Swings:
+    """
+    Detector of oscillation in one signal.
+
+    :ivar longest: longest half period [s].
+    :ivar extremum: last extremum so far; NaN before the first value.
+    :ivar previous: extremum before.
+    :ivar sign: 1 while the last extremum is a maximum, -1 while it is a minimum.
+    :ivar age: time since the previous extremum was passed [s].
+    :ivar travel: commanded travel since then [m].
+    :ivar poses: number of values since then [-].
+    :ivar amplitudes: differences of successive extrema, at most `SWING_COUNT`.
+    """
+
+    longest: float
+    extremum: float = math.nan
+    previous: float = math.nan
+    sign: float = 1.0
+    age: float = 0.0
+    travel: float = 0.0
+    poses: int = 0
+    amplitudes: tuple[float, ...] = ()
+
+    @property
+    def persist(self) -> bool:
+        """Return whether successive swings do not decay."""
+        ratios = [b >= MIN_SWING_RATIO * a for a, b in itertools.pairwise(self.amplitudes)]
+        return len(self.amplitudes) == SWING_COUNT and all(ratios)
+
+    def updated(self, value: float, elapsed: float, smallest: float, travel: float) -> Swings:
+        """Return the detector after a value; smaller swings than `smallest` do not count."""
+        extremum = value if math.isnan(self.extremum) else self.extremum
+        previous = value if math.isnan(self.extremum) else self.previous
+        age, travel, poses = self.age + elapsed, self.travel + travel, self.poses + 1
+        # The extremum follows the value until the value has returned by the smallest swing.
+        distance = self.sign * (extremum - value)
+        if distance <= 0.0:
+            extremum = value
+        if distance <= max(smallest, TRAVEL_SHARE * travel):
+            signs = self.sign, age, travel, poses, self.amplitudes
+            return Swings(self.longest, extremum, previous, *signs)
+        # The extremum ends a half period; after a long or unresolved one, counting restarts.
+        is_restart = age > self.longest or poses < MIN_SWING_POSES
+        amplitudes = (*(() if is_restart else self.amplitudes), abs(extremum - previous))
+        sign, latest = -self.sign, amplitudes[-SWING_COUNT:]
+        return Swings(self.longest, value, extremum, sign, amplitudes=latest)
+
+
+@dataclass(frozen=True, eq=False)
 class SwingWatch:
     """
     Detector of oscillations of a held object whose amplitude grows or stays constant.
 
-    :param frequency: lowest natural frequency of the held object; None if unknown [rad/s].
+    :ivar filter_time: time constant of the low-pass filter [s].
+    :ivar swings: detectors of the coordinates.
+    :ivar pose: (3,) filtered pose, see `updated` [m].
     """
 
-    def __init__(self, frequency: float | None = None) -> None:
+    filter_time: float
+    swings: tuple[Swings, ...]
+    pose: Array = field(default_factory=partial(np.zeros, 3))
+
+    @classmethod
+    def of(cls, frequency: float | None = None) -> SwingWatch:
+        """Return the detector for the lowest natural frequency [rad/s]; None if unknown."""
         # Noise is faster than a growing oscillation, which is the lowest mode.
-        self._filter_time = 1.0 / (frequency or DEFAULT_FREQUENCY)
-        self._longest = min(MAX_SWING_PHASE * math.pi * self._filter_time, MAX_SWING_TIME)
-        self._pose = np.zeros(3)
-        self.forget()
+        filter_time = 1.0 / (frequency or DEFAULT_FREQUENCY)
+        longest = min(MAX_SWING_PHASE * math.pi * filter_time, MAX_SWING_TIME)
+        return cls(filter_time, (Swings(longest),) * 3)
 
-    def forget(self) -> None:
-        """Restart the detection of oscillations without past poses."""
-        self._swings = tuple(Swings(self._longest) for _ in range(3))
+    def restarted(self) -> SwingWatch:
+        """Return the detector without past swings."""
+        return replace(self, swings=tuple(Swings(swings.longest) for swings in self.swings))
 
-    def update(self, pose: Array, noise: float, elapsed: float, travel: float) -> bool:
+    def updated(
+        self, pose: Array, noise: float, elapsed: float, travel: float
+    ) -> tuple[SwingWatch, bool]:
         """
-        Add an estimated pose; return whether there is an oscillation without decay.
+        Return the detector after a pose, and whether there is an oscillation without decay.
 
         :param pose: (3,) estimated pose minus the pose by roller travel alone, rotations times the
             characteristic radius [m]. Missing control cycles do not change it.
@@ -80,43 +140,11 @@ class SwingWatch:
         :param travel: commanded travel since the previous pose [m].
         """
         # Low-pass filter, in which the new pose has this weight.
-        weight = -math.expm1(-elapsed / self._filter_time)
-        self._pose = self._pose + weight * (pose - self._pose)
+        weight = -math.expm1(-elapsed / self.filter_time)
+        filtered = self.pose + weight * (pose - self.pose)
         smallest = max(MIN_SWING, MAX_DEVIATIONS * noise)
-        pairs = zip(self._swings, self._pose.tolist(), strict=True)
-        growing = [swings.update(value, elapsed, smallest, travel) for swings, value in pairs]
-        return any(growing)
-
-
-class Swings:
-    """Detector of oscillation in one signal, with extrema at most `longest` [s] apart."""
-
-    def __init__(self, longest: float) -> None:
-        self._longest = longest
-        self._extremum = self._previous = math.nan  # last extremum so far, and the one before
-        # Sign, 1 while the last extremum is a maximum and -1 while it is a minimum; and time,
-        # commanded travel and number of poses since the previous extremum was passed.
-        self._sign, self._age, self._travel, self._poses = 1.0, 0.0, 0.0, 0
-        self._amplitudes: deque[float] = deque(maxlen=SWING_COUNT)
-
-    def update(self, value: float, elapsed: float, smallest: float, travel: float) -> bool:
-        """Add a value; return whether swings larger than `smallest` do not decay."""
-        if math.isnan(self._extremum):
-            self._extremum = self._previous = value
-        self._age += elapsed
-        self._travel += travel
-        self._poses += 1
-        # The extremum follows the value until the value has returned by the smallest swing.
-        distance = self._sign * (self._extremum - value)
-        if distance <= 0.0:
-            self._extremum = value
-        if distance <= max(smallest, TRAVEL_SHARE * self._travel):
-            return False
-        # The extremum ends a half period; after a long or unresolved one, counting restarts.
-        if self._age > self._longest or self._poses < MIN_SWING_POSES:
-            self._amplitudes.clear()
-        self._amplitudes.append(abs(self._extremum - self._previous))
-        self._previous, self._extremum = self._extremum, value
-        self._sign, self._age, self._travel, self._poses = -self._sign, 0.0, 0.0, 0
-        ratios = [b >= MIN_SWING_RATIO * a for a, b in itertools.pairwise(self._amplitudes)]
-        return len(self._amplitudes) == SWING_COUNT and all(ratios)
+        pairs = zip(self.swings, filtered.tolist(), strict=True)
+        swings = tuple(one.updated(value, elapsed, smallest, travel) for one, value in pairs)
+        # An oscillation is reported when a half period ends.
+        is_reported = any(one.poses == 0 and one.persist for one in swings)
+        return SwingWatch(self.filter_time, swings, filtered), is_reported

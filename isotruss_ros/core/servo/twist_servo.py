@@ -99,9 +99,11 @@ class TwistServo(ServoState):
             twist = np.asarray(stamped_twist.value)
             if pose:
                 positions, arm = rollers.value.positions, settings.grip.body.arm
-                self._repeated_pose.check(pose[0], positions, now, settings.timeout, arm)
+                repeated = self._repeated_pose.updated(pose[0], positions, now, settings.timeout)
+                self._repeated_pose = repeated
+                repeated.check(settings.timeout, arm)
             command = self._solve(twist, rollers, pose[0] if pose else None, now)
-            self._repeated_pose.velocity = command.achieved_twist
+            self._repeated_pose = replace(self._repeated_pose, velocity=command.achieved_twist)
             ok = command.status is Status.OK
             message, is_solved = '' if ok else describe(command, settings.joint is None), True
         except IsotrussError as error:

@@ -122,9 +122,9 @@ def test_errors_of_the_pose_in_white_noise_agree_with_stated_deviations(noise):
 
 def test_noise_of_poses_is_estimated_from_their_steps():
     deviation, rng = 2e-3, np.random.default_rng(0)
-    noise = PoseNoise(np.full(60, 1e-3))
+    noise = PoseNoise(np.full(60, 1e-6))
     for k in range(300):
-        noise.add(1e-4 * k + deviation * rng.normal(size=60))
+        noise = noise.added(1e-4 * k + deviation * rng.normal(size=60))
     assert np.mean(noise.variances) == pytest.approx(deviation**2, rel=0.1)
 
 

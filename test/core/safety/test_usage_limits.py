@@ -29,8 +29,7 @@ def limited(usage, way, most):
 
 
 def test_utilisation_uses_five_times_its_distance_per_second_at_most():
-    usage = UsageLimits(grasp(0.5))
-    usage.learn(grasp(0.7), 0.0, TRAVEL)
+    usage = UsageLimits.of(grasp(0.5)).learned(grasp(0.7), 0.0, TRAVEL)
     command = limited(usage, TRAVEL, 1.0)
     # The same travel adds 0.2, but for the regularisation.
     assert command.scale == pytest.approx(5.0 * PERIOD * 0.3 / 0.2, rel=1e-3)
@@ -38,8 +37,7 @@ def test_utilisation_uses_five_times_its_distance_per_second_at_most():
 
 
 def test_utilisation_beyond_its_bound_may_only_fall():
-    usage = UsageLimits(grasp(0.5))
-    usage.learn(grasp(0.7), 0.0, TRAVEL)
+    usage = UsageLimits.of(grasp(0.5)).learned(grasp(0.7), 0.0, TRAVEL)
     assert limited(usage, TRAVEL, 0.6).scale == 0.0
     assert limited(usage, -TRAVEL, 0.6).scale == 1.0
 
@@ -50,8 +48,7 @@ def share(usage, way, free=1.0):
 
 
 def test_slip_margin_decays_at_most_at_two_per_second():
-    usage = UsageLimits(grasp(0.5))
-    usage.learn(grasp(0.5), -0.1, TRAVEL)
+    usage = UsageLimits.of(grasp(0.5)).learned(grasp(0.5), -0.1, TRAVEL)
     # As much as the last travel used, of 0.04 N.
     assert share(usage, TRAVEL) == pytest.approx(0.4, rel=1e-3)
     assert share(usage, TRAVEL, 0.5) == pytest.approx(0.2, rel=1e-3)
@@ -60,14 +57,13 @@ def test_slip_margin_decays_at_most_at_two_per_second():
 
 
 def test_effects_of_perpendicular_travels_are_learned_independently():
-    usage, across = UsageLimits(grasp(0.5)), np.array([4e-3, 3e-3])
-    usage.learn(grasp(0.6), -0.1, TRAVEL)
-    usage.learn(grasp(0.8), -0.2, across)
+    usage, across = UsageLimits.of(grasp(0.5)), np.array([4e-3, 3e-3])
+    usage = usage.learned(grasp(0.6), -0.1, TRAVEL).learned(grasp(0.8), -0.2, across)
     assert share(usage, TRAVEL) == pytest.approx(0.4, rel=1e-3)
     assert share(usage, across) == pytest.approx(0.2, rel=1e-3)
     # At most 5 times the distance of 0.2 in a second.
     assert limited(usage, TRAVEL, 1.0).scale == pytest.approx(0.1 * 0.2 / 0.1, rel=1e-3)
     assert limited(usage, across, 1.0).scale == pytest.approx(0.1 * 0.2 / 0.2, rel=1e-3)
     # What is known is not learned again.
-    usage.learn(grasp(0.9), -0.1, TRAVEL)
+    usage = usage.learned(grasp(0.9), -0.1, TRAVEL)
     assert share(usage, TRAVEL) == pytest.approx(0.4, rel=1e-3)

@@ -12,8 +12,20 @@ import pytest
 PERIOD = 0.01
 
 
+class Poses:
+    """Poses of an object whose lowest natural frequency is known or not [rad/s]."""
+
+    def __init__(self, frequency=None):
+        self.watch = SwingWatch.of(frequency)
+
+    def add(self, *pose):
+        """Return whether the object oscillates after a pose."""
+        self.watch, oscillates = self.watch.updated(*pose)
+        return oscillates
+
+
 def swinging(
-    height, rate, known=None, noise=0.0, axis=0, watch=None, duration=9.0, decay=1.0, offset=0.0
+    height, rate, known=None, noise=0.0, axis=0, poses=None, duration=9.0, decay=1.0, offset=0.0
 ):
     """
     Return whether a sine with a height from minimum to maximum [m] is an oscillation.
@@ -21,12 +33,12 @@ def swinging(
     :param duration: phase at the end [rad].
     :param decay: ratio of the swings of successive half periods [-].
     """
-    watch, step = watch or SwingWatch(known), 0.05 / rate
+    poses, step = poses or Poses(known), 0.05 / rate
     for number in range(round(duration / (step * rate))):
         pose = np.full(3, offset)
         phase = rate * number * step
         pose[axis] += 0.5 * height * decay ** (phase / math.pi) * math.sin(phase)
-        if watch.update(pose, noise, step, 0.0):
+        if poses.add(pose, noise, step, 0.0):
             return True
     return False
 
@@ -64,11 +76,11 @@ def test_swings_may_take_5_5_half_periods_of_the_object_and_at_most_2_6_s(known,
 
 
 def test_a_restarted_detection_needs_three_more_swings():
-    watch = SwingWatch(12.0)
-    assert not swinging(0.01, 12.0, watch=watch, duration=3.0 * math.pi)
-    watch.forget()
-    assert not swinging(0.01, 12.0, watch=watch, duration=2.5 * math.pi)
-    assert swinging(0.01, 12.0, watch=watch, duration=3.0 * math.pi)
+    poses = Poses(12.0)
+    assert not swinging(0.01, 12.0, poses=poses, duration=3.0 * math.pi)
+    poses.watch = poses.watch.restarted()
+    assert not swinging(0.01, 12.0, poses=poses, duration=2.5 * math.pi)
+    assert swinging(0.01, 12.0, poses=poses, duration=3.0 * math.pi)
 
 
 @pytest.mark.parametrize('offset', [-0.05, 0.05])
@@ -78,37 +90,37 @@ def test_swings_are_detected_about_any_displacement(offset, height, detected):
 
 
 def test_noise_is_no_oscillation():
-    watch, rng = SwingWatch(12.0), np.random.default_rng(0)
+    poses, rng = Poses(12.0), np.random.default_rng(0)
     for _ in range(6000):
         pose = 1e-3 * rng.normal(size=3)
-        assert not watch.update(pose, 1e-3, PERIOD, 0.0)
+        assert not poses.add(pose, 1e-3, PERIOD, 0.0)
 
 
 @pytest.mark.parametrize(('share', 'detected'), [(0.2, False), (0.6, True)])
 def test_swings_are_compared_with_the_commanded_travel(share, detected):
     """An object shaken by its client swings by a share of the commanded travel."""
-    watch, told = SwingWatch(12.0), []
+    poses, told = Poses(12.0), []
     for k in range(500):
         pose = share * 0.01 * np.array([np.sin(10.0 * k * PERIOD), 0.0, 0.0])
         travel = 0.01 * abs(np.sin(10.0 * (k + 1) * PERIOD) - np.sin(10.0 * k * PERIOD))
-        told.append(watch.update(pose, 0.0, PERIOD, travel))
+        told.append(poses.add(pose, 0.0, PERIOD, travel))
     assert any(told) is detected
 
 
 @pytest.mark.parametrize(('mean', 'detected'), [(0.033, True), (0.07, True), (0.3, False)])
 def test_oscillations_are_detected_from_irregular_poses_that_resolve_them(mean, detected):
-    watch, rng, t, told = SwingWatch(12.0), np.random.default_rng(0), 0.0, []
+    poses, rng, t, told = Poses(12.0), np.random.default_rng(0), 0.0, []
     while t < 6.0:
         since = mean * rng.uniform(0.4, 1.6)
         t += since
-        told.append(watch.update(np.array([0.01 * np.sin(10.0 * t), 0.0, 0.0]), 0.0, since, 0.0))
+        told.append(poses.add(np.array([0.01 * np.sin(10.0 * t), 0.0, 0.0]), 0.0, since, 0.0))
     assert any(told) is detected
 
 
 def test_errors_after_cycles_longer_than_a_half_period_are_no_oscillation():
-    watch = SwingWatch(12.0)
+    poses = Poses(12.0)
     # Lengths of cycles [s] and pose errors [mm], recorded on a busy machine.
     late = [(0.7, 1.0), (1.01, 2.4), (0.46, 1.9), (0.08, 13.9), (0.62, -11.4), (0.06, 16.6)]
     decay = [(0.055, 13.2), (0.05, 11.3), (0.05, 9.2), (0.04, 7.5), (0.06, 6.5), (0.03, 5.4)]
     for elapsed, error in late + decay:
-        assert not watch.update(np.array([0.0, 1e-3 * error, 0.0]), 1e-4, elapsed, 0.0)
+        assert not poses.add(np.array([0.0, 1e-3 * error, 0.0]), 1e-4, elapsed, 0.0)
