@@ -6,16 +6,17 @@ Last equilibrium of the held object, with the changes of pose and squeeze since 
 
 - `predicted` is the change by roller travel according to (19), because computing an equilibrium in
   each cycle would take too long.
-- `_neglected` is the error of (19) in the last motion, which `predicted` extrapolates, because the
+- `neglected` is the error of (19) in the last motion, which `predicted` extrapolates, because the
   bending that (19) neglects is a tenth of the motion.
-- `drift` is the rate of `_neglected`, because commands that follow from (19) must compensate it.
+- `drift` is the rate of `neglected`, because commands that follow from (19) must compensate it.
 - `outputs` contain the linear change by corrections of the contacts, because an estimate must
   contain a measured pose at once, and the next equilibrium follows up to 20 ms later.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 from isotruss_ros.core.estimation.contact_walk import MODEL_ERROR
 from isotruss_ros.core.estimation.grip_model import (
@@ -31,16 +32,19 @@ from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_EXTRAPOLATION
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
 
 
+@dataclass(frozen=True, eq=False)
 class EquilibriumCache:
     """
     Last equilibrium of a held object without a load, its derivatives, and changes since then.
 
+    :ivar friction: coefficient of friction [-].
     :ivar grasp: the equilibrium.
     :ivar grip: its contacts, from which (19) predicts the motion of the object.
     :ivar travel_rates: (4, r) derivatives of the outputs by roller travel, by (19).
@@ -50,61 +54,70 @@ class EquilibriumCache:
     :ivar by_offsets: derivatives by roller offsets, at an equilibrium nearby.
     :ivar outputs: (4,) pose [m, m, rad] and squeeze [N] without a load, corrected by poses.
     :ivar predicted: (4,) predicted changes of the outputs by roller travel.
+    :ivar anchors: (k,) rolling invariants of the contacts, corrected by poses [m].
+    :ivar pending_forces: (2k,) changes of the contact forces by shifts since the equilibrium [N].
     :ivar zero_corrections: (r,) corrections of the roller offsets since the equilibrium [m].
-    :ivar corrections_since_search: (r,) the same since the search that created this cache [m].
-    :ivar drift: error of (19) in the last motion, per time (4,) [m/s, m/s, rad/s, N/s].
+    :ivar corrections_since_search: (r,) the same since the last search for contacts [m].
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
-
-    :param friction: coefficient of friction [-].
+    :ivar last_travel: (r,) roller travel to the equilibrium from the one before [m].
+    :ivar neglected: (4,) changes of the outputs that (19) neglected in that motion.
+    :ivar drift: error of (19) in the last motion, per time (4,) [m/s, m/s, rad/s, N/s].
     """
 
-    def __init__(self, grasp: HeldGrip, friction: float) -> None:
-        self._friction = friction
-        self.by_offsets = OffsetRates.of(grasp)
-        self.corrections_since_search = np.zeros(len(grasp.config.roller_positions))
-        self.take(grasp)
-        self.forget_motion(grasp)
+    friction: float
+    grasp: HeldGrip
+    grip: Grip
+    travel_rates: Array
+    by_shifts: Array
+    scale: Array
+    rates: Array
+    by_offsets: OffsetRates
+    outputs: Array
+    predicted: Array
+    anchors: Array
+    pending_forces: Array
+    zero_corrections: Array
+    corrections_since_search: Array
+    usage: UsageLimits
+    last_travel: Array
+    neglected: Array
+    drift: Array
 
-    def take(self, grasp: HeldGrip) -> None:
-        """Set the equilibrium and the derivatives at it; reset the changes since then."""
-        self.grasp, self.grip = grasp, measure_gaps(grasp, self._friction)
-        # The fourth row is the opening rate of the grip, on which the squeeze depends.
-        self.travel_rates = grip_jacobian(grasp.config, self.grip)[:4].copy()
-        self.travel_rates[3] *= grasp.squeeze_stiffness()
-        self.outputs = np.append(grasp.pose, grasp.squeeze)
-        self.predicted = np.zeros(4)
-        self.zero_corrections = np.zeros(len(grasp.config.roller_positions))
-        self._anchors = grasp.anchors
-        self._pending_forces = np.zeros(2 * len(grasp.anchors))
-        self.scale = output_scale(grasp)
-        self.by_shifts = shift_rates(grasp)
-        self.rates = state_rates(grasp, self.by_shifts)
+    @classmethod
+    def of(cls, grasp: HeldGrip, friction: float) -> EquilibriumCache:
+        """Return an equilibrium that a search has found."""
+        return cls(
+            by_offsets=OffsetRates.of(grasp),
+            corrections_since_search=np.zeros(len(grasp.config.roller_positions)),
+            **_at_equilibrium(grasp, friction),
+            **_at_rest(grasp),
+        )
+
+    def taken(self, grasp: HeldGrip) -> EquilibriumCache:
+        """Return another equilibrium and the derivatives at it, without changes since then."""
         # The derivatives by offsets take longest, so those of an equilibrium nearby are used.
-        nearby = self.by_offsets.grasp
+        by_offsets = self.by_offsets
+        nearby = by_offsets.grasp
         travel = grasp.config.roller_positions - nearby.config.roller_positions
         if nearby.contacts is not grasp.contacts or np.abs(travel).max() > MAX_FIRST_ORDER_TRAVEL:
-            self.by_offsets = OffsetRates.of(grasp)
+            by_offsets = OffsetRates.of(grasp)
+        return replace(self, by_offsets=by_offsets, **_at_equilibrium(grasp, self.friction))
 
-    def forget_motion(self, grasp: HeldGrip) -> None:
-        """Reset drift, neglected motion and usage limits, which follow from the last motion."""
-        self.usage, self._neglected, self.drift = UsageLimits.of(grasp), np.zeros(4), np.zeros(4)
-        self._last_travel = np.zeros(len(grasp.config.roller_positions))
-
-    def predict(self, config: Configuration) -> tuple[Array, bool]:
+    def predict(self, config: Configuration) -> tuple[EquilibriumCache, Array, bool]:
         """
         Predict the change of pose and squeeze by roller travel since the equilibrium.
 
-        :return: the travel (r,) [m], and whether it is short enough for the extrapolation of the
-            motion that `travel_rates` neglect.
+        :return: the equilibrium with the prediction, the travel (r,) [m], and whether it is short
+            enough for the extrapolation of the motion that `travel_rates` neglect.
         """
         start = self.grasp.config.roller_positions + self.zero_corrections
         travel = config.roller_positions - start
         # The motion that `travel_rates` neglect is assumed to be proportional to the travel.
-        last_travel = self._last_travel
+        last_travel = self.last_travel
         ratio = float(travel @ last_travel) / max(float(last_travel @ last_travel), MODEL_ERROR**2)
         bounded_ratio = max(-MAX_EXTRAPOLATION, min(ratio, MAX_EXTRAPOLATION))
-        self.predicted = self.travel_rates @ travel + bounded_ratio * self._neglected
-        return travel, bounded_ratio == ratio
+        predicted = self.travel_rates @ travel + bounded_ratio * self.neglected
+        return replace(self, predicted=predicted), travel, bounded_ratio == ratio
 
     def roll(
         self, config: Configuration, pressures: Pressures, shifts: Array | float = 0.0
@@ -112,40 +125,85 @@ class EquilibriumCache:
         """
         Return the equilibrium, rolled to a configuration; None if none exists.
 
-        Before that, the k contacts are shifted along their members by all corrections of this
-        cache and by further `shifts` (k,) [m].
+        Before that, the k contacts are shifted along their members by all corrections since the
+        equilibrium and by further `shifts` (k,) [m].
         """
         inflated = with_pressures(self.grasp, pressures)
-        return roll_grip(replace(inflated, anchors=self._anchors + shifts), config)
+        return roll_grip(replace(inflated, anchors=self.anchors + shifts), config)
 
-    def shift(self, shifts: Array) -> None:
-        """Shift the contacts along the members by `shifts` (m,) [m], to first order."""
+    def shifted(self, shifts: Array) -> EquilibriumCache:
+        """Return it with the contacts shifted along the members by (m,) [m], to first order."""
         forces = self.by_shifts[self.grasp.state.places.forces] @ shifts
-        self._anchors = self._anchors + shifts[self.grasp.contacts.owners]
-        self.outputs = self.outputs + self.rates[:, SHIFTS:] @ shifts / self.scale
-        self._pending_forces = self._pending_forces + forces
+        return replace(
+            self,
+            anchors=self.anchors + shifts[self.grasp.contacts.owners],
+            outputs=self.outputs + self.rates[:, SHIFTS:] @ shifts / self.scale,
+            pending_forces=self.pending_forces + forces,
+        )
 
-    def correct_zeros(self, correction: Array, sensitivity: Array) -> None:
-        """Correct the roller offsets by (r,) [m], and the shifts by `sensitivity` times that."""
+    def corrected(self, correction: Array, sensitivity: Array) -> EquilibriumCache:
+        """Return it with roller offsets changed by (r,) [m], shifts by `sensitivity` times it."""
         shifts = (sensitivity[SHIFTS:] @ correction)[self.grasp.contacts.owners]
-        self._anchors = self._anchors + self.grasp.statics.anchor_rates @ correction + shifts
-        self.zero_corrections = self.zero_corrections + correction
-        self.corrections_since_search = self.corrections_since_search + correction
+        by_statics = self.grasp.statics.anchor_rates @ correction
         squeeze_rates = self.by_offsets.outputs[3] + self.rates[3] @ sensitivity
-        self.predicted = self.predicted + np.append(np.zeros(3), squeeze_rates @ correction)
+        return replace(
+            self,
+            anchors=self.anchors + by_statics + shifts,
+            zero_corrections=self.zero_corrections + correction,
+            corrections_since_search=self.corrections_since_search + correction,
+            predicted=self.predicted + np.append(np.zeros(3), squeeze_rates @ correction),
+        )
 
     def margin(self) -> float:
         """Return the object's slip margin, with the forces of shifts since the equilibrium [N]."""
-        planes = slip_planes(self.grasp.response, self._friction)
-        reserves = planes.reserve + planes.rows @ self._pending_forces
+        planes = slip_planes(self.grasp.response, self.friction)
+        reserves = planes.reserve + planes.rows @ self.pending_forces
         return float((reserves / planes.size).min())
 
-    def learn(self, grasp: HeldGrip, travel: Array, change: Array, elapsed: float) -> None:
-        """Update drift and `usage` from the change (4,) of the outputs to the next equilibrium."""
+    def learned(
+        self, grasp: HeldGrip, travel: Array, change: Array, elapsed: float
+    ) -> EquilibriumCache:
+        """Return it with drift and `usage` by the change (4,) of the outputs to the next one."""
         if grasp.contacts is not self.grasp.contacts:  # a discontinuity
-            self.forget_motion(grasp)
-            return
-        self._last_travel, self._neglected = travel, change - self.travel_rates @ travel
-        self.drift = self._neglected / elapsed
-        margin_change = grasp.slip_margin(self._friction) - self.margin()
-        self.usage = self.usage.learned(grasp, margin_change, travel)
+            return replace(self, **_at_rest(grasp))
+        neglected = change - self.travel_rates @ travel
+        margin_change = grasp.slip_margin(self.friction) - self.margin()
+        return replace(
+            self,
+            last_travel=travel,
+            neglected=neglected,
+            drift=neglected / elapsed,
+            usage=self.usage.learned(grasp, margin_change, travel),
+        )
+
+
+def _at_equilibrium(grasp: HeldGrip, friction: float) -> dict[str, Any]:
+    """Return the fields that an equilibrium determines, without changes since then."""
+    # The fourth row is the opening rate of the grip, on which the squeeze depends.
+    grip, by_shifts = measure_gaps(grasp, friction), shift_rates(grasp)
+    travel_rates = grip_jacobian(grasp.config, grip)[:4].copy()
+    travel_rates[3] *= grasp.squeeze_stiffness()
+    return {
+        'friction': friction,
+        'grasp': grasp,
+        'grip': grip,
+        'travel_rates': travel_rates,
+        'by_shifts': by_shifts,
+        'scale': output_scale(grasp),
+        'rates': state_rates(grasp, by_shifts),
+        'outputs': np.append(grasp.pose, grasp.squeeze),
+        'predicted': np.zeros(4),
+        'anchors': grasp.anchors,
+        'pending_forces': np.zeros(2 * len(grasp.anchors)),
+        'zero_corrections': np.zeros(len(grasp.config.roller_positions)),
+    }
+
+
+def _at_rest(grasp: HeldGrip) -> dict[str, Any]:
+    """Return the fields that follow from the last motion, without a motion."""
+    return {
+        'usage': UsageLimits.of(grasp),
+        'last_travel': np.zeros(len(grasp.config.roller_positions)),
+        'neglected': np.zeros(4),
+        'drift': np.zeros(4),
+    }

@@ -19,8 +19,8 @@ stiffer, so the relative error of the squeeze is at most that of the stiffness, 
 
 from __future__ import annotations
 
-import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 import math
 
 from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
@@ -53,55 +53,86 @@ EQUILIBRIUM_PERIOD = 0.02
 Readings = tuple[Array, float] | None
 
 
+@dataclass(frozen=True, eq=False)
 class GripBelief:
     """
     Gaussian belief of a held object about its equilibrium, corrected by measured poses.
 
-    :ivar scale: (3,) factors on poses, which multiply rotations by the characteristic radius.
+    :ivar settings: deviations of priors, process noise and measurements.
+    :ivar start_grip: grip with the measured pose at the start.
     :ivar state: load, unexplained pose, delay and contacts' shifts, with their covariance.
     :ivar cache: equilibrium without a load, and its derivatives.
     :ivar lag: delays of the inputs.
-
-    :param grasp: equilibrium near the measured pose, see `attach_model`.
-    :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
-        offsets with the standard deviation of the settings.
-    :param noise: (3,) prior standard deviations of the measured poses [m, rad].
-    :param is_assumed: whether the squeeze is assumed, and thus unknown, until an equilibrium near
+    :ivar is_assumed: whether the squeeze is assumed, and thus unknown, until an equilibrium near
         the measured pose is found.
+    :ivar max_deviations: largest `slip_deviations` without slip [-].
+    :ivar search_time: time of the last search [s].
+    :ivar equilibrium_time: time of the last equilibrium [s].
+    :ivar search_due: hold status if the search that is due in the next cycle fails; None: no
+        search is due.
+    :ivar lost_margin: slip margin lost by earlier sliding [N].
     """
 
-    def __init__(
-        self,
+    settings: EstimatorSettings
+    start_grip: Grip
+    state: GripState
+    cache: EquilibriumCache
+    lag: InputLag
+    is_assumed: bool
+    max_deviations: float
+    search_time: float = 0.0
+    equilibrium_time: float = 0.0
+    search_due: HoldStatus | None = None
+    lost_margin: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
         grasp: HeldGrip,
         grip: Grip,
         settings: EstimatorSettings,
         zero_covariance: Array | None = None,
         noise: Array = PRIOR_DEVIATIONS,
         is_assumed: bool = False,
-    ) -> None:
-        self.settings, self._start_grip, self._friction = settings, grip, grip.friction
+    ) -> GripBelief:
+        """
+        Return the belief that starts at a measured pose.
+
+        :param grasp: equilibrium near the measured pose, see `attach_model`.
+        :param grip: grip with the measured pose.
+        :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
+            offsets with the standard deviation of the settings.
+        :param noise: (3,) prior standard deviations of the measured poses [m, rad].
+        """
         # In many assumed starts nothing is gripped. The factor 0.7 makes this show after 9 to 16
         # mm of path; with the factor 1 it shows after 24 mm.
-        self._max_deviations = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
-        self.is_assumed = is_assumed
-        self.scale = np.array([1.0, 1.0, grasp.arm])
-        rollers = len(grasp.config.roller_positions)
+        max_deviations = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
         if zero_covariance is None:
+            rollers = len(grasp.config.roller_positions)
             zero_covariance = settings.zero_deviation**2 * np.eye(rollers)
-        self.state = GripState(settings, len(grasp.members), zero_covariance, self.scale * noise)
-        self.cache = EquilibriumCache(grasp, grip.friction)
-        self.lag = InputLag.of(np.array(grasp.pose))
-        self._search_time = self._equilibrium_time = 0.0  # last search, last equilibrium [s]
-        # Hold status if the search that is due in the next cycle fails; None: no search is due.
-        self._search_due: HoldStatus | None = None
-        self._start_at(np.array(grip.body.pose))
+        cache = EquilibriumCache.of(grasp, grip.friction)
+        deviations = cache.scale[:3] * noise
+        state = GripState.of(settings, len(grasp.members), zero_covariance, deviations)
+        lag = InputLag.of(np.array(grasp.pose))
+        belief = cls(settings, grip, state, cache, lag, is_assumed, max_deviations)
+        return belief._started_at(np.array(grip.body.pose))
+
+    @property
+    def friction(self) -> float:
+        """Return the coefficient of friction [-]."""
+        return self.start_grip.friction
+
+    @property
+    def scale(self) -> Array:
+        """Return the factors (3,) on poses, which multiply rotations by the arm."""
+        return self.cache.scale[:3]
 
     @property
     def grasp(self) -> HeldGrip:
         """Return the equilibrium without a load, in the current configuration."""
         return self.cache.grasp
 
-    @property
+    @cached_property
     def outputs(self) -> Array:
         """Return the estimates of pose [m, m, rad] and squeeze [N], (4,)."""
         cache, state = self.cache, self.state
@@ -118,7 +149,7 @@ class GripBelief:
         """Return the estimated mean normal force of the members [N]."""
         return float(self.outputs[3])
 
-    @property
+    @cached_property
     def geometric_deviation(self) -> float:
         """
         Return the standard deviation of the squeeze without the error of the stiffness [N].
@@ -142,13 +173,13 @@ class GripBelief:
 
         A hold is refused only if it slips within the error of the model.
         """
-        grasp, start_pose = self.grasp, self._start_grip.body.pose
+        grasp, start_pose = self.grasp, self.start_grip.body.pose
         if grasp.sections.used.max() > MAX_UTILISATION and not self.is_assumed:
             return HoldStatus.WRINKLES
         # The required friction has the relative error that geometry causes in the squeeze; the
         # stiffness scales forces alike.
         relative_error = 2.0 * self.geometric_deviation / max(self.squeeze, SMALLEST_NORMAL)
-        hold = grasp.hold(self._friction * (1.0 + relative_error))
+        hold = grasp.hold(self.friction * (1.0 + relative_error))
         is_far = hold is HoldStatus.HELD and not self.state.explains(start_pose, self.cache)
         return HoldStatus.FAR if is_far else hold
 
@@ -170,16 +201,16 @@ class GripBelief:
         """Return pose and squeeze (4,) for control, whose corrections are low-pass filtered."""
         return self.outputs - self.lag.filters.sum(axis=0)
 
-    @property
+    @cached_property
     def slip_margin(self) -> float:
         """
         Return the object's slip margin without load and without earlier sliding [N].
 
         An object that has slid into place uses all of its friction, and is held nevertheless.
         """
-        return self.cache.margin() + self._lost_margin
+        return self.cache.margin() + self.lost_margin
 
-    @property
+    @cached_property
     def slip_deviations(self) -> float:
         """Return the norm of pose corrections, load and delay in standard deviations [-]."""
         load_deviation = max(self.settings.load, 0.5 * self.slip_margin)
@@ -189,13 +220,13 @@ class GripBelief:
     @property
     def slipped(self) -> bool:
         """Return whether `slip_deviations` are so large that the object has slipped."""
-        return self.slip_deviations > self._max_deviations
+        return self.slip_deviations > self.max_deviations
 
-    def follow(
+    def followed(
         self, config: Configuration, elapsed: float, pressures: Pressures, rollers: Readings = None
-    ) -> HoldStatus:
+    ) -> tuple[GripBelief, HoldStatus]:
         """
-        Roll the equilibrium to the current configuration; return the new hold status.
+        Return the belief rolled to the current configuration, and the new hold status.
 
         Within `EQUILIBRIUM_PERIOD` of the last equilibrium, pose and squeeze are predicted
         instead. If a contact slips or opens in the model, the equilibrium near the estimated pose
@@ -206,50 +237,52 @@ class GripBelief:
         :param rollers: readings from which the configuration was predicted; None: the
             configuration is measured.
         """
-        cache, lag, state = self.cache, self.lag, self.state
-        self.lag = lag = replace(lag, time=lag.time + elapsed)
-        interval = lag.time - self._equilibrium_time
+        lag = replace(self.lag, time=self.lag.time + elapsed)
+        interval = lag.time - self.equilibrium_time
 
         # Prediction from the last equilibrium, to first order.
-        has_corrections = cache.zero_corrections.any()
-        travel, is_predictable = cache.predict(config)
+        has_corrections = self.cache.zero_corrections.any()
+        cache, travel, is_predictable = self.cache.predict(config)
+        belief = replace(self, lag=lag, cache=cache)
         predicted_motion = cache.predicted[:3]
         measured, age = rollers or (config.roller_positions, 0.0)
         motion_since_reading = cache.travel_rates[:3] @ (config.roller_positions - measured)
         is_early = interval < EQUILIBRIUM_PERIOD - ROUNDING
         rolled: HeldGrip | None = None
         hold = HoldStatus.HELD
-        if self._search_due is not None:
-            hold = self._search(config, pressures)
+        if self.search_due is not None:
+            belief, hold = belief._searched(config, pressures)
         elif not (is_early and is_predictable and not has_corrections):
-            rolled, self._search_due = self._roll(config, pressures)
+            rolled, search_due = belief._roll(config, pressures)
+            belief = replace(belief, search_due=search_due)
         if rolled is None:
-            predicted_pose = lag.pose_at_equilibrium + predicted_motion
-            if self.cache is not cache:  # the new equilibrium is that in this configuration
-                lag = replace(self.lag, pose_at_equilibrium=predicted_pose)
-            self.lag = lag.recorded(predicted_pose, motion_since_reading, age)
-            return hold
+            pose, lag = lag.pose_at_equilibrium + predicted_motion, belief.lag
+            if belief.cache is not cache:  # the new equilibrium is that in this configuration
+                lag = replace(lag, pose_at_equilibrium=pose)
+            return replace(belief, lag=lag.recorded(pose, motion_since_reading, age)), hold
 
         # Motion of the object since the last equilibrium.
         change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)
-        motion = predicted_motion if has_corrections else change[:3]
+        motion, state = change[:3], self.state
         if has_corrections:
             # Corrections of offsets do not move the object; the unexplained pose changes instead.
-            state.bias = state.bias - self.scale * (change[:3] - motion)
+            motion = predicted_motion
+            state = replace(state, bias=state.bias - self.scale * (change[:3] - motion))
         else:
-            cache.learn(rolled, travel, change, interval)
+            cache = cache.learned(rolled, travel, change, interval)
         pose = lag.pose_at_equilibrium + motion
-        lag = replace(lag, pose_at_equilibrium=pose)
-        self.lag = lag = lag.recorded(pose, motion_since_reading, age)
-        self.take(rolled)
+        lag = replace(lag, pose_at_equilibrium=pose).recorded(pose, motion_since_reading, age)
+        belief = replace(belief, cache=cache, lag=lag, state=state).taken(rolled)
 
         # Process noise; the expected load decays, which moves the estimated pose.
-        load_change = state.propagate(interval, self.scale * motion, np.abs(travel), cache)
-        self.lag = lag.held_back(cache.rates[:, LOAD] @ load_change / cache.scale)
+        moved = self.scale * motion, np.abs(travel), belief.cache
+        state, load_change = belief.state.propagated(interval, *moved)
+        by_load = belief.cache.rates[:, LOAD] @ load_change / belief.cache.scale
+        belief = replace(belief, state=state, lag=belief.lag.held_back(by_load))
 
-        if self._needs_search():
-            self._search_due = HoldStatus.HELD
-        return HoldStatus.HELD  # slip is detected from the poses
+        if belief._needs_search():
+            belief = replace(belief, search_due=HoldStatus.HELD)
+        return belief, HoldStatus.HELD  # slip is detected from the poses
 
     def _roll(
         self, config: Configuration, pressures: Pressures
@@ -262,32 +295,36 @@ class GripBelief:
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
         return (rolled, None) if hold in (HoldStatus.HELD, HoldStatus.SLIPS) else (None, hold)
 
-    def _search(self, config: Configuration, pressures: Pressures) -> HoldStatus:
-        """Search the equilibrium; return the hold status. The next cycle continues the work."""
-        failure, self._search_due = self._search_due, None
+    def _searched(
+        self, config: Configuration, pressures: Pressures
+    ) -> tuple[GripBelief, HoldStatus]:
+        """Return the belief after a search, and the hold status; the next cycle may continue."""
+        failure = self.search_due
+        belief = replace(self, search_due=None, search_time=self.lag.time)
         try:
-            is_found = self.attach(config, pressures)
+            attached = belief._attached(config, pressures)
         except WorkLimitError as error:
-            is_found = error.advances
-            self._search_due = failure if error.advances else None
-        return HoldStatus.HELD if is_found or failure is None else failure
+            if error.advances:
+                return replace(belief, search_due=failure), HoldStatus.HELD
+            attached = None
+        return attached or belief, HoldStatus.HELD if attached or failure is None else failure
 
     def _needs_search(self) -> bool:
         """Return whether derivatives are no longer valid, or contacts slip in the model."""
         corrections = np.abs(self.cache.corrections_since_search)
         are_rates_invalid = bool(corrections.max() > MAX_FIRST_ORDER_TRAVEL)
         # A search after a shorter time would attribute transient loads to the contacts.
-        is_load_over = self.lag.time - self._search_time > self.settings.load_time
-        slips = self.grasp.required_friction > self._friction
+        is_load_over = self.lag.time - self.search_time > self.settings.load_time
+        slips = self.grasp.required_friction > self.friction
         return are_rates_invalid or (slips and is_load_over and not self.is_assumed)
 
-    def observe(self, pose: Pose, age: float) -> None:
+    def observed(self, pose: Pose, age: float) -> GripBelief:
         """
-        Update the belief of the grip with a measured pose.
+        Return the belief after a measured pose.
 
-        :param age: time from the stamp of the pose to the last call of `follow` [s].
+        :param age: time from the stamp of the pose to the last call of `followed` [s].
         """
-        cache, lag, rolled_poses = self.cache, self.lag, self.lag.rolled_poses
+        lag, rolled_poses = self.lag, self.lag.rolled_poses
         time = lag.time - age - self.state.delay  # at which the pose was measured
         rolled_pose = rolled_poses.at(time)
         # Velocity before that time; readings then have noise independent of the innovation's.
@@ -297,61 +334,55 @@ class GripBelief:
         # Innovation: measured pose minus the pose that was estimated for that time.
         motion_since = pose_difference(rolled_poses.last[1], rolled_pose)
         innovation = self.scale * pose_difference(pose, self.pose - motion_since)
-        residual = self.scale * pose_difference(pose, rolled_pose)
-        self.state.noise = self.state.noise.added(residual)
+        noise = self.state.noise.added(self.scale * pose_difference(pose, rolled_pose))
         # Kalman update; for control, the correction passes the low-pass filters.
-        outputs_before = self.outputs
-        change = self.state.correct(innovation, velocity, cache, lag.time)
-        cache.shift(change[SHIFTS:])
-        self.lag = lag.held_back(self.outputs - outputs_before)
+        state = replace(self.state, noise=noise)
+        state, change = state.corrected(innovation, velocity, self.cache, lag.time)
+        belief = replace(self, state=state, cache=self.cache.shifted(change[SHIFTS:]))
+        return replace(belief, lag=lag.held_back(belief.outputs - self.outputs))
 
-    def attach(self, config: Configuration, pressures: Pressures) -> bool:
+    def _attached(self, config: Configuration, pressures: Pressures) -> GripBelief | None:
         """
-        Search the equilibrium near the estimated pose, and initialise the contacts' shifts there.
+        Search the equilibrium near the estimated pose; return the belief that restarts there.
 
-        :return: whether an equilibrium exists that explains the pose, with a utilisation of at
-            most `MAX_UTILISATION` or that of the present equilibrium.
+        :return: None if no equilibrium explains the pose, with a utilisation of at most
+            `MAX_UTILISATION` or that of the present equilibrium.
         """
-        self._search_time = self.lag.time
         limit = max(MAX_UTILISATION, self.grasp.sections.used.max())
         pose_without_load = self.pose - self.grasp.response.pose @ self.state.load
-        grip = self._start_grip.moved_to(pose_without_load)
+        grip = self.start_grip.moved_to(pose_without_load)
         try:
             grasp = attach_model(config, grip, pressures, self.settings.zero_deviation)
         except NotHeldError:
-            return False
+            return None
         if grasp.hold(math.inf) is not HoldStatus.HELD or grasp.sections.used.max() > limit:
-            return False
-        cache = EquilibriumCache(grasp, self._friction)
+            return None
+        cache = EquilibriumCache.of(grasp, self.friction)
         if not self.state.explains(pose_without_load, cache):
-            return False
-        squeeze_before, rates_before = self.squeeze, self.cache.by_offsets.outputs
-        jump = (cache.by_offsets.outputs - rates_before)[:3]
-        # A bound on work may stop the start, which then leaves this belief as it is.
-        started = copy.copy(self)
-        started.is_assumed, started.cache, started.state = False, cache, copy.copy(self.state)
-        started._fit_state()
-        started._start_at(pose_without_load)
-        self.__dict__.update(started.__dict__)
-        self.state.walk = self.state.walk.without_jump(jump)
-        self.lag = self.lag.held_back(np.append(np.zeros(3), self.squeeze - squeeze_before))
-        return True
+            return None
+        jump = (cache.by_offsets.outputs - self.cache.by_offsets.outputs)[:3]
+        started = replace(self, is_assumed=False, cache=cache)._fitted()
+        started = started._started_at(pose_without_load)
+        state = replace(started.state, walk=started.state.walk.without_jump(jump))
+        jump_of_squeeze = np.append(np.zeros(3), started.squeeze - self.squeeze)
+        return replace(started, state=state, lag=started.lag.held_back(jump_of_squeeze))
 
-    def _start_at(self, pose: Array) -> None:
+    def _started_at(self, pose: Array) -> GripBelief:
         """
-        Initialise the state with a pose (3,) without load [m, rad].
+        Return the belief that starts at a pose (3,) without load [m, rad].
 
         The contacts are shifted toward it within friction, unless the equilibrium is assumed; the
         distance that remains is the unexplained pose.
         """
-        cache, start, friction = self.cache, self.grasp, self._friction
-        self._lost_margin = 0.0  # slip margin lost by the contact history [N]
+        belief, start, friction = replace(self, lost_margin=0.0), self.grasp, self.friction
         shifts = np.zeros(len(start.members))
         # The second step has the derivatives at the first solution.
         for _ in range(0 if self.is_assumed else 2):
             # Gauss-Newton step for the shifts that explain the pose.
-            gain = self.state.initialise(cache, friction)
-            error = self.scale * pose_difference(pose, self.grasp.pose)
+            cache = belief.cache
+            state, gain = belief.state.initialised(cache, friction)
+            belief = replace(belief, state=state)
+            error = self.scale * pose_difference(pose, cache.grasp.pose)
             error_without_shifts = error + cache.rates[:3, SHIFTS:] @ shifts
             estimated_shifts = (gain @ error_without_shifts)[SHIFTS:]
             further_shifts = (estimated_shifts - shifts)[cache.grasp.contacts.owners]
@@ -363,34 +394,38 @@ class GripBelief:
             if self._hold(shifted) is not HoldStatus.HELD:
                 break
             shifts = estimated_shifts
-            self._lost_margin = start.slip_margin(friction) - shifted.slip_margin(friction)
-            self.take(shifted)
-        self.state.bias = self.scale * pose_difference(pose, self.grasp.pose)
-        self.state.initialise(cache, friction)
+            lost_margin = start.slip_margin(friction) - shifted.slip_margin(friction)
+            belief = replace(belief, lost_margin=lost_margin).taken(shifted)
+        bias = self.scale * pose_difference(pose, belief.grasp.pose)
+        state, _ = replace(belief.state, bias=bias).initialised(belief.cache, friction)
+        return replace(belief, state=state)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""
         if grasp.response is None:
             return HoldStatus.UNSTABLE
-        return grasp.hold((1.0 + 2.0 * self.settings.squeeze_error) * self._friction)
+        return grasp.hold((1.0 + 2.0 * self.settings.squeeze_error) * self.friction)
 
-    def correct_zeros(self, correction: Array) -> None:
+    def with_zeros_corrected(self, correction: Array) -> GripBelief:
         """
-        Add a correction (r,) to the roller offsets without changing the object's pose [m].
+        Return the belief with a correction (r,) of the roller offsets, at the same pose [m].
 
         The next equilibrium contains the correction; until then the squeeze follows to first
         order.
         """
-        self.cache.correct_zeros(correction, self.state.sensitivity)
+        return replace(self, cache=self.cache.corrected(correction, self.state.sensitivity))
 
-    def take(self, grasp: HeldGrip) -> None:
-        """Replace the equilibrium, for example by one that another belief has found."""
-        self.cache.take(grasp)
-        self._fit_state()
+    def with_offset_covariance(self, covariance: Array) -> GripBelief:
+        """Return the belief with another covariance (r, r) of the roller offsets [m^2]."""
+        return replace(self, state=replace(self.state, prior=covariance))
 
-    def _fit_state(self) -> None:
-        """Resize the state to a new equilibrium's members, with a wide prior of the shifts."""
-        self._equilibrium_time = self.lag.time
-        size = self.cache.rates.shape[1]
-        if size != len(self.state.covariance):
-            self.state.resize(size, SHIFTS, self.grasp.arm**2)
+    def taken(self, grasp: HeldGrip) -> GripBelief:
+        """Return the belief at another equilibrium, for example one that another belief found."""
+        return replace(self, cache=self.cache.taken(grasp))._fitted()
+
+    def _fitted(self) -> GripBelief:
+        """Return the belief with a state for the equilibrium's members; shifts have a prior."""
+        size, state = self.cache.rates.shape[1], self.state
+        if size != len(state.covariance):
+            state = state.resized(size, SHIFTS, self.grasp.arm**2)
+        return replace(self, state=state, equilibrium_time=self.lag.time)

@@ -10,6 +10,9 @@ e + S c, where e is an error with the covariance P, and S is the sensitivity to 
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from typing import Self
+
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -22,6 +25,7 @@ def condition(covariance: Array, rates: Array, noise: Array) -> tuple[Array, Arr
     return gain, remaining, 0.5 * (updated + updated.T)
 
 
+@dataclass(frozen=True, eq=False)
 class SchmidtFilter:
     """
     Covariances of a state (n,) and of parameters (c,) that are not estimated.
@@ -31,49 +35,48 @@ class SchmidtFilter:
     :ivar prior: (c, c) covariance of the parameters.
     """
 
-    def __init__(self, variances: Array, prior: Array) -> None:
-        self.prior = prior
-        self.reset(np.diag(variances))
+    covariance: Array
+    sensitivity: Array
+    prior: Array
 
-    def reset(self, covariance: Array) -> None:
-        """Set the covariance (n, n) of the state, independent of the parameters."""
-        self.covariance = covariance
-        self.sensitivity = np.zeros((len(covariance), len(self.prior)))
+    def restarted(self, covariance: Array) -> Self:
+        """Return the filter with a covariance (n, n), independent of the parameters."""
+        sensitivity = np.zeros((len(covariance), len(self.prior)))
+        return replace(self, covariance=covariance, sensitivity=sensitivity)
 
-    def resize(self, size: int, first: int, variance: float) -> None:
-        """Resize the state; set the components from index `first` on to a prior `variance`."""
-        covariance, sensitivity = self.covariance, self.sensitivity
-        self.reset(variance * np.eye(size))
-        self.covariance[:first, :first] = covariance[:first, :first]
-        self.sensitivity[:first] = sensitivity[:first]
+    def resized(self, size: int, first: int, variance: float) -> Self:
+        """Return the filter of n states, of which those from `first` on have a prior variance."""
+        covariance, sensitivity = variance * np.eye(size), np.zeros((size, len(self.prior)))
+        covariance[:first, :first] = self.covariance[:first, :first]
+        sensitivity[:first] = self.sensitivity[:first]
+        return replace(self, covariance=covariance, sensitivity=sensitivity)
 
     def spread(self, rates: Array, by_parameters: Array) -> Array:
         """Return the covariance (m, m) of outputs with these Jacobians by state and parameters."""
         total_rates = by_parameters + rates @ self.sensitivity  # by the parameters
         return rates @ self.covariance @ rates.T + total_rates @ self.prior @ total_rates.T
 
-    def predict(self, decay: Array, noise: Array, drift: Array) -> None:
+    def predicted(self, decay: Array, noise: Array, drift: Array) -> Self:
         """
-        Propagate the covariances by variances of the state's noise and the parameters' drift.
+        Return the filter after variances of the state's noise and the parameters' drift.
 
         The state x becomes A x with A = diag(`decay`). It was biased by the parameters before
         their drift; its sensitivity to the later ones is smaller (Hsieh and Chen 1999).
         """
         # Parameters with the covariance C drift to C' = C + D. Linear regression of the earlier on
         # the later ones has the matrix R = C C'^-1 and residuals with the covariance C - R C.
-        prior_before = self.prior
-        self.prior = prior_before + np.diag(drift)
-        regression = prior_before @ np.linalg.pinv(self.prior, hermitian=True)
-        residual = prior_before - regression @ prior_before
+        prior = self.prior + np.diag(drift)
+        regression = self.prior @ np.linalg.pinv(prior, hermitian=True)
+        residual = self.prior - regression @ self.prior
         # S' = A S R, and P' = A P A^T + N + A S (C - R C) (A S)^T.
         decayed = decay[:, None] * self.sensitivity
-        self.sensitivity = decayed @ regression
         by_residual = decayed @ residual @ decayed.T
         covariance = self.covariance * np.outer(decay, decay) + np.diag(noise)
-        self.covariance = covariance + 0.5 * (by_residual + by_residual.T)
+        covariance = covariance + 0.5 * (by_residual + by_residual.T)
+        return replace(self, covariance=covariance, sensitivity=decayed @ regression, prior=prior)
 
-    def condition(self, rates: Array, by_parameters: Array, noise: Array) -> Array:
-        """Update the covariances by a measurement (m,); return the gain (n, m) of the state."""
-        gain, remaining, self.covariance = condition(self.covariance, rates, noise)
-        self.sensitivity = remaining @ self.sensitivity - gain @ by_parameters
-        return gain
+    def conditioned(self, rates: Array, by_parameters: Array, noise: Array) -> tuple[Self, Array]:
+        """Return the filter after a measurement (m,), and the gain (n, m) of the state."""
+        gain, remaining, covariance = condition(self.covariance, rates, noise)
+        sensitivity = remaining @ self.sensitivity - gain @ by_parameters
+        return replace(self, covariance=covariance, sensitivity=sensitivity), gain

@@ -97,7 +97,7 @@ class StateEstimator:
         self._used_offsets = self._filter.offsets
         if previous is None:  # this belief is for derivatives only
             grip, covariance = self.grip.moved_to(held.pose), self._filter.offset_covariance
-            self.belief = GripBelief(held, grip, self.settings, covariance, is_assumed=True)
+            self.belief = GripBelief.of(held, grip, self.settings, covariance, is_assumed=True)
 
     @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
@@ -118,7 +118,7 @@ class StateEstimator:
             return False
         self._roll()
         if self.belief is not None:
-            self.belief.observe(pose, self._roll_time - time)
+            self.belief = self.belief.observed(pose, self._roll_time - time)
             if self.belief.state.jump <= JUMP_LENGTH and not self.belief.slipped:
                 return True
         # Without a belief, and after a jump or slip, a belief starts at the measured pose.
@@ -132,7 +132,7 @@ class StateEstimator:
         covariance = self._filter.offset_covariance
         try:
             grasp = attach_model(config, grip, self._pressures, self.settings.zero_deviation)
-            belief = GripBelief(grasp, grip, self.settings, covariance, deviations)
+            belief = GripBelief.of(grasp, grip, self.settings, covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
             return None
         is_held = belief.squeeze > belief.geometric_deviation and belief.hold is HoldStatus.HELD
@@ -165,7 +165,7 @@ class StateEstimator:
         self._roll()
         belief, offset_filter = self.belief, self._filter
         if self._record is not None and belief is not None:
-            belief.take(self._held)  # for its derivatives
+            self.belief = belief = belief.taken(self._held)  # for its derivatives
         readings = self._readings.at(time)
         reach = np.ptp(self._readings.values, axis=0)
         model = partial(self._place_joints, readings)
@@ -173,8 +173,8 @@ class StateEstimator:
         if not offset_filter.take_markers(time, markers, deviation, readings, reach, model):
             return False
         if belief is not None:  # the belief of the grip depends on the offsets
-            belief.correct_zeros(offset_filter.offsets - offsets_before)
-            belief.state.prior = offset_filter.offset_covariance
+            belief = belief.with_zeros_corrected(offset_filter.offsets - offsets_before)
+            self.belief = belief.with_offset_covariance(offset_filter.offset_covariance)
         return True
 
     @single_threaded
@@ -222,8 +222,8 @@ class StateEstimator:
         travel = readings + self._used_offsets
         try:
             config = belief.grasp.config.moved_to(travel)
-            if belief.follow(config, elapsed, self._pressures) is not HoldStatus.HELD:
-                self.belief = None
+            belief, hold = belief.followed(config, elapsed, self._pressures)
+            self.belief = belief if hold is HoldStatus.HELD else None
         except (ConfigurationError, GraspError, StructureError):
             self.belief = None
 

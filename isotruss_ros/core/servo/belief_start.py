@@ -75,7 +75,7 @@ class BeliefStart:
                 depth = self._depth * settings.force / grasp.squeeze
                 self._depth = min(depth, 4.0 * PRIOR.zero_deviation)
                 raise NotHeldError(HoldStatus.NO_BALANCE)
-            belief = GripBelief(grasp, grip, prior, zero_covariance, is_assumed=self._assuming)
+            belief = GripBelief.of(grasp, grip, prior, zero_covariance, is_assumed=self._assuming)
             if belief.hold is not HoldStatus.HELD:
                 raise NotHeldError(belief.hold)
         except WorkLimitError as error:

@@ -126,9 +126,10 @@ class SqueezeControl:
         if covariance is not None:
             self._readings, is_new = self._readings.use('estimate', stamp, covariance)
             if is_new:
-                belief.state.prior = covariance
+                belief = belief.with_offset_covariance(covariance)
         if before is not None and not np.array_equal(offsets, before):
-            belief.correct_zeros(offsets - before)
+            belief = belief.with_zeros_corrected(offsets - before)
+        self.belief = belief
 
     def follow(
         self,
@@ -154,12 +155,13 @@ class SqueezeControl:
             self.reference = self.reference + elapsed * self._velocity
         if belief is None:
             return self._begin(config, grip, gripped)
-        hold = belief.follow(config, elapsed, self._pressures, rollers)
+        belief, hold = belief.followed(config, elapsed, self._pressures, rollers)
         if hold is not HoldStatus.HELD:
             self.belief, self._lost = None, hold
             return hold
         self._choose_gain(belief)
-        belief.lag = belief.lag.advanced(elapsed, 1.0 / self.gain)
+        lag = belief.lag.advanced(elapsed, 1.0 / self.gain)
+        self.belief = belief = replace(belief, lag=lag)
         self._since += elapsed
         self._pause(elapsed)
         # Without a sample, the pose of the grip is new.
@@ -168,7 +170,7 @@ class SqueezeControl:
         if sample is not None:
             self._readings, is_new = self._readings.use('pose', measured.time, measured.value)
         if is_new:
-            belief.observe(measured.value, age)
+            self.belief = belief = belief.observed(measured.value, age)
             self.judge(belief, self._since, self._velocity)
             self._since = 0.0
         return HoldStatus.HELD

@@ -32,28 +32,29 @@ def test_a_linear_update_is_least_squares():
 
 def test_considered_parameters_increase_the_covariance_of_functions_of_the_state():
     prior, rates, noise = drawn(4, 6)
-    variances, by_offsets = np.diag(prior), RNG.normal(size=(6, 2))
-    known = SchmidtFilter(variances, np.zeros((2, 2)))
-    unknown = SchmidtFilter(variances, np.eye(2))
-    for each in (known, unknown):
-        each.condition(rates, by_offsets, noise)
+    by_offsets = RNG.normal(size=(6, 2))
+    known, unknown = (
+        SchmidtFilter(prior, np.zeros((4, 2)), offsets).conditioned(rates, by_offsets, noise)[0]
+        for offsets in (np.zeros((2, 2)), np.eye(2))
+    )
     functions, none = RNG.normal(size=(3, 4)), np.zeros((3, 2))
     more = unknown.spread(functions, none) - known.spread(functions, none)
-    errors = functions @ condition(np.diag(variances), rates, noise)[0] @ by_offsets
+    errors = functions @ condition(prior, rates, noise)[0] @ by_offsets
     assert more == pytest.approx(errors @ errors.T)
 
 
 def test_the_filter_is_a_kalman_filter_whose_gain_for_the_parameters_is_zero():
     prior, _, _ = drawn(3, 2)
-    variances = np.diag(prior)
-    considered, whole = SchmidtFilter(variances, np.eye(2)), np.diag([*variances, 1.0, 1.0])
+    considered = SchmidtFilter(prior, np.zeros((3, 2)), np.eye(2))
+    whole = scipy.linalg.block_diag(prior, np.eye(2))
     for _ in range(6):
         decay, more, _ = (RNG.uniform(*part) for part in PARTS)
-        considered.predict(decay, more, np.zeros(2))
+        considered = considered.predicted(decay, more, np.zeros(2))
         both = np.append(decay, [1.0, 1.0])
         whole = whole * np.outer(both, both) + np.diag([*more, 0.0, 0.0])
         (_, rates, noise), by_parameters = drawn(3, 2), RNG.normal(size=(2, 2))
-        gain = np.vstack([considered.condition(rates, by_parameters, noise), np.zeros((2, 2))])
+        considered, gain = considered.conditioned(rates, by_parameters, noise)
+        gain = np.vstack([gain, np.zeros((2, 2))])
         remaining = np.eye(5) - gain @ np.hstack([rates, by_parameters])
         whole = remaining @ whole @ remaining.T + gain @ noise @ gain.T
     functions = RNG.normal(size=(4, 5))

@@ -152,7 +152,7 @@ def test_pose_and_squeeze_between_equilibria_are_extrapolated_from_the_last_moti
 
 def test_the_slip_margin_is_that_of_contacts_before_they_slid():
     measured = np.add(MODEL.pose, (2e-3, -1e-3, 0.01))
-    belief = GripBelief(MODEL, GRIP.moved_to(measured), EstimatorSettings())
+    belief = GripBelief.of(MODEL, GRIP.moved_to(measured), EstimatorSettings())
     margin = MODEL.slip_margin(GRIP.friction)
     assert abs(belief.grasp.slip_margin(GRIP.friction) - margin) > 0.005 * margin
     assert belief.slip_margin == pytest.approx(margin, rel=1e-6)
