@@ -34,7 +34,8 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 from studies.benchmarks.measuring import part, SHARE, Table, timed
 from studies.comparison.wedge import closed_to
@@ -100,7 +101,7 @@ def follow(
     if plant_object.slip_margin < least:
         return 'margin'
     force = model.squeeze
-    control = SqueezeControl(SqueezeSettings(force, max_utilisation=math.inf))
+    settings, control = SqueezeSettings(force, max_utilisation=math.inf), SqueezeControl()
     reference, count = np.array(plant.object_pose), round(DURATION / PERIOD)
     errors, squeezes, times, paused = [], [], [], 0
     for k in range(count + count // 2):  # the last third at rest: what a load did is made up for
@@ -108,10 +109,11 @@ def follow(
         if load is not None:
             plant_object.external_wrench = load(k * PERIOD)
         wanted = rate * path.twist
-        duration, command = timed(partial(decide, path, plant, control, mode, wanted))
-        if isinstance(command, str):
-            return command
-        control.advance(wanted, command)
+        duration, found = timed(partial(decide, path, plant, settings, control, mode, wanted))
+        if isinstance(found, str):
+            return found
+        control, command, correction = found
+        control = control.advanced(wanted, command, correction)
         times.append(duration)
         plant.command(command.roller_velocities)
         plant.advance(PERIOD)
@@ -126,25 +128,34 @@ def follow(
 
 
 def decide(
-    path: Path, plant: SimulatedRobot, control: SqueezeControl, mode: str, wanted: np.ndarray
-) -> RollerCommand | str:
-    """Return the command of one cycle, or the reason why there is none."""
+    path: Path,
+    plant: SimulatedRobot,
+    settings: SqueezeSettings,
+    control: SqueezeControl,
+    mode: str,
+    wanted: np.ndarray,
+) -> tuple[SqueezeControl, RollerCommand, np.ndarray] | str:
+    """Return control, command and correction of one cycle, or why there is no command."""
     config, pose = plant.config, plant.object_pose
     grip = Grip.at_module(ROBOT, path.module, path.body.moved_to(pose), FRICTION)
 
     def solve(twist: np.ndarray, opening_rate: float) -> RollerCommand:
         return solve_twist(config, grip, twist, opening_rate=opening_rate)
 
+    correction = np.zeros(3)
     if mode != MODEL:
         command = solve(wanted, 0.0)
-    elif control.follow(config, grip, PERIOD) is HoldStatus.HELD:
-        command = control.solve(wanted, PERIOD, solve)
     else:
-        return 'not held'
+        control, hold = control.followed(settings, config, grip, PERIOD)
+        if hold is not HoldStatus.HELD:
+            return 'not held'
+        control, command, correction = control.command(settings, wanted, PERIOD, solve)
     if command.status is Status.UNREACHABLE:
         return 'unreachable'
     paused = command.status is Status.HALT_OSCILLATES
-    return command if paused or command.scale == 1.0 else 'limit'
+    if not paused and command.scale < 1.0:
+        return 'limit'
+    return control, command, correction
 
 
 def pose_error(reference: np.ndarray, plant: SimulatedRobot) -> np.ndarray:

@@ -17,7 +17,7 @@ from isotruss_ros.core import (
     Pose,
     Status,
 )
-from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.demo.path import Phase, rotation, translation
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import ContactForce, MujocoPlant

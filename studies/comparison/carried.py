@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from isotruss_ros.core import Grip, settle_grasp
-from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.demo.path import figure_9, Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from matplotlib import rc_context

@@ -25,6 +25,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from isotruss_ros.demo.path import Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -101,7 +102,6 @@ class Regulated:
     Controller of the node `manipulation`, which is the servo with the model of the held object.
 
     :ivar servo: twist servo.
-    :ivar control: squeeze control of the servo.
     :ivar statuses: statuses of the commands.
     :ivar messages: messages of the commands.
     :ivar scale: factor by which limits reduced the last twist [-].
@@ -132,7 +132,11 @@ class Regulated:
         if grip.body.mass is None:
             grip = replace(grip, body=replace(grip.body, mass=PlantOptions().object_mass))
         self.servo = TwistServo(robot, ServoSettings(grip, 1.0 / RATE, 0.5, squeeze=settings))
-        self.control = self.servo.squeeze
+
+    @property
+    def control(self) -> SqueezeControl:
+        """Return the squeeze control of the servo."""
+        return self.servo.squeeze
 
     def measure(self) -> tuple[RollerState, Pose]:
         """Return the current measurements of rollers and object."""

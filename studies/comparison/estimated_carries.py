@@ -23,7 +23,7 @@ from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import foresee_path
-from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
 from studies.comparison.carrying import RATE, Regulated, squeeze_in
@@ -183,7 +183,7 @@ class _Loop(Regulated):
     def judge(self) -> Carried:
         """Return the errors of all estimates."""
         found, truth, count = self.estimator.estimate(), squeeze_in(self.plant), len(self.joints)
-        target = self.control.settings.force
+        target = self.servo.settings.squeeze.force
         joints = self.plant.nodes[:count]
         blind = self.servo.robot.home.moved_to(self.plant.travel / (1.0 - SLIP)).nodes[:count]
         moved = np.array(self.squeezes) / target - 1.0

@@ -28,7 +28,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import foresee_path
-from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np

@@ -20,7 +20,7 @@ from isotruss_ros.core.paths.path_tracking import (
     RETURN_TURN_RATE,
 )
 from isotruss_ros.core.planning.grasp_plan import export_path, PlannedGrasp
-from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant

@@ -25,7 +25,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import foresee_grip
-from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
@@ -181,7 +181,7 @@ def _is_refused(steering: Regulated, grip: Grip, steps: Array) -> bool:
         return False
     config = config.moved_to(steering.plant.travel)
     poses = belief.pose + np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-    record = GripRecord.of(belief.grasp)
+    record = GripRecord.of(belief.held)
     ahead = foresee_grip(config, grip.body.moved_to(poses[0]), FRICTION, poses, record)
     return ahead is not None and bool(ahead.why)
 
@@ -236,7 +236,7 @@ def _carry(steering: Regulated, goal: Array, legs: Array, pull: Array) -> Outcom
         squeezes.append(squeeze_in(plant))
     error = float(np.hypot(*(goal - np.array(plant.object_pose()))[:2]))
     # MuJoCo's collision detection can miss a contact in a single step.
-    squeeze = float(np.median(squeezes[-LAST:])) / steering.control.settings.force
+    squeeze = float(np.median(squeezes[-LAST:])) / steering.servo.settings.squeeze.force
     if squeeze == 0.0 or error > OFF:
         halted = max(steering.statuses) >= Status.HALT_NO_TWIST
         return Outcome(ENDS[3] if halted else ENDS[4], error, squeeze)

@@ -45,7 +45,7 @@ class EquilibriumCache:
     Last equilibrium of a held object without a load, its derivatives, and changes since then.
 
     :ivar friction: coefficient of friction [-].
-    :ivar grasp: the equilibrium.
+    :ivar held: the equilibrium.
     :ivar grip: its contacts, from which (19) predicts the motion of the object.
     :ivar travel_rates: (4, r) derivatives of the outputs by roller travel, by (19).
     :ivar by_shifts: derivatives of its unknowns by the members' shifts, see `shift_rates`.
@@ -65,7 +65,7 @@ class EquilibriumCache:
     """
 
     friction: float
-    grasp: HeldGrip
+    held: HeldGrip
     grip: Grip
     travel_rates: Array
     by_shifts: Array
@@ -84,24 +84,24 @@ class EquilibriumCache:
     drift: Array
 
     @classmethod
-    def of(cls, grasp: HeldGrip, friction: float) -> EquilibriumCache:
+    def of(cls, held: HeldGrip, friction: float) -> EquilibriumCache:
         """Return an equilibrium that a search has found."""
         return cls(
-            by_offsets=OffsetRates.of(grasp),
-            corrections_since_search=np.zeros(len(grasp.config.roller_positions)),
-            **_at_equilibrium(grasp, friction),
-            **_at_rest(grasp),
+            by_offsets=OffsetRates.of(held),
+            corrections_since_search=np.zeros(len(held.config.roller_positions)),
+            **_at_equilibrium(held, friction),
+            **_at_rest(held),
         )
 
-    def taken(self, grasp: HeldGrip) -> EquilibriumCache:
+    def taken(self, held: HeldGrip) -> EquilibriumCache:
         """Return another equilibrium and the derivatives at it, without changes since then."""
         # The derivatives by offsets take longest, so those of an equilibrium nearby are used.
         by_offsets = self.by_offsets
-        nearby = by_offsets.grasp
-        travel = grasp.config.roller_positions - nearby.config.roller_positions
-        if nearby.contacts is not grasp.contacts or np.abs(travel).max() > MAX_FIRST_ORDER_TRAVEL:
-            by_offsets = OffsetRates.of(grasp)
-        return replace(self, by_offsets=by_offsets, **_at_equilibrium(grasp, self.friction))
+        nearby = by_offsets.held
+        travel = held.config.roller_positions - nearby.config.roller_positions
+        if nearby.contacts is not held.contacts or np.abs(travel).max() > MAX_FIRST_ORDER_TRAVEL:
+            by_offsets = OffsetRates.of(held)
+        return replace(self, by_offsets=by_offsets, **_at_equilibrium(held, self.friction))
 
     def predict(self, config: Configuration) -> tuple[EquilibriumCache, Array, bool]:
         """
@@ -110,7 +110,7 @@ class EquilibriumCache:
         :return: the equilibrium with the prediction, the travel (r,) [m], and whether it is short
             enough for the extrapolation of the motion that `travel_rates` neglect.
         """
-        start = self.grasp.config.roller_positions + self.zero_corrections
+        start = self.held.config.roller_positions + self.zero_corrections
         travel = config.roller_positions - start
         # The motion that `travel_rates` neglect is assumed to be proportional to the travel.
         last_travel = self.last_travel
@@ -128,23 +128,23 @@ class EquilibriumCache:
         Before that, the k contacts are shifted along their members by all corrections since the
         equilibrium and by further `shifts` (k,) [m].
         """
-        inflated = with_pressures(self.grasp, pressures)
+        inflated = with_pressures(self.held, pressures)
         return roll_grip(replace(inflated, anchors=self.anchors + shifts), config)
 
     def shifted(self, shifts: Array) -> EquilibriumCache:
-        """Return it with the contacts shifted along the members by (m,) [m], to first order."""
-        forces = self.by_shifts[self.grasp.state.places.forces] @ shifts
+        """Return the equilibrium with contacts shifted along members (m,) [m], to first order."""
+        forces = self.by_shifts[self.held.state.places.forces] @ shifts
         return replace(
             self,
-            anchors=self.anchors + shifts[self.grasp.contacts.owners],
+            anchors=self.anchors + shifts[self.held.contacts.owners],
             outputs=self.outputs + self.rates[:, SHIFTS:] @ shifts / self.scale,
             pending_forces=self.pending_forces + forces,
         )
 
     def corrected(self, correction: Array, sensitivity: Array) -> EquilibriumCache:
-        """Return it with roller offsets changed by (r,) [m], shifts by `sensitivity` times it."""
-        shifts = (sensitivity[SHIFTS:] @ correction)[self.grasp.contacts.owners]
-        by_statics = self.grasp.statics.anchor_rates @ correction
+        """Return the equilibrium after a correction (r,) of offsets, which shifts contacts [m]."""
+        shifts = (sensitivity[SHIFTS:] @ correction)[self.held.contacts.owners]
+        by_statics = self.held.statics.anchor_rates @ correction
         squeeze_rates = self.by_offsets.outputs[3] + self.rates[3] @ sensitivity
         return replace(
             self,
@@ -156,54 +156,54 @@ class EquilibriumCache:
 
     def margin(self) -> float:
         """Return the object's slip margin, with the forces of shifts since the equilibrium [N]."""
-        planes = slip_planes(self.grasp.response, self.friction)
+        planes = slip_planes(self.held.response, self.friction)
         reserves = planes.reserve + planes.rows @ self.pending_forces
         return float((reserves / planes.size).min())
 
     def learned(
-        self, grasp: HeldGrip, travel: Array, change: Array, elapsed: float
+        self, held: HeldGrip, travel: Array, change: Array, elapsed: float
     ) -> EquilibriumCache:
-        """Return it with drift and `usage` by the change (4,) of the outputs to the next one."""
-        if grasp.contacts is not self.grasp.contacts:  # a discontinuity
-            return replace(self, **_at_rest(grasp))
+        """Return drift and `usage` learned from the change (4,) of the outputs to the next one."""
+        if held.contacts is not self.held.contacts:  # a discontinuity
+            return replace(self, **_at_rest(held))
         neglected = change - self.travel_rates @ travel
-        margin_change = grasp.slip_margin(self.friction) - self.margin()
+        margin_change = held.slip_margin(self.friction) - self.margin()
         return replace(
             self,
             last_travel=travel,
             neglected=neglected,
             drift=neglected / elapsed,
-            usage=self.usage.learned(grasp, margin_change, travel),
+            usage=self.usage.learned(held, margin_change, travel),
         )
 
 
-def _at_equilibrium(grasp: HeldGrip, friction: float) -> dict[str, Any]:
+def _at_equilibrium(held: HeldGrip, friction: float) -> dict[str, Any]:
     """Return the fields that an equilibrium determines, without changes since then."""
     # The fourth row is the opening rate of the grip, on which the squeeze depends.
-    grip, by_shifts = measure_gaps(grasp, friction), shift_rates(grasp)
-    travel_rates = grip_jacobian(grasp.config, grip)[:4].copy()
-    travel_rates[3] *= grasp.squeeze_stiffness()
+    grip, by_shifts = measure_gaps(held, friction), shift_rates(held)
+    travel_rates = grip_jacobian(held.config, grip)[:4].copy()
+    travel_rates[3] *= held.squeeze_stiffness()
     return {
         'friction': friction,
-        'grasp': grasp,
+        'held': held,
         'grip': grip,
         'travel_rates': travel_rates,
         'by_shifts': by_shifts,
-        'scale': output_scale(grasp),
-        'rates': state_rates(grasp, by_shifts),
-        'outputs': np.append(grasp.pose, grasp.squeeze),
+        'scale': output_scale(held),
+        'rates': state_rates(held, by_shifts),
+        'outputs': np.append(held.pose, held.squeeze),
         'predicted': np.zeros(4),
-        'anchors': grasp.anchors,
-        'pending_forces': np.zeros(2 * len(grasp.anchors)),
-        'zero_corrections': np.zeros(len(grasp.config.roller_positions)),
+        'anchors': held.anchors,
+        'pending_forces': np.zeros(2 * len(held.anchors)),
+        'zero_corrections': np.zeros(len(held.config.roller_positions)),
     }
 
 
-def _at_rest(grasp: HeldGrip) -> dict[str, Any]:
+def _at_rest(held: HeldGrip) -> dict[str, Any]:
     """Return the fields that follow from the last motion, without a motion."""
     return {
-        'usage': UsageLimits.of(grasp),
-        'last_travel': np.zeros(len(grasp.config.roller_positions)),
+        'usage': UsageLimits.of(held),
+        'last_travel': np.zeros(len(held.config.roller_positions)),
         'neglected': np.zeros(4),
         'drift': np.zeros(4),
     }

@@ -88,7 +88,7 @@ class GripBelief:
     @classmethod
     def of(
         cls,
-        grasp: HeldGrip,
+        held: HeldGrip,
         grip: Grip,
         settings: EstimatorSettings,
         zero_covariance: Array | None = None,
@@ -98,7 +98,7 @@ class GripBelief:
         """
         Return the belief that starts at a measured pose.
 
-        :param grasp: equilibrium near the measured pose, see `attach_model`.
+        :param held: equilibrium near the measured pose, see `attach_model`.
         :param grip: grip with the measured pose.
         :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
             offsets with the standard deviation of the settings.
@@ -108,12 +108,12 @@ class GripBelief:
         # mm of path; with the factor 1 it shows after 24 mm.
         max_deviations = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
         if zero_covariance is None:
-            rollers = len(grasp.config.roller_positions)
+            rollers = len(held.config.roller_positions)
             zero_covariance = settings.zero_deviation**2 * np.eye(rollers)
-        cache = EquilibriumCache.of(grasp, grip.friction)
+        cache = EquilibriumCache.of(held, grip.friction)
         deviations = cache.scale[:3] * noise
-        state = GripState.of(settings, len(grasp.members), zero_covariance, deviations)
-        lag = InputLag.of(np.array(grasp.pose))
+        state = GripState.of(settings, len(held.members), zero_covariance, deviations)
+        lag = InputLag.of(np.array(held.pose))
         belief = cls(settings, grip, state, cache, lag, is_assumed, max_deviations)
         return belief._started_at(np.array(grip.body.pose))
 
@@ -128,9 +128,9 @@ class GripBelief:
         return self.cache.scale[:3]
 
     @property
-    def grasp(self) -> HeldGrip:
+    def held(self) -> HeldGrip:
         """Return the equilibrium without a load, in the current configuration."""
-        return self.cache.grasp
+        return self.cache.held
 
     @cached_property
     def outputs(self) -> Array:
@@ -173,13 +173,13 @@ class GripBelief:
 
         A hold is refused only if it slips within the error of the model.
         """
-        grasp, start_pose = self.grasp, self.start_grip.body.pose
-        if grasp.sections.used.max() > MAX_UTILISATION and not self.is_assumed:
+        held, start_pose = self.held, self.start_grip.body.pose
+        if held.sections.used.max() > MAX_UTILISATION and not self.is_assumed:
             return HoldStatus.WRINKLES
         # The required friction has the relative error that geometry causes in the squeeze; the
         # stiffness scales forces alike.
         relative_error = 2.0 * self.geometric_deviation / max(self.squeeze, SMALLEST_NORMAL)
-        hold = grasp.hold(self.friction * (1.0 + relative_error))
+        hold = held.hold(self.friction * (1.0 + relative_error))
         is_far = hold is HoldStatus.HELD and not self.state.explains(start_pose, self.cache)
         return HoldStatus.FAR if is_far else hold
 
@@ -315,7 +315,7 @@ class GripBelief:
         are_rates_invalid = bool(corrections.max() > MAX_FIRST_ORDER_TRAVEL)
         # A search after a shorter time would attribute transient loads to the contacts.
         is_load_over = self.lag.time - self.search_time > self.settings.load_time
-        slips = self.grasp.required_friction > self.friction
+        slips = self.held.required_friction > self.friction
         return are_rates_invalid or (slips and is_load_over and not self.is_assumed)
 
     def observed(self, pose: Pose, age: float) -> GripBelief:
@@ -348,16 +348,16 @@ class GripBelief:
         :return: None if no equilibrium explains the pose, with a utilisation of at most
             `MAX_UTILISATION` or that of the present equilibrium.
         """
-        limit = max(MAX_UTILISATION, self.grasp.sections.used.max())
-        pose_without_load = self.pose - self.grasp.response.pose @ self.state.load
+        limit = max(MAX_UTILISATION, self.held.sections.used.max())
+        pose_without_load = self.pose - self.held.response.pose @ self.state.load
         grip = self.start_grip.moved_to(pose_without_load)
         try:
-            grasp = attach_model(config, grip, pressures, self.settings.zero_deviation)
+            held = attach_model(config, grip, pressures, self.settings.zero_deviation)
         except NotHeldError:
             return None
-        if grasp.hold(math.inf) is not HoldStatus.HELD or grasp.sections.used.max() > limit:
+        if held.hold(math.inf) is not HoldStatus.HELD or held.sections.used.max() > limit:
             return None
-        cache = EquilibriumCache.of(grasp, self.friction)
+        cache = EquilibriumCache.of(held, self.friction)
         if not self.state.explains(pose_without_load, cache):
             return None
         jump = (cache.by_offsets.outputs - self.cache.by_offsets.outputs)[:3]
@@ -374,7 +374,7 @@ class GripBelief:
         The contacts are shifted toward it within friction, unless the equilibrium is assumed; the
         distance that remains is the unexplained pose.
         """
-        belief, start, friction = replace(self, lost_margin=0.0), self.grasp, self.friction
+        belief, start, friction = replace(self, lost_margin=0.0), self.held, self.friction
         shifts = np.zeros(len(start.members))
         # The second step has the derivatives at the first solution.
         for _ in range(0 if self.is_assumed else 2):
@@ -382,10 +382,10 @@ class GripBelief:
             cache = belief.cache
             state, gain = belief.state.initialised(cache, friction)
             belief = replace(belief, state=state)
-            error = self.scale * pose_difference(pose, cache.grasp.pose)
+            error = self.scale * pose_difference(pose, cache.held.pose)
             error_without_shifts = error + cache.rates[:3, SHIFTS:] @ shifts
             estimated_shifts = (gain @ error_without_shifts)[SHIFTS:]
-            further_shifts = (estimated_shifts - shifts)[cache.grasp.contacts.owners]
+            further_shifts = (estimated_shifts - shifts)[cache.held.contacts.owners]
             shifted = cache.roll(start.config, start.pressures, further_shifts)
             # Forces beyond friction and contacts of other members are attributed to wrong offsets,
             # so the shifts are not applied.
@@ -396,15 +396,15 @@ class GripBelief:
             shifts = estimated_shifts
             lost_margin = start.slip_margin(friction) - shifted.slip_margin(friction)
             belief = replace(belief, lost_margin=lost_margin).taken(shifted)
-        bias = self.scale * pose_difference(pose, belief.grasp.pose)
+        bias = self.scale * pose_difference(pose, belief.held.pose)
         state, _ = replace(belief.state, bias=bias).initialised(belief.cache, friction)
         return replace(belief, state=state)
 
-    def _hold(self, grasp: HeldGrip) -> HoldStatus:
+    def _hold(self, held: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""
-        if grasp.response is None:
+        if held.response is None:
             return HoldStatus.UNSTABLE
-        return grasp.hold((1.0 + 2.0 * self.settings.squeeze_error) * self.friction)
+        return held.hold((1.0 + 2.0 * self.settings.squeeze_error) * self.friction)
 
     def with_zeros_corrected(self, correction: Array) -> GripBelief:
         """
@@ -419,13 +419,13 @@ class GripBelief:
         """Return the belief with another covariance (r, r) of the roller offsets [m^2]."""
         return replace(self, state=replace(self.state, prior=covariance))
 
-    def taken(self, grasp: HeldGrip) -> GripBelief:
+    def taken(self, held: HeldGrip) -> GripBelief:
         """Return the belief at another equilibrium, for example one that another belief found."""
-        return replace(self, cache=self.cache.taken(grasp))._fitted()
+        return replace(self, cache=self.cache.taken(held))._fitted()
 
     def _fitted(self) -> GripBelief:
         """Return the belief with a state for the equilibrium's members; shifts have a prior."""
         size, state = self.cache.rates.shape[1], self.state
         if size != len(state.covariance):
-            state = state.resized(size, SHIFTS, self.grasp.arm**2)
+            state = state.resized(size, SHIFTS, self.held.arm**2)
         return replace(self, state=state, equilibrium_time=self.lag.time)

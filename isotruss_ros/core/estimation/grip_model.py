@@ -41,50 +41,50 @@ def attach_model(
     For the deviation of the roller offsets [m] see `lay_faces`.
     """
     members = find_members(config.robot.topology, grip.members).members
-    grasp = attach_grip(config, grip.body, members, pressure=pressures, quick=True)
-    grasp = lay_faces(grasp, grip.friction, zero_deviation)
-    if grasp.response is None:
+    held = attach_grip(config, grip.body, members, pressure=pressures, quick=True)
+    held = lay_faces(held, grip.friction, zero_deviation)
+    if held.response is None:
         raise NotHeldError(HoldStatus.UNSTABLE)
-    return grasp
+    return held
 
 
-def shift_deviations(grasp: HeldGrip, by_shifts: Array, friction: float) -> Array:
+def shift_deviations(held: HeldGrip, by_shifts: Array, friction: float) -> Array:
     """
     Return the prior deviations (m,) of the contacts' shifts along the members [m].
 
     A deviation is twice the shift that causes slip, at most the object's characteristic radius.
     For `by_shifts` see `shift_rates`.
     """
-    reserve = friction * grasp.normal_forces - np.abs(grasp.friction_forces)
-    reserve = np.maximum(reserve, 0.1 * friction * grasp.squeeze)
+    reserve = friction * held.normal_forces - np.abs(held.friction_forces)
+    reserve = np.maximum(reserve, 0.1 * friction * held.squeeze)
     # Derivatives (m, m) of the members' friction forces by the members' shifts.
-    friction_rates = grasp.contacts.sum_by_member(by_shifts[grasp.state.places.friction])
+    friction_rates = held.contacts.sum_by_member(by_shifts[held.state.places.friction])
     stiffness = np.abs(np.diag(friction_rates))
-    smallest_stiffness = 2.0 * reserve / grasp.arm
+    smallest_stiffness = 2.0 * reserve / held.arm
     return 2.0 * reserve / np.maximum(stiffness, smallest_stiffness)
 
 
-def output_scale(grasp: HeldGrip) -> Array:
+def output_scale(held: HeldGrip) -> Array:
     """Return the scale factors (4,) of pose and squeeze: the arm [m] for rotation, else 1."""
-    return np.array([1.0, 1.0, grasp.arm, 1.0])
+    return np.array([1.0, 1.0, held.arm, 1.0])
 
 
-def shift_rates(grasp: HeldGrip) -> Array:
+def shift_rates(held: HeldGrip) -> Array:
     """Return derivatives (3 + 4k, m) of pose, contact points and forces by the members' shifts."""
-    places, owners = grasp.state.places, grasp.contacts.owners
+    places, owners = held.state.places, held.contacts.owners
     # A shift of a member's contacts changes the rolling condition of each of them.
-    changes = np.zeros((places.size, len(grasp.members)))
-    changes[places.conditions] = -np.eye(len(grasp.members))[owners]
-    return grasp.respond(changes)
+    changes = np.zeros((places.size, len(held.members)))
+    changes[places.conditions] = -np.eye(len(held.members))[owners]
+    return held.respond(changes)
 
 
-def state_rates(grasp: HeldGrip, by_shifts: Array) -> Array:
+def state_rates(held: HeldGrip, by_shifts: Array) -> Array:
     """Return derivatives (4, n) of scaled pose and squeeze by the state; see `shift_rates`."""
-    members = len(grasp.members)
+    members = len(held.members)
     # Columns: derivatives of pose and contact forces by the load, and by the members' shifts.
-    unknowns = np.hstack([grasp.response.change, by_shifts])
-    squeeze = unknowns[grasp.state.places.normal].sum(axis=0) / members
-    outputs = output_scale(grasp)[:, None] * np.vstack([unknowns[:3], squeeze])
+    unknowns = np.hstack([held.response.change, by_shifts])
+    squeeze = unknowns[held.state.places.normal].sum(axis=0) / members
+    outputs = output_scale(held)[:, None] * np.vstack([unknowns[:3], squeeze])
     # Columns: derivatives by load, unexplained pose, delay, and shifts.
     return np.column_stack([outputs[:, :3], np.eye(4, 3), np.zeros(4), outputs[:, 3:]])
 
@@ -92,18 +92,18 @@ def state_rates(grasp: HeldGrip, by_shifts: Array) -> Array:
 class OffsetRates(NamedTuple):
     """Derivatives of pose, squeeze and joints by r roller offsets; contacts rest on members."""
 
-    grasp: HeldGrip  #: equilibrium of the object
+    held: HeldGrip  #: equilibrium of the object
     outputs: Array  #: (4, r) derivatives of the scaled outputs
     joints: Array  #: (2j, r) derivatives of the joint positions (x0, y0, x1, y1, ...)
     joints_by_shifts: Array  #: (2j, m) derivatives of the joint positions by the members' shifts
 
     @classmethod
-    def of(cls, grasp: HeldGrip) -> OffsetRates:
+    def of(cls, held: HeldGrip) -> OffsetRates:
         """Return the derivatives by roller offsets at an equilibrium."""
-        gradient, rollers = held_gradient(grasp), len(grasp.config.roller_positions)
+        gradient, rollers = held_gradient(held), len(held.config.roller_positions)
         outputs = np.vstack([gradient.pose, gradient.normal_forces.mean(axis=0)])
-        rates = np.vstack([output_scale(grasp)[:, None] * outputs, gradient.joints])
+        rates = np.vstack([output_scale(held)[:, None] * outputs, gradient.joints])
         by_rollers, by_anchors = np.split(rates, [rollers], axis=1)
-        by_offsets = by_rollers + by_anchors @ grasp.statics.anchor_rates
-        shifts_of_contacts = np.eye(len(grasp.members))[grasp.contacts.owners]
-        return cls(grasp, by_offsets[:4], by_offsets[4:], by_anchors[4:] @ shifts_of_contacts)
+        by_offsets = by_rollers + by_anchors @ held.statics.anchor_rates
+        shifts_of_contacts = np.eye(len(held.members))[held.contacts.owners]
+        return cls(held, by_offsets[:4], by_offsets[4:], by_anchors[4:] @ shifts_of_contacts)

@@ -80,7 +80,7 @@ class GripState(SchmidtFilter):
         variances = np.diag(self.covariance).copy()  # that of the delay is kept
         variances[LOAD] = settings.load**2
         variances[BIAS] = settings.pose_error**2
-        variances[SHIFTS:] = shift_deviations(cache.grasp, cache.by_shifts, friction) ** 2
+        variances[SHIFTS:] = shift_deviations(cache.held, cache.by_shifts, friction) ** 2
         covariance = np.diag(variances)
         # Shifts, with the covariance S of the pose, explain a part of its change B c by roller
         # offsets c. With the covariance M of model errors, M (S + M)^-1 B c is unexplained.
@@ -94,7 +94,7 @@ class GripState(SchmidtFilter):
 
     def explains(self, pose: ArrayLike, cache: EquilibriumCache) -> bool:
         """Return whether load, offsets and noise explain a pose's distance to the equilibrium."""
-        distance = cache.scale[:3] * pose_difference(pose, cache.grasp.pose)
+        distance = cache.scale[:3] * pose_difference(pose, cache.held.pose)
         by_offsets = cache.by_offsets.outputs[:3]
         covariance = by_offsets @ self.prior @ by_offsets.T + self._noise_with_load(cache)
         return float(distance @ np.linalg.solve(covariance, distance)) <= MAX_DEVIATIONS**2

@@ -11,10 +11,12 @@ e + S c, where e is an error with the covariance P, and S is the sensitivity to 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TypeVar
 
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
+
+F = TypeVar('F', bound='SchmidtFilter')
 
 
 def condition(covariance: Array, rates: Array, noise: Array) -> tuple[Array, Array, Array]:
@@ -39,12 +41,12 @@ class SchmidtFilter:
     sensitivity: Array
     prior: Array
 
-    def restarted(self, covariance: Array) -> Self:
+    def restarted(self: F, covariance: Array) -> F:
         """Return the filter with a covariance (n, n), independent of the parameters."""
         sensitivity = np.zeros((len(covariance), len(self.prior)))
         return replace(self, covariance=covariance, sensitivity=sensitivity)
 
-    def resized(self, size: int, first: int, variance: float) -> Self:
+    def resized(self: F, size: int, first: int, variance: float) -> F:
         """Return the filter of n states, of which those from `first` on have a prior variance."""
         covariance, sensitivity = variance * np.eye(size), np.zeros((size, len(self.prior)))
         covariance[:first, :first] = self.covariance[:first, :first]
@@ -56,7 +58,7 @@ class SchmidtFilter:
         total_rates = by_parameters + rates @ self.sensitivity  # by the parameters
         return rates @ self.covariance @ rates.T + total_rates @ self.prior @ total_rates.T
 
-    def predicted(self, decay: Array, noise: Array, drift: Array) -> Self:
+    def predicted(self: F, decay: Array, noise: Array, drift: Array) -> F:
         """
         Return the filter after variances of the state's noise and the parameters' drift.
 
@@ -75,7 +77,7 @@ class SchmidtFilter:
         covariance = covariance + 0.5 * (by_residual + by_residual.T)
         return replace(self, covariance=covariance, sensitivity=decayed @ regression, prior=prior)
 
-    def conditioned(self, rates: Array, by_parameters: Array, noise: Array) -> tuple[Self, Array]:
+    def conditioned(self: F, rates: Array, by_parameters: Array, noise: Array) -> tuple[F, Array]:
         """Return the filter after a measurement (m,), and the gain (n, m) of the state."""
         gain, remaining, covariance = condition(self.covariance, rates, noise)
         sensitivity = remaining @ self.sensitivity - gain @ by_parameters

@@ -131,8 +131,8 @@ class StateEstimator:
         config = self._tracker.configuration(self._readings.last[1] + self._used_offsets)
         covariance = self._filter.offset_covariance
         try:
-            grasp = attach_model(config, grip, self._pressures, self.settings.zero_deviation)
-            belief = GripBelief.of(grasp, grip, self.settings, covariance, deviations)
+            held = attach_model(config, grip, self._pressures, self.settings.zero_deviation)
+            belief = GripBelief.of(held, grip, self.settings, covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
             return None
         is_held = belief.squeeze > belief.geometric_deviation and belief.hold is HoldStatus.HELD
@@ -221,7 +221,7 @@ class StateEstimator:
         self._used_offsets = self._filter.offsets
         travel = readings + self._used_offsets
         try:
-            config = belief.grasp.config.moved_to(travel)
+            config = belief.held.config.moved_to(travel)
             belief, hold = belief.followed(config, elapsed, self._pressures)
             self.belief = belief if hold is HoldStatus.HELD else None
         except (ConfigurationError, GraspError, StructureError):
@@ -236,11 +236,11 @@ class StateEstimator:
             return positions, rates
         # Displacement of the joints by the contact forces. Its derivatives by the offsets are
         # those of the loaded joints minus those of the unloaded ones.
-        grasp = belief.grasp if self._record is None else self._held
-        displacement = held_joints(grasp).ravel() - grasp.config.nodes.ravel()[:count]
+        held = belief.held if self._record is None else self._held
+        displacement = held_joints(held).ravel() - held.config.nodes.ravel()[:count]
         at_rest = belief.cache.by_offsets
         by_shifts = at_rest.joints_by_shifts @ belief.state.sensitivity[SHIFTS:]
-        displacement_rates = at_rest.joints + by_shifts - belief.grasp.config.node_jacobian[:count]
+        displacement_rates = at_rest.joints + by_shifts - belief.held.config.node_jacobian[:count]
         displacement += displacement_rates @ (offsets - self._used_offsets)
         return positions + displacement, rates + displacement_rates
 

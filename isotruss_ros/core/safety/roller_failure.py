@@ -11,6 +11,7 @@ travel. So delays, oscillating commands, and noise without drift do not lead to 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 import math
 
 from isotruss_ros.core.model.topology import check_names
@@ -29,72 +30,97 @@ SETTLING_TIME = 0.2
 EVIDENT_TRAVEL = 0.02
 
 
+@dataclass(frozen=True, eq=False)
 class FailureDetector:
     """
     Detector of failed rollers, which compares commanded with measured travel.
 
     A failed roller is reported until it is reset, because a roller at rest cannot prove that it
-    works. `failure_time` [s] may be changed at any time.
+    works.
+
+    :ivar names: names of the r rollers.
+    :ivar failure_time: a commanded roller that does not move for this time has failed [s].
+    :ivar failed: names of the failed rollers.
+    :ivar time: time of the last measured travel [s]; NaN before the first.
+    :ivar commanded: (r,) commanded travel [m].
+    :ivar duration: (r,) time with a command since the last restart [s].
+    :ivar path: (r,) commanded path length in that time [m].
+    :ivar required: (r,) commanded range with which the measured range is compared after the
+        settling time [m]; NaN: none.
+    :ivar required_at: (r,) time at which it was set [s].
+    :ivar minimum: (2, r) minimum of commanded and measured travel since the last restart [m].
+    :ivar maximum: (2, r) the maximum [m].
     """
 
-    def __init__(self, names: Sequence[str], failure_time: float = FAILURE_TIME) -> None:
-        count = len(names)
-        self.failed: frozenset[str] = frozenset()
-        self.failure_time = failure_time
-        self._names = tuple(names)
-        self._time = math.nan
-        self._commanded = np.zeros(count)  # commanded travel [m]
-        self._duration = np.zeros(count)  # time with a command since the last restart [s]
-        self._path = np.zeros(count)  # commanded path length in that time [m]
-        # Commanded range with which the measured range is compared after the settling time [m],
-        # and time at which it was set [s]; nan: none.
-        self._required, self._required_at = np.full((2, count), np.nan)
-        # Minimum and maximum of commanded and measured travel (2, r) since the last restart [m].
-        self._minimum, self._maximum = np.zeros((2, 2, count))
+    names: tuple[str, ...]
+    failure_time: float
+    failed: frozenset[str]
+    time: float
+    commanded: Array
+    duration: Array
+    path: Array
+    required: Array
+    required_at: Array
+    minimum: Array
+    maximum: Array
 
-    def reset(self, names: Collection[str] | None = None) -> None:
-        """Regard some or all rollers as working again, and restart the comparison for all."""
-        cleared = frozenset(self._names if names is None else names)
-        check_names('rollers', cleared, self._names)
-        self.failed -= cleared
-        self._time = math.nan
+    @classmethod
+    def of(cls, names: Sequence[str], failure_time: float = FAILURE_TIME) -> FailureDetector:
+        """Return the detector of working rollers."""
+        zeros, none = np.zeros(len(names)), np.full(len(names), np.nan)
+        travel = np.zeros((2, len(names)))
+        start = zeros, zeros, zeros, none, none, travel, travel
+        return cls(tuple(names), failure_time, frozenset(), math.nan, *start)
 
-    def update(self, positions: Array, time: float, speeds: Array) -> None:
-        """Compare measured travel (r,) [m] with the mean commanded speeds since the last call."""
-        elapsed, self._time = time - self._time, time
+    def reset(self, names: Collection[str] | None = None) -> FailureDetector:
+        """Return the detector after some or all rollers work again; all comparisons restart."""
+        cleared = frozenset(self.names if names is None else names)
+        check_names('rollers', cleared, self.names)
+        return replace(self, failed=self.failed - cleared, time=math.nan)
+
+    def updated(self, positions: Array, time: float, speeds: Array) -> FailureDetector:
+        """Return the detector after travel (r,) [m], with the mean commanded speeds since then."""
+        elapsed = time - self.time
         if elapsed == 0.0:
-            return
+            return self
         # After samples that are out of order or far apart, the comparison restarts.
         if not 0.0 < elapsed <= FAILURE_TIME:
-            self._restart(slice(None), np.array([self._commanded, positions]))
-            return
+            travel = np.array([self.commanded, positions])
+            return replace(self, time=time)._restarted(np.ones(len(self.names), bool), travel)
         # Commanded path, and ranges of commanded and measured travel since the restart.
         has_command = np.abs(speeds) >= MIN_SPEED
         step = elapsed * np.where(has_command, speeds, 0.0)
-        self._commanded += step
-        self._path += np.abs(step)
-        self._duration += elapsed * has_command
-        travel = np.array([self._commanded, positions])
-        self._minimum = np.minimum(self._minimum, travel)
-        self._maximum = np.maximum(self._maximum, travel)
-        commanded_range, measured_range = self._maximum - self._minimum
+        commanded, path = self.commanded + step, self.path + np.abs(step)
+        duration = self.duration + elapsed * has_command
+        travel = np.array([commanded, positions])
+        minimum, maximum = np.minimum(self.minimum, travel), np.maximum(self.maximum, travel)
+        commanded_range, measured_range = maximum - minimum
         # The present commanded range is compared with the measured one after the settling time.
         # Drives cannot follow oscillations that are faster than this time.
-        is_slow = commanded_range * self._duration >= 0.5 * SETTLING_TIME * self._path
+        is_slow = commanded_range * duration >= 0.5 * SETTLING_TIME * path
         is_far = commanded_range >= MIN_SPEED * FAILURE_TIME
-        is_long = self._duration >= self.failure_time - SETTLING_TIME
-        is_new = is_slow & is_far & is_long & np.isnan(self._required_at)
-        self._required[is_new], self._required_at[is_new] = commanded_range[is_new], time
+        is_long = duration >= self.failure_time - SETTLING_TIME
+        is_new = is_slow & is_far & is_long & np.isnan(self.required_at)
+        required = np.where(is_new, commanded_range, self.required)
+        required_at = np.where(is_new, time, self.required_at)
         # Failed rollers, and those that evidently work; the comparison restarts for both.
-        is_settled = time - self._required_at >= SETTLING_TIME
-        is_due = is_settled & (self._duration >= self.failure_time)
-        is_stuck = is_due & (measured_range < MIN_SHARE * self._required)
-        self.failed |= {self._names[i] for i in np.flatnonzero(is_stuck)}
+        is_settled = time - required_at >= SETTLING_TIME
+        is_due = is_settled & (duration >= self.failure_time)
+        is_stuck = is_due & (measured_range < MIN_SHARE * required)
+        failed = self.failed | {self.names[i] for i in np.flatnonzero(is_stuck)}
         follows = measured_range >= MIN_SHARE * commanded_range
-        self._restart(is_due | (follows & (commanded_range >= EVIDENT_TRAVEL)), travel)
+        compared = commanded, duration, path, required, required_at, minimum, maximum
+        detector = FailureDetector(self.names, self.failure_time, failed, time, *compared)
+        is_ended = is_due | (follows & (commanded_range >= EVIDENT_TRAVEL))
+        return detector._restarted(is_ended, travel) if is_ended.any() else detector
 
-    def _restart(self, rollers: Flags | slice, travel: Array) -> None:
-        """Restart the comparison of some rollers at commanded and measured travel (2, r) [m]."""
-        self._duration[rollers] = self._path[rollers] = 0.0
-        self._required_at[rollers] = np.nan
-        self._minimum[:, rollers] = self._maximum[:, rollers] = travel[:, rollers]
+    def _restarted(self, rollers: Flags, travel: Array) -> FailureDetector:
+        """Return the detector with some comparisons restarted at a travel (2, r) [m]."""
+        return replace(
+            self,
+            duration=np.where(rollers, 0.0, self.duration),
+            path=np.where(rollers, 0.0, self.path),
+            required_at=np.where(rollers, np.nan, self.required_at),
+            minimum=np.where(rollers, travel, self.minimum),
+            maximum=np.where(rollers, travel, self.maximum),
+        )

@@ -40,17 +40,17 @@ class UsageLimits:
     rates: Array
 
     @classmethod
-    def of(cls, grasp: HeldGrip) -> UsageLimits:
+    def of(cls, held: HeldGrip) -> UsageLimits:
         """Return the limits at an equilibrium, with gradients of zero."""
-        utilisations = grasp.sections.used
-        member = grasp.config.robot.member_names[int(utilisations.argmax())]
-        rates = np.zeros((2, len(grasp.config.roller_positions)))
+        utilisations = held.sections.used
+        member = held.config.robot.member_names[int(utilisations.argmax())]
+        rates = np.zeros((2, len(held.config.roller_positions)))
         # At twice the wrinkling moment a tube folds.
         return cls(min(float(utilisations.max()), 2.0), f'member {member}', rates)
 
-    def learned(self, grasp: HeldGrip, margin: float, travel: Array) -> UsageLimits:
+    def learned(self, held: HeldGrip, margin: float, travel: Array) -> UsageLimits:
         """Return the limits at an equilibrium after a change `margin` [N] by travel (r,) [m]."""
-        learned = UsageLimits.of(grasp)
+        learned = UsageLimits.of(held)
         increases = np.array([learned.used - self.used, -margin])
         step = travel / float(travel @ travel + LMS_REGULARIZATION**2)
         rates = self.rates + np.outer(increases - self.rates @ travel, step)

@@ -12,7 +12,6 @@ from isotruss_ros.core import IsotrussError, reachable_twists, Robot, TwistServo
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.model.topology import check_names
-from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
 
@@ -30,8 +29,8 @@ class FailedRollers:
     def __init__(self, node: ManagedNode, changed: Callable[[], None]) -> None:
         self._changed = changed
         self.named: frozenset[str] = frozenset()
-        #: Failure detector of the last servo; None before the first servo.
-        self._detector: FailureDetector | None = None
+        #: Last servo, which detects failures; None before the first one.
+        self._servo: TwistServo | None = None
         #: Reason why the rollers that the topic names are unknown; None if they are known.
         self._unknown: str | None = None
         SparseMessages(
@@ -49,11 +48,11 @@ class FailedRollers:
             return str(error)
         return None
 
-    def follow(self, detector: FailureDetector, robot: Robot) -> None:
-        """Copy detected failures from the previous servo's detector to the new one's."""
-        if self._detector is not None:
-            detector.failed = self._detector.failed & frozenset(robot.roller_names)
-        self._detector = detector
+    def follow(self, servo: TwistServo) -> None:
+        """Copy detected failures from the previous servo to the new one."""
+        if self._servo is not None:
+            servo.take_failures(self._servo)
+        self._servo = servo
 
     def _receive(self, messages: list[DiagnosticArray]) -> None:
         works = (DiagnosticStatus.OK, DiagnosticStatus.WARN)
@@ -70,11 +69,11 @@ class FailedRollers:
 
     def _reset(self) -> str:
         """Regard the rollers with detected failures as working again."""
-        if self._detector is None or not self._detector.failed:
+        failed = frozenset() if self._servo is None else self._servo.memory.detector.failed
+        if not failed:
             return 'no roller was detected to have failed'
-        said = f'reset: {", ".join(sorted(self._detector.failed))}'
-        self._detector.reset()
-        return said
+        self._servo.reset_failures()
+        return f'reset: {", ".join(sorted(failed))}'
 
 
 def describe_reachable_twists(servo: TwistServo) -> str:

@@ -150,7 +150,7 @@ class Manipulation(ManagedNode):
         others = self._commands.find_others()
         if others is not None:
             # The rollers do not follow this node in that case.
-            self._servo.detector.reset(())
+            self._servo.reset_failures(())
             return Status.HALT_OTHER_COMMANDS, others
         fault = self._failed_rollers.find_fault(self.robot)
         return None if fault is None else (Status.HALT_INVALID_FAILED_ROLLERS, fault)
@@ -172,7 +172,7 @@ class Manipulation(ManagedNode):
         if squeeze is None or squeeze.fault is None:
             return 'the grip has no fault'
         fault = squeeze.fault
-        squeeze.acknowledge()
+        self._servo.acknowledge()
         return f'resumed after {fault}'
 
     def _discard_twist(self) -> None:
@@ -215,7 +215,7 @@ class Manipulation(ManagedNode):
         """Use new parameter values from the next cycle on."""
         settings, before = self._make_settings(), self._servo.settings.joint
         self._servo.apply(settings)
-        self._failed_rollers.follow(self._servo.detector, self.robot)
+        self._failed_rollers.follow(self._servo)
         if settings.joint != before:
             self._trajectory.abort('the parameter mode was changed')
             if self.active:

@@ -175,7 +175,7 @@ class StatusReport:
             self._told = now
             record = None
             if belief is not None:
-                record = GripRecord.of(belief.grasp, belief.estimate, belief.is_assumed)
+                record = GripRecord.of(belief.held, belief.estimate, belief.is_assumed)
             self._grips.publish(to_grip_message(record, self._robot, now))
         command, cycle = decision.command, self._node.cycle
         slowness = '' if cycle is None else cycle.slowness

@@ -16,7 +16,8 @@ from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 import pytest
 
@@ -154,7 +155,7 @@ def test_the_slip_margin_is_that_of_contacts_before_they_slid():
     measured = np.add(MODEL.pose, (2e-3, -1e-3, 0.01))
     belief = GripBelief.of(MODEL, GRIP.moved_to(measured), EstimatorSettings())
     margin = MODEL.slip_margin(GRIP.friction)
-    assert abs(belief.grasp.slip_margin(GRIP.friction) - margin) > 0.005 * margin
+    assert abs(belief.held.slip_margin(GRIP.friction) - margin) > 0.005 * margin
     assert belief.slip_margin == pytest.approx(margin, rel=1e-6)
 
 
@@ -209,12 +210,13 @@ def test_a_box_tilted_off_its_face_has_the_squeeze_of_its_contacts(shifts):
 def test_a_drift_at_rest_is_a_slip_if_load_and_model_error_do_not_explain_it(
     direction, least, most
 ):
-    control = SqueezeControl(SqueezeSettings(0.0, **MASSLESS | {'load': 0.5}))
-    control.follow(CONFIG, GRIP.moved_to(MODEL.pose), 0.0)
+    settings, control = SqueezeSettings(0.0, **MASSLESS | {'load': 0.5}), SqueezeControl()
+    control, _ = control.followed(settings, CONFIG, GRIP.moved_to(MODEL.pose), 0.0)
     away = np.array(direction) / ARM
     for k in range(120):
         moved = max(0.02 * k - 0.4, 0.0) * 0.01
-        control.follow(CONFIG, GRIP.moved_to(Pose(*MODEL.pose + moved * away)), 0.02)
+        displaced = GRIP.moved_to(Pose(*MODEL.pose + moved * away))
+        control, _ = control.followed(settings, CONFIG, displaced, 0.02)
         if control.fault is not None:
             break
     assert control.fault is Status.HALT_SLIPPED

@@ -33,13 +33,33 @@ class Rollers:
         return self.positions + self._noise * self._rng.standard_normal(len(NAMES))
 
 
-def run(detector, rollers, commands, start=100.0):
+class Watched:
+    """Detector of the failures of four rollers."""
+
+    def __init__(self, **options):
+        self.detector = FailureDetector.of(NAMES, **options)
+
+    @property
+    def failed(self):
+        """Return the failed rollers."""
+        return self.detector.failed
+
+    def update(self, *sample):
+        """Compare a sample."""
+        self.detector = self.detector.updated(*sample)
+
+    def reset(self, names=None):
+        """Regard rollers as working again."""
+        self.detector = self.detector.reset(names)
+
+
+def run(watched, rollers, commands, start=100.0):
     """Feed a detector; return the time from the start at which each roller was detected [s]."""
     detected = {}
     for k, command in enumerate(commands):
         measured = rollers.move(np.asarray(command))
-        detector.update(measured, start + k / RATE, np.asarray(command))
-        for name in detector.failed - set(detected):
+        watched.update(measured, start + k / RATE, np.asarray(command))
+        for name in watched.failed - set(detected):
             detected[name] = k / RATE
     return detected
 
@@ -48,16 +68,12 @@ def steady(speeds, duration):
     return [np.asarray(speeds)] * round(duration * RATE)
 
 
-def detector(**options):
-    return FailureDetector(NAMES, **options)
-
-
 @pytest.mark.parametrize('speed', [0.1, -0.1, 0.03])
 @pytest.mark.parametrize('time', [0.5, 1.0, 3.0])
 def test_a_stuck_roller_is_detected_after_its_failure_time(speed, time):
     rollers = Rollers()
     rollers.works[1] = 0.0
-    detected = run(detector(failure_time=time), rollers, steady([speed] * 4, 5.0))
+    detected = run(Watched(failure_time=time), rollers, steady([speed] * 4, 5.0))
     assert set(detected) == {'b'}
     assert time <= detected['b'] <= time + 0.02
 
@@ -73,7 +89,7 @@ def test_oscillating_commands_detect_stuck_rollers_alone(rng, frequency):
     times = np.arange(8 * RATE)[:, None] / RATE
     phase = rng.uniform(0.0, 2.0 * np.pi, 4)
     commands = size * np.sin(2.0 * np.pi * frequency * times + phase)
-    detected = run(detector(), rollers, commands)
+    detected = run(Watched(), rollers, commands)
     assert set(detected) == {name for name, is_stuck in zip(NAMES, stuck, strict=True) if is_stuck}
     # Speeds below 2 mm/s at the turns do not count.
     assert max(detected.values(), default=0.0) < 1.6
@@ -103,21 +119,21 @@ def test_rollers_that_follow_are_never_flagged(rng, kind):
         commands = 0.1 * np.clip(
             np.cumsum(rng.standard_normal((len(times), 4)), axis=0) / 20, -1, 1
         )
-    assert run(detector(), rollers, commands) == {}
+    assert run(Watched(), rollers, commands) == {}
 
 
 def test_a_roller_that_is_not_commanded_is_never_flagged():
     rollers = Rollers()
     rollers.works[:] = 0.0
-    assert run(detector(), rollers, steady([0.0] * 4, 5.0)) == {}
-    assert run(detector(), rollers, steady([0.0015] * 4, 20.0)) == {}
+    assert run(Watched(), rollers, steady([0.0] * 4, 5.0)) == {}
+    assert run(Watched(), rollers, steady([0.0015] * 4, 20.0)) == {}
     trembling = [[0.1 * (-1.0) ** k] * 4 for k in range(1000)]
-    assert run(detector(), rollers, trembling) == {}
-    assert set(run(detector(), rollers, steady([0.1, 0.0, 0.0, 0.0], 5.0))) == {'a'}
+    assert run(Watched(), rollers, trembling) == {}
+    assert set(run(Watched(), rollers, steady([0.1, 0.0, 0.0, 0.0], 5.0))) == {'a'}
 
 
 def test_pauses_do_not_hide_a_stuck_roller():
-    rollers, watched = Rollers(), detector()
+    rollers, watched = Rollers(), Watched()
     rollers.works[0] = 0.0
     bursts = (steady([0.05, 0, 0, 0], 0.2) + steady([0.0] * 4, 0.5)) * 10
     detected = run(watched, rollers, bursts)
@@ -126,7 +142,7 @@ def test_pauses_do_not_hide_a_stuck_roller():
 
 
 def test_a_failed_roller_works_again_only_after_a_reset():
-    rollers, watched = Rollers(), detector()
+    rollers, watched = Rollers(), Watched()
     rollers.works[:2] = 0.0
     run(watched, rollers, steady([0.05] * 4, 2.0))
     assert watched.failed == {'a', 'b'}
@@ -150,7 +166,7 @@ def test_a_failed_roller_works_again_only_after_a_reset():
     ('first', 'step'), [(100.0, 1.5), (1000.0, -0.01), (100.0, 0.0)], ids=['gaps', 'back', 'equal']
 )
 def test_samples_far_apart_or_out_of_order_flag_no_roller(first, step):
-    rollers, watched, command = Rollers(), detector(), np.full(4, 0.1)
+    rollers, watched, command = Rollers(), Watched(), np.full(4, 0.1)
     rollers.works[:] = 0.0
     for k in range(1000):
         watched.update(rollers.move(command), first + step * k, command)
@@ -162,13 +178,13 @@ def test_samples_far_apart_or_out_of_order_flag_no_roller(first, step):
 def test_a_slow_roller_is_detected_a_settling_time_after_2_mm(speed):
     rollers = Rollers()
     rollers.works[1] = 0.0
-    times = run(detector(), rollers, steady([speed] * 4, 3.0))
+    times = run(Watched(), rollers, steady([speed] * 4, 3.0))
     assert times == {'b': pytest.approx(0.002 / speed + 0.2, abs=0.012)}
 
 
 @pytest.mark.parametrize('works', [0.05, 0.55, 0.75, 0.95, 3.0])
 def test_a_roller_that_fails_in_motion_is_detected_within_its_failure_time_and_20_mm(works):
-    rollers, watched = Rollers(), detector()
+    rollers, watched = Rollers(), Watched()
     assert run(watched, rollers, steady([0.1] * 4, works)) == {}
     rollers.works[0] = 0.0
     times = run(watched, rollers, steady([0.1] * 4, 3.0), start=100.0 + works)
@@ -176,7 +192,7 @@ def test_a_roller_that_fails_in_motion_is_detected_within_its_failure_time_and_2
 
 
 def test_time_without_a_command_does_not_count():
-    rollers, watched = Rollers(), detector()
+    rollers, watched = Rollers(), Watched()
     rollers.works[1] = 0.0
     assert run(watched, rollers, steady([0.1] * 4, 0.9) + steady([0.0] * 4, 0.5)) == {}
     assert set(run(watched, rollers, steady([0.1] * 4, 0.2), start=101.4)) == {'b'}

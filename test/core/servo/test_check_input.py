@@ -11,8 +11,8 @@ from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, Estimat
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.check_input import check_input
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
-from isotruss_ros.core.servo.servo_state import check_input
 import numpy as np
 import pytest
 

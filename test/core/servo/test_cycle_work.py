@@ -11,7 +11,7 @@ from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.work_limit import count_work, limited_work, WorkLimitError
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
-from isotruss_ros.core.servo.twist_servo import MAX_CYCLE_WORK
+from isotruss_ros.core.servo.servo_step import MAX_CYCLE_WORK
 import numpy as np
 import pytest
 
@@ -68,11 +68,11 @@ def test_other_pressures_of_a_moving_grip_stay_within_the_work_of_a_cycle():
     loop = Loop()
     while loop.belief is None:
         loop.cycle()
-    pressures = np.array(loop.belief.grasp.pressures)
+    pressures = np.array(loop.belief.held.pressures)
     for factor in (1.05, 1.1, 1.15):
         for _ in range(10):
             assert loop.cycle(tuple(factor * pressures)).command.roller_velocities.any()
-        assert loop.belief.grasp.pressures == pytest.approx(factor * pressures)
+        assert loop.belief.held.pressures == pytest.approx(factor * pressures)
     assert max(loop.work) <= MAX_CYCLE_WORK
 
 

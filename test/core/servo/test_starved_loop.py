@@ -109,4 +109,4 @@ def test_a_loop_starved_of_processor_time_states_no_fault_of_the_grip(
 ):
     servo, messages = starve(held, twist, duration, mean, noise)
     assert messages == {''}
-    assert servo.squeeze.softening == 1.0
+    assert servo.squeeze.faults.softening == 1.0

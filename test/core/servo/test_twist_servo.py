@@ -266,7 +266,7 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
     moved = (np.subtract(robot.object_pose, before))[:2] / 0.1
     assert moved == pytest.approx(decision.command.achieved_twist[:2], abs=2e-4)
     # It stays failed until somebody says otherwise.
-    made.detector.reset([name])
+    made.reset_failures([name])
     assert made.failed == set()
 
 

@@ -1,0 +1,86 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a servo remembers from cycle to cycle, and what is the same in all cycles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+import math
+from typing import NamedTuple
+
+from isotruss_ros.core.inputs import CommandHistory, Timeline
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.limits import default_limits, Limit
+from isotruss_ros.core.safety.roller_failure import FailureDetector
+from isotruss_ros.core.safety.shape_guard import ShapeGuard
+from isotruss_ros.core.servo.repeated_pose import RepeatedPose
+from isotruss_ros.core.servo.servo_settings import ServoSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
+
+
+class ServoSetup(NamedTuple):
+    """What is the same in all cycles until the settings change."""
+
+    robot: Robot  #: the robot
+    settings: ServoSettings  #: settings of the servo
+    limits: tuple[Limit, ...]  #: limits of the robot file and of the user
+    guard: ShapeGuard | None  #: barriers; None without bounds
+
+    @classmethod
+    def of(cls, robot: Robot, settings: ServoSettings) -> ServoSetup:
+        """Return the setup of a robot with settings."""
+        limits = (*default_limits(robot), *settings.limits)
+        bounds, barriers = settings.bounds, settings.barriers
+        guard = None if bounds is None else ShapeGuard(robot, bounds, barriers)
+        return cls(robot, settings, limits, guard)
+
+
+@dataclass(frozen=True, eq=False)
+class ServoMemory:
+    """
+    What the servo remembers from cycle to cycle; no part of it is written into.
+
+    :ivar config: configuration at the last measured roller travel.
+    :ivar history: commands sent.
+    :ivar detector: detector of failed rollers.
+    :ivar detected_at: time of the roller state that it compared last [s].
+    :ivar repeated_pose: time and motion since the measured pose changed.
+    :ivar poses: last pose up to the time of the rollers, and the later ones.
+    :ivar squeeze: squeeze control with the tracked grip; None if the opening angle is constant.
+    :ivar followed_at: time of the last cycle that followed the grip [s]; None before the first.
+    """
+
+    config: Configuration
+    history: CommandHistory
+    detector: FailureDetector
+    detected_at: float = math.nan
+    repeated_pose: RepeatedPose = field(default_factory=RepeatedPose)
+    poses: Timeline = field(default_factory=Timeline)
+    squeeze: SqueezeControl | None = None
+    followed_at: float | None = None
+
+    @classmethod
+    def of(cls, robot: Robot, settings: ServoSettings) -> ServoMemory:
+        """Return the memory before the first cycle."""
+        detector = FailureDetector.of(robot.roller_names, settings.failure_time)
+        squeeze = None if settings.squeeze is None else SqueezeControl()
+        history = CommandHistory(len(robot.roller_names))
+        return cls(robot.home, history, detector, squeeze=squeeze)
+
+    def adapted(self, settings: ServoSettings, is_new_motion: bool) -> ServoMemory:
+        """
+        Return the memory for new settings; the squeeze control goes on unless it has a fault.
+
+        :param is_new_motion: whether twists move another joint or object than before.
+        """
+        squeeze = self.squeeze
+        if squeeze is not None and is_new_motion:
+            squeeze = squeeze.acknowledged()
+        if settings.squeeze is None:
+            squeeze = None
+        elif squeeze is None or squeeze.fault is not None:
+            squeeze = SqueezeControl()
+        detector = replace(self.detector, failure_time=settings.failure_time)
+        return replace(self, detector=detector, squeeze=squeeze)
