@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
 from isotruss_ros.core.estimation.grip_belief import GripBelief, Readings
 from isotruss_ros.core.estimation.grip_model import Pressures
-from isotruss_ros.core.holding.held_grip import HoldStatus
+from isotruss_ros.core.holding.grip_record import GripEstimate
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.inputs import StampedInput, steady_pressures, UsedReadings
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array
@@ -76,6 +78,37 @@ class GripTracker:
         if hold is not HoldStatus.HELD:
             return replace(self, belief=None, lost=hold), hold
         return replace(self, belief=belief), hold
+
+    @property
+    def held(self) -> HeldGrip:
+        """Return the equilibrium in the current configuration."""
+        return self.belief.held
+
+    @property
+    def estimate(self) -> GripEstimate:
+        """Return the estimates of pose, squeeze and delay."""
+        return self.belief.estimate
+
+    def rolled(self, travel: Array, elapsed: float, pressures: Pressures) -> GripTracker:
+        """Return the tracker at measured travel (r,) [m]; it has no belief of a lost object."""
+        tracker = self.with_pressures(pressures)
+        if self.belief is None or elapsed == 0.0:
+            return tracker
+        try:
+            return tracker.followed(self.held.config.moved_to(travel), elapsed)[0]
+        except (ConfigurationError, GraspError, StructureError):
+            return tracker.discarded()
+
+    def linearised(self) -> GripTracker:
+        """Return the tracker, which has the derivatives at its equilibrium."""
+        return self
+
+    def corrected(self, correction: Array, covariance: Array) -> GripTracker:
+        """Return the tracker after a correction (r,) of the roller offsets [m]."""
+        if self.belief is None:
+            return self
+        belief = self.belief.with_zeros_corrected(correction)
+        return replace(self, belief=belief.with_offset_covariance(covariance))
 
     def observed(self, pose: StampedInput, age: float) -> tuple[GripTracker, bool]:
         """Return the tracker after a measured pose of an age [s], and whether the pose is new."""

@@ -20,10 +20,12 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureEr
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.grip_model import attach_model, Pressures, SHIFTS
+from isotruss_ros.core.estimation.grip_tracker import GripTracker
 from isotruss_ros.core.estimation.offset_filter import Markers, OffsetFilter
+from isotruss_ros.core.estimation.received_grip import ReceivedGrip
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.inputs import HISTORY_DURATION, steady_pressures, Timeline, UsedReadings
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
@@ -39,7 +41,7 @@ from numpy.typing import ArrayLike
 
 
 class StateEstimator:
-    """Estimator of roller offsets, pose and squeeze; its belief is None without an object."""
+    """Estimator of roller offsets, and of pose and squeeze of a held object."""
 
     @check_kinds
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
@@ -47,9 +49,8 @@ class StateEstimator:
         self.grip: Grip | None = None
         self._robot, self._tracker = robot, ConfigurationTracker(robot.home)
         self._filter = OffsetFilter(robot, self.settings)
-        self.belief: GripBelief | None = None
-        self._record: GripRecord | None = None  # last grip of the control loop
-        self._held: HeldGrip | None = None  # its equilibrium
+        #: The tracked grip, or that which a control loop tracks and has sent.
+        self._grip: GripTracker | ReceivedGrip = GripTracker()
         self._readings, self._measured = Timeline(), UsedReadings()
         self._pressures: Pressures = None
         self._roll_time = 0.0  # time of the readings to which the grip was rolled [s]
@@ -58,7 +59,7 @@ class StateEstimator:
     def set_grip(self, grip: Grip) -> None:
         """Set the grip that may hold an object, with the object at any pose."""
         find_members(self._robot.topology, grip.members)
-        self.grip, self.belief, self._record = grip, None, None
+        self.grip, self._grip = grip, GripTracker()
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """Advance to encoder readings (r,), travel minus offset [m]; skip older readings."""
@@ -86,18 +87,20 @@ class StateEstimator:
             used.
         :raises GraspError: the object has no such corners, or the tubes are of another structure.
         """
-        previous, self._record = self._record, record
-        if record is previous or self.grip is None:
+        received = self._grip if isinstance(self._grip, ReceivedGrip) else None
+        if self.grip is None or record is (received and received.record):
             return
         if record is None:
-            self.belief = None
+            self._grip = GripTracker()
             return
         config = self._tracker.configuration(record.travel)
-        held = self._held = record.restore(config, self.grip.body)
+        if received is None:
+            covariance = self._filter.offset_covariance
+            model = self.grip, self.settings, covariance
+            self._grip = ReceivedGrip.of(record, config, *model)
+        else:
+            self._grip = received.updated(record, config)
         self._used_offsets = self._filter.offsets
-        if previous is None:  # this belief is for derivatives only
-            grip, covariance = self.grip.moved_to(held.pose), self._filter.offset_covariance
-            self.belief = GripBelief.of(held, grip, self.settings, covariance, is_assumed=True)
 
     @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
@@ -111,19 +114,21 @@ class StateEstimator:
         what = "the object's pose (x, y, angle) [m, rad]"
         pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE).tolist())
         deviations = _positive(deviations, 3, 'deviations of the pose [m, rad]')
-        if self.grip is None or self._record is not None or not self._in_time(time):
+        if self.grip is None or isinstance(self._grip, ReceivedGrip) or not self._in_time(time):
             return False
         self._measured, is_new = self._measured.use('pose', time, pose)
         if not is_new:
             return False
         self._roll()
-        if self.belief is not None:
-            self.belief = self.belief.observed(pose, self._roll_time - time)
-            if self.belief.state.jump <= JUMP_LENGTH and not self.belief.slipped:
+        if (belief := self._grip.belief) is not None:
+            belief = belief.observed(pose, self._roll_time - time)
+            self._grip = replace(self._grip, belief=belief)
+            if belief.state.jump <= JUMP_LENGTH and not belief.slipped:
                 return True
         # Without a belief, and after a jump or slip, a belief starts at the measured pose.
-        self.belief = self._start_belief(self.grip.moved_to(pose), deviations)
-        return self.belief is not None
+        belief = self._start_belief(self.grip.moved_to(pose), deviations)
+        self._grip = replace(self._grip, belief=belief)
+        return belief is not None
 
     def _start_belief(self, grip: Grip, deviations: Array) -> GripBelief | None:
         """Return the belief that starts at a measured grip; None if the object is not held."""
@@ -163,18 +168,15 @@ class StateEstimator:
         if not markers:
             return False
         self._roll()
-        belief, offset_filter = self.belief, self._filter
-        if self._record is not None and belief is not None:
-            self.belief = belief = belief.taken(self._held)  # for its derivatives
+        self._grip, offset_filter = self._grip.linearised(), self._filter
         readings = self._readings.at(time)
         reach = np.ptp(self._readings.values, axis=0)
         model = partial(self._place_joints, readings)
         offsets_before = offset_filter.offsets
         if not offset_filter.take_markers(time, markers, deviation, readings, reach, model):
             return False
-        if belief is not None:  # the belief of the grip depends on the offsets
-            belief = belief.with_zeros_corrected(offset_filter.offsets - offsets_before)
-            self.belief = belief.with_offset_covariance(offset_filter.offset_covariance)
+        correction = offset_filter.offsets - offsets_before
+        self._grip = self._grip.corrected(correction, offset_filter.offset_covariance)
         return True
 
     @single_threaded
@@ -185,7 +187,7 @@ class StateEstimator:
         # Offsets and joint positions, whose covariance is B C B^T plus that of joint errors.
         self._roll()
         time, readings = self._readings.last
-        offset_filter, belief = self._filter, self.belief
+        offset_filter, belief = self._filter, self._grip.belief
         offsets, covariance = offset_filter.offsets.copy(), offset_filter.offset_covariance
         positions, rates = self._place_joints(readings, offsets)
         by_offsets = rates @ covariance @ rates.T
@@ -202,7 +204,7 @@ class StateEstimator:
         if belief is None:
             return estimate
         # Pose and squeeze, with the errors of the model.
-        grip = belief.estimate if self._record is None else self._record.estimate
+        grip = self._grip.estimate
         model_errors = self.settings.pose_error / belief.scale
         pose_covariance = grip.pose_covariance + np.diag(model_errors**2)
         # If errors that are not in the model move the joints, the squeeze is unknown. The weight
@@ -214,29 +216,23 @@ class StateEstimator:
 
     def _roll(self) -> None:
         """Roll the held object to the last encoder reading; discard the belief if it is lost."""
-        (time, readings), belief = self._readings.last, self.belief
+        (time, readings), offsets = self._readings.last, self._filter.offsets
         elapsed, self._roll_time = time - self._roll_time, time
-        if belief is None or elapsed == 0.0 or self._record is not None:
-            return
-        self._used_offsets = self._filter.offsets
-        travel = readings + self._used_offsets
-        try:
-            config = belief.held.config.moved_to(travel)
-            belief, hold = belief.followed(config, elapsed, self._pressures)
-            self.belief = belief if hold is HoldStatus.HELD else None
-        except (ConfigurationError, GraspError, StructureError):
-            self.belief = None
+        grip = self._grip.rolled(readings + offsets, elapsed, self._pressures)
+        if grip.belief is not self._grip.belief:
+            self._used_offsets = offsets
+        self._grip = grip
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
         """Return the joint positions (2j,) [m], and their Jacobian by the roller offsets."""
-        count, belief = 2 * len(self._robot.topology.joint_names), self.belief
+        count, belief = 2 * len(self._robot.topology.joint_names), self._grip.belief
         config = self._tracker.configuration(readings + offsets)
         positions, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
         if belief is None:
             return positions, rates
         # Displacement of the joints by the contact forces. Its derivatives by the offsets are
         # those of the loaded joints minus those of the unloaded ones.
-        held = belief.held if self._record is None else self._held
+        held = self._grip.held
         displacement = held_joints(held).ravel() - held.config.nodes.ravel()[:count]
         at_rest = belief.cache.by_offsets
         by_shifts = at_rest.joints_by_shifts @ belief.state.sensitivity[SHIFTS:]
