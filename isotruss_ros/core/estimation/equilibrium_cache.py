@@ -6,9 +6,8 @@ Last equilibrium of the held object, with the changes of pose and squeeze since 
 
 - `predicted` is the change by roller travel according to (19), because computing an equilibrium in
   each cycle would take too long.
-- `neglected` is the error of (19) in the last motion, which `predicted` extrapolates, because the
-  bending that (19) neglects is a tenth of the motion.
-- `drift` is the rate of `neglected`, because commands that follow from (19) must compensate it.
+- `drift` is the rate of the error of (19) in the last motion, because commands that follow from
+  (19) must compensate it: the bending that (19) neglects is a tenth of the motion.
 - `outputs` contain the linear change by corrections of the contacts, because an estimate must
   contain a measured pose at once, and the next equilibrium follows up to 20 ms later.
 """
@@ -18,7 +17,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from isotruss_ros.core.estimation.contact_walk import MODEL_ERROR
 from isotruss_ros.core.estimation.grip_model import (
     OffsetRates,
     output_scale,
@@ -29,7 +27,7 @@ from isotruss_ros.core.estimation.grip_model import (
 )
 from isotruss_ros.core.holding.contact_search import measure_gaps
 from isotruss_ros.core.holding.grip_response import slip_planes
-from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_EXTRAPOLATION
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import Grip
@@ -59,8 +57,6 @@ class EquilibriumCache:
     :ivar zero_corrections: (r,) corrections of the roller offsets since the equilibrium [m].
     :ivar corrections_since_search: (r,) the same since the last search for contacts [m].
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
-    :ivar last_travel: (r,) roller travel to the equilibrium from the one before [m].
-    :ivar neglected: (4,) changes of the outputs that (19) neglected in that motion.
     :ivar drift: error of (19) in the last motion, per time (4,) [m/s, m/s, rad/s, N/s].
     """
 
@@ -79,8 +75,6 @@ class EquilibriumCache:
     zero_corrections: Array
     corrections_since_search: Array
     usage: UsageLimits
-    last_travel: Array
-    neglected: Array
     drift: Array
 
     @classmethod
@@ -103,21 +97,15 @@ class EquilibriumCache:
             by_offsets = OffsetRates.of(held)
         return replace(self, by_offsets=by_offsets, **_at_equilibrium(held, self.friction))
 
-    def predict(self, config: Configuration) -> tuple[EquilibriumCache, Array, bool]:
+    def predict(self, config: Configuration) -> tuple[EquilibriumCache, Array]:
         """
         Predict the change of pose and squeeze by roller travel since the equilibrium.
 
-        :return: the equilibrium with the prediction, the travel (r,) [m], and whether it is short
-            enough for the extrapolation of the motion that `travel_rates` neglect.
+        :return: the equilibrium with the prediction, and the travel (r,) [m].
         """
         start = self.held.config.roller_positions + self.zero_corrections
         travel = config.roller_positions - start
-        # The motion that `travel_rates` neglect is assumed to be proportional to the travel.
-        last_travel = self.last_travel
-        ratio = float(travel @ last_travel) / max(float(last_travel @ last_travel), MODEL_ERROR**2)
-        bounded_ratio = max(-MAX_EXTRAPOLATION, min(ratio, MAX_EXTRAPOLATION))
-        predicted = self.travel_rates @ travel + bounded_ratio * self.neglected
-        return replace(self, predicted=predicted), travel, bounded_ratio == ratio
+        return replace(self, predicted=self.travel_rates @ travel), travel
 
     def roll(
         self, config: Configuration, pressures: Pressures, shifts: Array | float = 0.0
@@ -170,8 +158,6 @@ class EquilibriumCache:
         margin_change = held.slip_margin(self.friction) - self.margin()
         return replace(
             self,
-            last_travel=travel,
-            neglected=neglected,
             drift=neglected / elapsed,
             usage=self.usage.learned(held, margin_change, travel),
         )
@@ -203,7 +189,5 @@ def _at_rest(held: HeldGrip) -> dict[str, Any]:
     """Return the fields that follow from the last motion, without a motion."""
     return {
         'usage': UsageLimits.of(held),
-        'last_travel': np.zeros(len(held.config.roller_positions)),
-        'neglected': np.zeros(4),
         'drift': np.zeros(4),
     }

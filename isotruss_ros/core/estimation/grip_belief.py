@@ -47,7 +47,7 @@ from isotruss_ros.core.numerics.work_limit import WorkLimitError
 import numpy as np
 
 #: Smallest time between two equilibria [s]. In cycles between them, (19) predicts pose and
-#: squeeze, and the error of this prediction in the last motion is extrapolated.
+#: squeeze.
 EQUILIBRIUM_PERIOD = 0.02
 #: Measured roller positions (r,) [m], and their age [s].
 Readings = tuple[Array, float] | None
@@ -242,7 +242,7 @@ class GripBelief:
 
         # Prediction from the last equilibrium, to first order.
         has_corrections = self.cache.zero_corrections.any()
-        cache, travel, is_predictable = self.cache.predict(config)
+        cache, travel = self.cache.predict(config)
         belief = replace(self, lag=lag, cache=cache)
         predicted_motion = cache.predicted[:3]
         measured, age = rollers or (config.roller_positions, 0.0)
@@ -252,7 +252,7 @@ class GripBelief:
         hold = HoldStatus.HELD
         if self.search_due is not None:
             belief, hold = belief._searched(config, pressures)
-        elif not (is_early and is_predictable and not has_corrections):
+        elif not is_early or has_corrections:
             rolled, search_due = belief._roll(config, pressures)
             belief = replace(belief, search_due=search_due)
         if rolled is None:

@@ -137,20 +137,6 @@ def test_a_constant_offset_of_the_pose_is_no_squeeze():
     assert after.pose == pytest.approx(np.add(carry.poses[-1], offset), abs=5e-4)
 
 
-def test_pose_and_squeeze_between_equilibria_are_extrapolated_from_the_last_motion():
-    estimator, grasp, poses, squeezes = start(), MODEL, [], []
-    for k in range(1, 41):
-        travel = np.sin(2.0 * np.pi * 0.005 * k) * 2.0 * SPEED
-        grasp = roll_grip(grasp, CONFIG.moved_to(CONFIG.roller_positions + travel))
-        estimator.take_encoders(0.005 * k, grasp.config.roller_positions)
-        found = estimator.estimate()
-        poses.append(ARM * (found.pose - grasp.pose))
-        squeezes.append(found.squeeze / grasp.squeeze - 1.0)
-    # Before the second equilibrium there is no motion to extrapolate.
-    assert np.abs(poses[8:]).max() < 2e-5
-    assert np.abs(squeezes[8:]).max() < 2e-3
-
-
 def test_the_slip_margin_is_that_of_contacts_before_they_slid():
     measured = np.add(MODEL.pose, (2e-3, -1e-3, 0.01))
     belief = GripBelief.of(MODEL, GRIP.moved_to(measured), EstimatorSettings())
