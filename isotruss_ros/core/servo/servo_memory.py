@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a servo remembers from cycle to cycle, and what is the same in all cycles."""
+"""Memory of a servo from cycle to cycle, and setup of all cycles."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 
 
 class ServoSetup(NamedTuple):
-    """What is the same in all cycles until the settings change."""
+    """Setup of all cycles until the settings change."""
 
     robot: Robot  #: the robot
     settings: ServoSettings  #: settings of the servo
@@ -40,7 +40,7 @@ class ServoSetup(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ServoMemory:
     """
-    What the servo remembers from cycle to cycle; no part of it is written into.
+    Memory of the servo from cycle to cycle; no part of it is written into.
 
     :ivar config: configuration at the last measured roller travel.
     :ivar history: commands sent.

@@ -188,7 +188,7 @@ class SqueezeControl:
         missing: Array | float = 0.0,
     ) -> SqueezeControl:
         """
-        Return it with the desired pose in motion by the executed part of the twist.
+        Return the control with the desired pose in motion by the executed part of the twist.
 
         :param command: command that contains a correction (3,) of the pose.
         :param missing: twist that limits have removed from the command.
