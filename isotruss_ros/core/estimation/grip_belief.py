@@ -49,6 +49,9 @@ import numpy as np
 #: Smallest time between two equilibria [s]. In cycles between them, (19) predicts pose and
 #: squeeze.
 EQUILIBRIUM_PERIOD = 0.02
+#: `MAX_DEVIATIONS` of slip after an assumed start [-]. In many assumed starts nothing is gripped:
+#: this shows after 9 to 16 mm of path; with `MAX_DEVIATIONS` it shows after 24 mm.
+ASSUMED_DEVIATIONS = 3.5
 #: Measured roller positions (r,) [m], and their age [s].
 Readings = tuple[Array, float] | None
 
@@ -104,9 +107,7 @@ class GripBelief:
             offsets with the standard deviation of the settings.
         :param noise: (3,) prior standard deviations of the measured poses [m, rad].
         """
-        # In many assumed starts nothing is gripped. The factor 0.7 makes this show after 9 to 16
-        # mm of path; with the factor 1 it shows after 24 mm.
-        max_deviations = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
+        max_deviations = ASSUMED_DEVIATIONS if is_assumed else MAX_DEVIATIONS
         if zero_covariance is None:
             rollers = len(held.config.roller_positions)
             zero_covariance = settings.zero_deviation**2 * np.eye(rollers)

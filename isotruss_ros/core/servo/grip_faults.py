@@ -1,7 +1,16 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of a grip: oscillation, slip and loss, which remain until a client acknowledges them."""
+"""
+Faults of a grip: oscillation, slip and loss, which remain until a client acknowledges them.
+
+- Oscillation: `SWING_COUNT` half periods without decay, each larger than `MIN_SWING`, than
+  `MAX_DEVIATIONS` of the noise, and than `TRAVEL_SHARE` of the travel, see `swing_watch`.
+- Slip: pose corrections, load and delay of more than `MAX_DEVIATIONS`, or `ASSUMED_DEVIATIONS`
+  after an assumed start, see `GripBelief.slip_deviations`.
+- Loss: an inconsistent innovation longer than `JUMP_LENGTH`, see `contact_walk`; or a belief that
+  was lost, without another one, see `SqueezeControl`.
+"""
 
 from __future__ import annotations
 
