@@ -13,7 +13,7 @@ import time
 
 from held_grips import BOX_FILE
 from isotruss_ros.cli import plan_grasps as command
-from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
+from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps, read_object
 from isotruss_ros.core.planning.grasp_plan import path_times
 from isotruss_ros.workers import core_count, WorkerPool
 import numpy as np
@@ -32,38 +32,41 @@ def begun_workers(count, of=None, deadline=20.0):
 
 
 ROBOT = load_robot('nine_member')
+PLACE, ELLIPSE = (0.716, 0.43), '{shape: ellipse, semi_axes: [0.17, 0.15]}'
+TURNED = (*PLACE, 0.5)
 OBJECT = ['--center', '0.716', '0.43', '--diameter', '0.3']
 #: No grasp is like that: the search for it takes long.
 NEVER = ['--min-slip-margin', '1000']
 DEADLINE = 240.0
 
 
-def written(path):
-    result = json.loads(path.read_text())
-    assert result.pop('computing_time') > 0.0
-    return result
-
-
-def test_plan_is_the_same_as_in_the_core_with_one_process_or_two(tmp_path, capsys):
+@pytest.mark.parametrize(
+    ('number', 'shape', 'body'),
+    [
+        ('1', ['--diameter', '0.3'], ConvexObject.disc(PLACE, 0.3)),
+        ('2', ['--object', ELLIPSE, '--angle', '0.5'], read_object(ELLIPSE).moved_to(TURNED)),
+    ],
+)
+def test_plan_is_the_same_as_in_the_core_with_one_process_or_two(
+    number, shape, body, tmp_path, capsys
+):
     needs = GraspRequirements(
         friction=0.6, module='north/Z', min_slip_margin=0.5, measure='total_force', count=2
     )
-    expected = plan_grasps(ROBOT.home, ConvexObject.disc((0.716, 0.43), 0.3), needs, seed=4)
+    expected = plan_grasps(ROBOT.home, body, needs, seed=4)
     assert expected.grasps
     options = ['--friction', '0.6', '--min-slip-margin', '0.5', '--measure', 'total_force']
-    options += ['--count', '2', '--seed', '4', '--module', 'north/Z']
-    result = []
-    for number in '12':
-        file = tmp_path / f'{number}.json'
-        assert command.main([*OBJECT, *options, '--workers', number, '--json', str(file)]) == 0
-        result.append(written(file))
-    assert result[0] == result[1]
-    assert result[0]['evaluations'] == expected.evaluations
-    assert result[0]['complete']
-    assert result[0]['closest_violation'] is None
-    assert result[0]['roller_names'] == list(ROBOT.roller_names)
+    options += ['--count', '2', '--seed', '4', '--module', 'north/Z', '--center', *map(str, PLACE)]
+    file = tmp_path / 'plan.json'
+    assert command.main([*shape, *options, '--workers', number, '--json', str(file)]) == 0
+    result = json.loads(file.read_text())
+    assert result['computing_time'] > 0.0
+    assert result['evaluations'] == expected.evaluations
+    assert result['complete']
+    assert result['closest_violation'] is None
+    assert result['roller_names'] == list(ROBOT.roller_names)
     printed = capsys.readouterr().out
-    for one, other in zip(result[0]['grasps'], expected.grasps, strict=True):
+    for one, other in zip(result['grasps'], expected.grasps, strict=True):
         assert one['path'] == other.path.tolist()
         assert one['score'] == other.score == -other.total_force
         assert one['touch'] == other.touch

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -31,6 +32,8 @@ CAMERA = {
 HEARTBEAT = {'type': 'LocalStorageGetItemResponseMessage', 'request_uuid': '', 'error': None}
 #: Period of the heartbeats [s].
 PERIOD = 0.1
+#: Longest wait for a drawn value [s].
+DEADLINE = 60.0
 #: Texts before and after the time of a picture.
 MARK = '<!--picture ', '-->'
 
@@ -72,6 +75,13 @@ class FakeBrowser:
         """Return whether a changed element of the page contains words."""
         return any(words in text for text in list(self._texts.values()))
 
+    def until_drawn(self, node: str, field: str, value: object) -> None:
+        """Wait until a field of a node of the scene has a value."""
+        end = time.monotonic() + DEADLINE
+        while self.scene.get(node, {}).get(field) != value:
+            assert time.monotonic() < end, self.scene.get(node)
+            time.sleep(0.01)
+
     def drag(
         self,
         handle: str,
@@ -107,12 +117,20 @@ class FakeBrowser:
                 packed = data[16:][: int.from_bytes(data[8:16], 'little')]
                 whole = int.from_bytes(data[:8], 'little')
                 text = zstandard.ZstdDecompressor().decompress(packed, whole)
-                for message in msgspec.msgpack.decode(text)['messages']:
-                    self._take(message)
+                sent, end, arrays = msgspec.msgpack.decode(text), 16 + len(packed), []
+                for size in sent['binaryBufferLengths']:
+                    begin = end + -end % 8  # aligned
+                    end = begin + size
+                    arrays.append(data[begin:end])
+                for message in sent['messages']:
+                    self._take(message, arrays)
 
-    def _take(self, message: dict[str, Any]) -> None:
-        if 'name' in message:
-            self.scene.setdefault(message['name'], {}).update(message)
+    def _take(self, message: dict[str, Any], arrays: list[bytes]) -> None:
+        fields = message | message.get('props', {}) | message.get('updates', {})
+        for name, value in fields.items():
+            if isinstance(value, dict) and '__binary_index' in value:
+                fields[name] = arrays[value['__binary_index']]
+        self.scene.setdefault(message.get('name', message['type']), {}).update(fields)
         if 'props' in message and (label := message['props'].get('label')):
             self.controls[label] = message['uuid']
         content = message.get('updates', {}).get('content')

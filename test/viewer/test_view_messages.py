@@ -15,8 +15,10 @@ from isotruss_ros.core import load_robot
 from isotruss_ros.core import Pose as PlanarPose
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.viewer.camera import place_camera
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.picture import Picture
+import numpy as np
 import pytest
 from robots import examples
 from sensor_msgs.msg import JointState
@@ -83,6 +85,14 @@ def view():
         yield view
 
 
+@contextlib.contextmanager
+def browsing(view):
+    from fake_browser import FakeBrowser
+
+    with contextlib.closing(FakeBrowser(view.address)) as browser:
+        yield browser
+
+
 @pytest.mark.parametrize('name', sorted(RECEIVED))
 def test_every_message_is_shown_or_refused(view, name):
     @examples(200)
@@ -135,16 +145,59 @@ def test_a_message_that_cannot_be_shown_is_refused_with_the_reason(receive, mess
 
 @pytest.mark.parametrize('angle', [2.5, -0.4])
 def test_the_object_is_drawn_at_its_pose(view, angle):
-    from fake_browser import FakeBrowser
-
     view.picture = Picture(ROBOT, 0.3)
     pose = to_pose_message(PlanarPose(0.5, -0.2, angle))
     view.picture.receive_object_pose(PoseStamped(pose=pose), 0.0)
     view.update(0.0)
     turn = [math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)]
-    with contextlib.closing(FakeBrowser(view.address)) as browser:
-        end = time.monotonic() + 60.0
-        while browser.scene.get('/object', {}).get('wxyz') != pytest.approx(turn):
-            assert time.monotonic() < end, browser.scene.get('/object')
-            time.sleep(0.01)
+    with browsing(view) as browser:
+        browser.until_drawn('/object', 'wxyz', pytest.approx(turn))
         assert browser.scene['/object']['position'] == pytest.approx([0.5, -0.2, 0.0])
+
+
+def test_rods_forces_and_utilisation_are_drawn_as_the_messages_state(view):
+    picture = view.picture = Picture(ROBOT, 0.3)
+    travel, line = [0.05, -0.02, 0.0, 0.03, 0.01, 0.04], [Point(x=0.1, y=0.2), Point(x=0.4)]
+    wall = [Point(x=0.1, y=0.2), Point(x=0.1, y=0.2, z=0.1), Point(x=0.4, z=0.1)]
+    picture.receive_joint_states(JointState(name=NAMES, position=travel), 0.0)
+    picture.receive_state(GraspState(utilisation=[0.0, 1.0] + 7 * [0.0]), 0.0)
+    for shown in (
+        marker('deformed', *line),
+        marker('contact_forces', *line),
+        marker('contact_regions', *wall, wall[0], wall[2], Point(x=0.4)),
+    ):
+        picture.receive_markers(shown, 0.0)
+    view.update(0.0)
+    config, topology = ROBOT.configuration(travel), ROBOT.topology
+    with browsing(view) as browser:
+        browser.until_drawn('ReplayDoneMessage', 'type', 'ReplayDoneMessage')
+
+        def points(name):
+            drawn = np.frombuffer(browser.scene[name]['points'], np.float32).reshape(-1, 2, 3)
+            return drawn[..., 0] + 1j * drawn[..., 1]
+
+        rods, bars = np.split(points('/modules'), 2)
+        assert rods[:, 0] == pytest.approx(bars.mean(axis=1), abs=1e-6)
+        assert rods[:, 1] == pytest.approx(config.points[topology.joint], abs=1e-6)
+        assert bars[:, 0] == pytest.approx(config.points[topology.b], abs=1e-6)
+        for name in ('/contact_forces', '/contact_regions'):
+            assert points(name) == pytest.approx(np.array([[0.1 + 0.2j, 0.4]]))
+        colors = [browser.scene[f'/tubes/{name}']['color'] for name in ROBOT.member_names]
+        assert [red > blue for red, _, blue in colors] == [False, True] + 7 * [False]
+        for joint in ROBOT.description.supports:
+            place = config.nodes[topology.joint_names.index(joint)]
+            assert browser.scene[f'/supports/{joint}']['position'][:2] == pytest.approx(place)
+
+
+@pytest.mark.parametrize('width', [46, 160])
+def test_the_camera_of_an_upright_screen_shows_the_whole_robot(view, width):
+    from fake_browser import CAMERA
+
+    view.picture, place = Picture(ROBOT, 0.3), view.server.initial_camera.position.tolist()
+    with browsing(view) as browser:
+        browser.send(CAMERA | {'position': place, 'image_width': width, 'image_height': 100})
+        while not any(c.camera.image_width == width for c in view.server.get_clients().values()):
+            time.sleep(0.01)
+        view.update(0.0)
+        wanted = place_camera(ROBOT.home.points, 0.46)[0] if width < 100 else place
+        browser.until_drawn('SetCameraPositionMessage', 'position', pytest.approx(wanted))
