@@ -46,6 +46,7 @@ def test_driven_rollers_move_the_joints_according_to_the_kinematics(tmp_path):
 def test_sensors_measure_speeds_and_objects(tmp_path):
     x, y = tangent_center(ROBOT.home, 'north/Z', 0.3)
     mujoco, model = load(tmp_path, '--object', str(x), str(y), '0.3')
+    assert model.body('object0').pos[:2] == pytest.approx((x, y))
     data = mujoco.MjData(model)
     for name in NAMES:
         data.actuator(name).ctrl = 0.01

@@ -76,7 +76,12 @@ def test_objects_of_files_are_exported(tmp_path, capsys):
     file.write_text(f'shape: polygon\nvertices: {[list(corner) for corner in BOX]}\n')
     shape = ['--shape', str(file)]
     assert main(['triangle', str(model), *shape, '3', '4', '0.7']) == 0
-    assert mujoco.MjModel.from_xml_path(str(model)).body('object0').pos[:2].tolist() == [3.0, 4.0]
+    exported = mujoco.MjModel.from_xml_path(str(model))
+    assert exported.body('object0').pos[:2].tolist() == [3.0, 4.0]
+    data = mujoco.MjData(exported)
+    mujoco.mj_forward(exported, data)
+    along_x, along_y = data.geom('object0#0').xmat.reshape(3, 3)[:2, 2]
+    assert along_y / along_x == pytest.approx(np.tan(0.7))
     for robot, angle, words in (('triangle', 'left', 'left'), ('nobody', '0.7', 'nobody')):
         assert main([robot, str(model), *shape, '3', '4', angle]) == 2
         assert words in capsys.readouterr().err
