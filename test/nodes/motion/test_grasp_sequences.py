@@ -5,9 +5,16 @@
 
 import math
 
-from isotruss_msgs.action import FollowObjectPath, FollowRollerTrajectory, PlaceObject
+from isotruss_msgs.action import (
+    FollowObjectPath,
+    FollowRollerTrajectory,
+    PickObject,
+    PlaceObject,
+    PlanGrasp,
+)
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import Pose, tangent_center
+from isotruss_ros.core import ConvexObject, Pose, tangent_center
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.planning.grasp_plan import NEAR_SPEED_SHARE
 from isotruss_ros.nodes.conversions.messages import read_pose
 from isotruss_ros.nodes.conversions.path_messages import read_duration
@@ -98,7 +105,7 @@ def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_
             w.probe.send_held(GraspState.HELD_YES, ['north/P-Z', 'north/Z-R'])
 
         w.spin(0.1, send)
-        goal = w.send_goal(PlaceObject.Goal())
+        goal = w.send_goal(PlaceObject.Goal(clearance=0.05))
         w.until(lambda: client.goal is not None, send)
 
         def send_released():
@@ -111,9 +118,37 @@ def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_
     assert result.displacement == pytest.approx(0.005, abs=1e-6)
     assert result.rotation == pytest.approx(0.1, abs=1e-6)
     points = client.goal.trajectory.points
+    opened = ROBOT.configuration(points[-1].positions)
+    gap = -member_depths(opened, ConvexObject.disc(center, DIAMETER)).max()
+    assert gap == pytest.approx(0.05, abs=2e-3)
     times = [read_duration(point.time_from_start) for point in points]
     steps = np.diff([point.positions for point in points], axis=0)
     speeds = np.abs(steps).max(axis=1) / np.diff(times)
     fastest = ROBOT.description.max_speed
     assert speeds[0] < 1.001 * NEAR_SPEED_SHARE * fastest
     assert speeds.max() > 2.0 * NEAR_SPEED_SHARE * fastest
+
+
+def test_a_pick_searches_as_its_goal_requires_and_reports_the_violated_requirement(monkeypatch):
+    violation = {'violated_requirement': 'slip_margin', 'violation_value': 1.0}
+    violation |= {'violation_bound': 2.0, 'message': 'none found'}
+    client = MotionClient(PlanGrasp.Result(code=PlanGrasp.Result.NONE_FOUND, **violation))
+    # The server of another node; the client has no parameter for its type.
+    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
+    fields = {'module': MODULE, 'squeeze': 14.0, 'min_slip_margin': 2.0, 'time_limit': 3.0}
+    with world(maker(PickAndPlace, command_timeout=1.0, friction=0.7)()) as w:
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_pose()
+
+        w.spin(0.1, send)
+        goal = w.send_goal(PickObject.Goal(**fields, members=['north/P-Z']))
+        w.until(lambda: goal.ended, send)
+    result, asked = goal.result()[1], client.goal
+    assert result.code == PickObject.Result.NO_MOTION_FOUND
+    assert {name: getattr(result, name) for name in violation} == violation
+    assert {name: getattr(asked, name) for name in fields} == fields
+    assert (asked.friction, asked.object_diameter, asked.count) == (0.7, DIAMETER, 1)
+    assert asked.members == ['north/P-Z']
+    assert read_pose('pose', asked.object_pose.pose) == pytest.approx((*CENTER, 0.3))

@@ -35,8 +35,9 @@ class Mover:
         self.w = w
         self._statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
         self.report(YES, SILENT, 0.1)
-        path = Path(poses=[PoseStamped(pose=to_pose_message(Pose(*CENTER, 0.0)))])
-        self._goal = w.send_goal(MoveObject.Goal(path=path))
+        poses = [Pose(*CENTER, 0.0), Pose(CENTER[0] + 0.03, CENTER[1] - 0.04, 0.2)]
+        path = Path(poses=[PoseStamped(pose=to_pose_message(pose)) for pose in poses])
+        self._goal = w.send_goal(MoveObject.Goal(path=path, speed=0.02, turn_rate=0.3))
         self.report(YES, SILENT, 0.1)
         assert not self._goal.ended
 
@@ -66,10 +67,12 @@ class Mover:
 @pytest.fixture
 def mover(monkeypatch):
     """Return a moved object; its motion ends only when it is cancelled."""
+    client = MotionClient()
     # The server of another node; the client has no parameter for its type.
-    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: MotionClient())
+    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
     with world(maker(PickAndPlace, command_timeout=TIMEOUT)()) as w:
         yield Mover(w)
+    assert (client.goal.speed, client.goal.turn_rate) == (0.02, 0.3)
 
 
 @pytest.mark.parametrize(
@@ -101,6 +104,9 @@ def test_motion_ends_at_once_after_a_loss_and_after_the_timeout_of_an_unknown_ho
     mover.report(analysis, loop, timeouts * TIMEOUT)
     assert (mover.result.code, mover.result.held) == (code, NO if code == NOT_HELD else UNKNOWN)
     assert words in mover.result.message
+    # The probe has the object at an angle of 0.3 rad.
+    left = mover.result.position_error, mover.result.angle_error
+    assert left == pytest.approx((0.05, 0.1))
 
 
 def test_analysis_of_joint_states_from_the_future_is_no_loss():
