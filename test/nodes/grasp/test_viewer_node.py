@@ -6,12 +6,15 @@
 import contextlib
 from functools import partial
 import io
+import itertools
 import time
 
 from geometry_msgs.msg import Point, Twist, WrenchStamped
 from isotruss_msgs.msg import ManipulationStatus
-from probe import N, overrides, ROBOT, world
+from probe import CENTER, N, overrides, ROBOT, world
 import pytest
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from visualization_msgs.msg import Marker, MarkerArray
@@ -20,6 +23,7 @@ pytest.importorskip('viser')
 from fake_browser import FakeBrowser  # noqa: E402,I100
 from isotruss_ros.core import Disc  # noqa: E402
 from isotruss_ros.nodes.viewer.node import Viewer  # noqa: E402,I100
+from isotruss_ros.viewer.drag import LEVER_LENGTH  # noqa: E402
 
 
 @contextlib.contextmanager
@@ -54,6 +58,43 @@ def pulls(w):
     """Return whether the last external wrench is a force of 5 N along x."""
     pull = w.probe.last('pull')
     return pull is not None and pull.wrench.force.x == 5.0
+
+
+def test_a_turn_is_commanded_at_the_largest_speed_of_its_handle():
+    x, y = map(float, CENTER)
+    there = pytest.approx((x, y))
+    with viewed(max_speed=0.07) as (w, _, browser):
+        w.until(
+            lambda: browser.scene.get('/handle', {}).get('position', (0.0, 0.0))[:2] == there,
+            w.probe.send_pose,
+        )
+        browser.drag('turner', 'start', x, y + LEVER_LENGTH, (x + LEVER_LENGTH, y))
+        w.until(lambda: moves(w), w.probe.send_pose)
+        twist = w.probe.last('twist')
+        assert twist.angular.z == pytest.approx(0.07 / LEVER_LENGTH)
+        assert twist.linear.x == twist.linear.y == 0.0
+
+
+def test_requests_of_a_browser_set_parameters_and_release_the_stop():
+    asked = set()
+
+    def answer(request, response):
+        values = {part.name: part.value for part in request.parameters}
+        asked.add(tuple(part.string_value or part.double_value for part in values.values()))
+        response.results = [SetParametersResult(successful=True) for _ in values]
+        return response
+
+    with viewed() as (w, _, browser):
+        w.probe.listen(Bool, 'stop', 'emergency_stop')
+        for name in ('manipulation', 'path_follower'):
+            w.probe.create_service(SetParameters, f'{name}/set_parameters', answer)
+        parts = itertools.cycle(('P', 'Q', 'object'))
+        modes = {('P', 'joint'), ('Q', 'joint'), (0.0, 'object')}
+        w.until(lambda: asked >= modes, lambda: browser.set('drag', next(parts)), 0.1)
+        browser.set('squeeze [N]', 12.0)
+        w.until(lambda: (12.0,) in asked)
+        browser.set('release the stop', True)
+        w.until(lambda: w.probe.last('stop') == Bool(data=False))
 
 
 def test_a_drag_under_a_stop_publishes_no_twist_that_moves():
