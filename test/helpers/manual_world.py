@@ -125,13 +125,7 @@ class Goal:
 
 
 class World(Watched):
-    """
-    Nodes and a probe, driven by hand.
-
-    :ivar now: clock of the test, which all clocks but simulated ones read, from zero [s].
-    :ivar shift: offset of the system's clock [s].
-    :ivar busy: returns the time that a timer's callback takes [s].
-    """
+    """Nodes and a probe, driven by hand, with clocks [s] and the time of callbacks `busy` [s]."""
 
     def __init__(self, remaps: dict[tuple[str, str], str]) -> None:
         self.now = self.shift = 0.0

@@ -15,17 +15,7 @@ TIMEOUT = 0.2
 
 
 class SqueezeLoop:
-    """
-    A twist servo that controls the squeeze of an object in the elastic plant.
-
-    :ivar reference: (3,) initial pose of the object plus the integral of the twists [m, rad].
-    :ivar sends: False while the rollers keep their last command.
-    :ivar errors: (3,) errors of the mid-cycle poses to the desired ones [m, rad].
-    :param force: desired squeeze [N]; None: `more` times the initial one.
-    :param scale: stiffness of the plant over that of the model [-].
-    :param noise: standard deviation of the measured poses [m, rad].
-    :param follows: False if the rollers stand still whatever is commanded.
-    """
+    """Twist servo that controls the squeeze, and an elastic plant `scale` times as stiff, in step."""
 
     def __init__(
         self,

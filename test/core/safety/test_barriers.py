@@ -4,13 +4,14 @@
 """Barriers: derivatives against differences, neighbour lists, and the law of margins."""
 
 import functools
+from types import SimpleNamespace
 
 from contracts import check_barrier
 from grips import disc_grip
 from hypothesis import assume, given
 from isotruss_ros.core import Disc, Grip, load_robot, place_between, Polygon
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.safety.barrier_law import ALL_VALUES, BarrierLaw
+from isotruss_ros.core.safety.barrier_law import ActiveValues, ALL_VALUES, BarrierLaw, BarrierLimit
 from isotruss_ros.core.safety.barriers import ClearanceBarrier, RigidityBarrier
 import numpy as np
 import pytest
@@ -68,7 +69,7 @@ def test_active_values_depend_on_the_present_state_alone(kind):
     counts = set()
     for step in range(120):
         if step % 40 == 0:
-            way = 0.006 * rng.uniform(-1.0, 1.0, 6) - 0.003 * config.roller_positions
+            way = 0.012 * rng.uniform(-1.0, 1.0, 6) - 0.006 * config.roller_positions
         try:
             config = config.moved_to(config.roller_positions + way)
             grip = disc_grip(config, 'east/Q', 0.2)
@@ -93,6 +94,36 @@ def test_distances_of_the_object_are_those_of_its_present_grip():
     barrier.active(robot.home, Grip(members[:2], body))
     near, fresh = (each.active(robot.home, other) for each in (barrier, ObjectBarrier(robot, law)))
     assert near.indices.tolist() == fresh.indices.tolist()
+
+
+@robots.examples(100)
+@given(robots.generators())
+def test_a_motion_ends_where_a_margin_reaches_its_bound(rng):
+    """A parabola through the margins at both ends, with the slope of the row, models a margin."""
+    size, duration = 10.0 ** rng.uniform(-6.0, 0.0), rng.uniform(0.01, 0.1)
+    law, (speed, travel) = BarrierLaw(0.5, size), size * rng.standard_normal(2)
+    slopes, middle = rng.standard_normal(3), size * rng.uniform(0.1, 2.0, 3)
+    start = middle - 0.5 * duration * speed * slopes
+    end = start - size * rng.uniform(-0.5, 2.0, 3)
+    assume(start.min() > 0.0)
+    barrier = SimpleNamespace(law=law, status=1, values=lambda *_: 0.5 + end, names=np.array)
+    active = ActiveValues(np.arange(3), 0.5 + middle, np.zeros((3, 0)))
+    limit = BarrierLimit(barrier, active, slopes[:, None])
+    violation = limit.violation(None, None, np.array([travel]), np.array([speed]), duration)
+    bound = law.discrete_bound(start, duration, max(abs(travel), duration * abs(speed)))
+    if violation is None:
+        assert (end >= bound).all()
+        return
+    assert violation.names == tuple(np.flatnonzero(end < bound))
+
+    def excess(share):
+        curvature = end - start - slopes * travel
+        return ((start + slopes * travel * share + curvature * share**2 - bound) / size)[
+            end < bound
+        ]
+
+    assert excess(violation.share).min() == pytest.approx(0.0, abs=1e-9)
+    assert min(excess(share * violation.share).min() for share in np.linspace(0, 1, 20)) > -1e-9
 
 
 @pytest.mark.parametrize('share', [0.02, 0.1, 0.5, 0.9, 1.0])

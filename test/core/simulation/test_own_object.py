@@ -13,11 +13,7 @@ ROBOT = load_robot('triangle')
 
 
 class GluedObject:
-    """
-    An object in the middle of a member, which it turns with.
-
-    :param member: number of the member.
-    """
+    """An object in the middle of a member (by number), which it turns with."""
 
     def __init__(self, member):
         self._member = member
