@@ -15,7 +15,7 @@ TIMEOUT = 0.2
 
 
 class SqueezeLoop:
-    """Twist servo that controls the squeeze, and an elastic plant `scale` times as stiff, in step."""
+    """Twist servo that controls the squeeze in an elastic plant `scale` times as stiff."""
 
     def __init__(
         self,
