@@ -69,7 +69,7 @@ def test_active_values_depend_on_the_present_state_alone(kind):
     counts = set()
     for step in range(120):
         if step % 40 == 0:
-            way = 0.012 * rng.uniform(-1.0, 1.0, 6) - 0.006 * config.roller_positions
+            way = 0.02 * rng.uniform(-1.0, 1.0, 6) - 0.003 * config.roller_positions
         try:
             config = config.moved_to(config.roller_positions + way)
             grip = disc_grip(config, 'east/Q', 0.2)
