@@ -50,7 +50,7 @@ def test_held_implies_force_closure(robot, rng, kind, count, flat):
     size = max(1.0, contacts.normal_forces.sum())
     assert sum(settled.normal_forces.values()) == pytest.approx(contacts.normal_forces.sum())
     assert sum(settled.friction_forces.values()) == pytest.approx(
-        contacts.friction_forces.sum(), abs=1e-9 * size
+        -contacts.friction_forces.sum(), abs=1e-9 * size
     )
     assert abs(-forces.sum() + complex(*load[:2])) < 1e-7 * size
     for name, normal in settled.normal_forces.items():
