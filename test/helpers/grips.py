@@ -45,10 +45,11 @@ def surface(grip):
     return np.array([1.0, 1.0, grip.body.arm])
 
 
-def drive(rolling, twist, duration, rate=20.0):
-    """Carry out a twist by commands for the middles of the intervals of a loop."""
+def drive(rolling, twist, duration, rate=20.0, lead=None):
+    """Carry out a twist by commands for the middles of the intervals, or another lead [s]."""
+    lead = 0.5 / rate if lead is None else lead
     for _ in range(round(duration * rate)):
-        command = solve_twist_ahead(rolling.config, rolling.grip, twist, 0.5 / rate)
+        command = solve_twist_ahead(rolling.config, rolling.grip, twist, lead)
         assert command.status is Status.OK
         rolling = rolled(rolling, command.roller_velocities / rate)
     return rolling
