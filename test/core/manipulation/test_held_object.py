@@ -4,8 +4,7 @@
 """Motion in time: the held object's pose, commands for the middle of their interval, no drift."""
 
 from grips import apart, disc_grip, drive
-from isotruss_ros.core import load_robot, RollingGrip, solve_twist_ahead, Status
-from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core import load_robot, RollingGrip
 import numpy as np
 import pytest
 import robots
@@ -20,20 +19,6 @@ def opening(config):
     """Return the angle between the members at the grip's module."""
     b, b_end, c, c_end = robots.side_ends(config, MODULE)
     return abs(np.angle((c_end - c) / (b_end - b)))
-
-
-@pytest.mark.parametrize(
-    ('lead', 'error', 'words'),
-    [
-        (-1e-3, GraspError, 'lead .* must be from 0'),
-        (np.inf, GraspError, 'lead .* must be'),
-        (1e3, ConfigurationError, 'nine_member'),
-    ],
-)
-def test_invalid_leads_are_refused(lead, error, words):
-    with pytest.raises(error, match=words):
-        solve_twist_ahead(HOME, START.grip, [0.0, 0.05, 0.0], lead)
-    assert solve_twist_ahead(HOME, START.grip, np.zeros(3), 0.1).status is Status.IDLE
 
 
 def drift(rate, lead, seconds=2.0):
