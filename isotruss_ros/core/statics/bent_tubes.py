@@ -295,13 +295,16 @@ class BentTubes:
     ) -> BentTubes:
         """Return the tubes linearised about the state that these predict under loads."""
         structure = self.structure if structure is None else structure
-        active = self._find_active(loads, positions, structure)
+        is_same = structure.key == self.structure.key
+        # Finding the unloaded blocks of another structure would take longer.
+        every = structure.frame.layout.active
+        active = self._find_active(loads, positions) if is_same else every
         cuts = Cuts.of(structure, self.members, positions)
         frame = structure.frame.cut(cuts.pieces, cuts.within, active)
         state, is_near = self._predict(loads, cuts)
-        if not is_near or frame.layout is not self.frame.layout:
+        if not is_near or frame.layout.key != self.frame.layout.key:
             state = self._convert(state, frame, is_near)
-        lines = self.lines if structure is self.structure else Lines.of(structure, self.members)
+        lines = self.lines if is_same else Lines.of(structure, self.members)
         return BentTubes(structure, self.members, positions, cuts, lines, frame, state)
 
     def _predict(self, loads: Array, cuts: Cuts) -> tuple[BentState, bool]:
@@ -324,11 +327,9 @@ class BentTubes:
         bent = replace(self, state=state) if is_near else self.update(loads, positions)
         return bent.values, at_points
 
-    def _find_active(self, loads: Array, positions: Array, structure: Structure) -> Indices:
+    def _find_active(self, loads: Array, positions: Array) -> Indices:
         """Return the blocks that given loads deform, see `UnloadedBlocks`."""
         layout = self.frame.layout
-        if structure is not self.structure:  # finding its unloaded blocks would take longer
-            return structure.frame.layout.active
         if not layout.kept:
             return layout.active
         changes = self.responses.unknowns @ self._factors(loads, positions)

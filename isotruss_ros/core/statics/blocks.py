@@ -134,6 +134,8 @@ class Layout:
         self, numbering: Numbering, piece: Indices, order: Indices, active: Indices
     ) -> None:
         self.numbering, self.active = numbering, active
+        #: layouts of a numbering with equal keys are equal, whether or not one has been pickled
+        self.key = piece.tobytes(), order.tobytes(), active.tobytes()
         # Members of the active blocks, and then the parts behind the cuts.
         cuts = np.arange(len(piece))
         members = np.flatnonzero(np.isin(numbering.owner, active))

@@ -81,6 +81,8 @@ class Structure:
         self, config: Configuration, pressures: tuple[float, ...], stiffness: float = 1.0
     ) -> None:
         self.config, self.pressures, self.stiffness = config, pressures, stiffness
+        #: structures with equal keys are equal, whether or not one has been pickled
+        self.key = config, pressures, stiffness
         tube, numbering, self.pieces, self.owners = frame_layout(config.robot)
         self.tube = replace(tube, scale=stiffness * tube.scale)
         self.node_names = numbering.names
