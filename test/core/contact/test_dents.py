@@ -53,6 +53,16 @@ def test_a_long_face_dents_as_an_elastic_foundation():
     assert table(15.0, 0.5 * np.pi)[0] < 0.2 * table(15.0, 0.25 * np.pi)[0]
 
 
+@pytest.mark.parametrize('angle', [1e-3, 0.02, 0.6, 1.5, 1.5695])
+def test_dents_of_mirrored_corners_are_equal(angle):
+    right, left = (dent_table(KERNEL, SQUARE, corner) for corner in (2, 3))
+    assert left(20.0, np.pi - angle)[0] == pytest.approx(right(20.0, angle)[0], rel=1e-9)
+
+
+def test_skin_that_is_pressed_deeper_than_the_table_carries_the_force():
+    assert disc_table(0.03).press(1e5, 0.0).forces.sum() == pytest.approx(1e5)
+
+
 @pytest.mark.parametrize('force', [10.0, 30.0])
 def test_a_circular_ellipse_dents_as_a_disc(force):
     tables = disc_table(0.15), dent_table(KERNEL, Ellipse((0.15, 0.15)))

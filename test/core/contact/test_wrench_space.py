@@ -22,10 +22,11 @@ def on_disc(*angles):
     return around, around
 
 
-@pytest.mark.parametrize('friction', [0.1, 0.5, 2.0])
-def test_epsilon_of_antipodal_contacts_has_a_closed_form(friction):
+@pytest.mark.parametrize(('friction', 'radius'), [(0.1, 1.0), (0.5, 0.15), (2.0, 1.0)])
+def test_epsilon_of_antipodal_contacts_has_a_closed_form(friction, radius):
     # The wrenches span a tetrahedron with two orthogonal edges at distance 2.
-    space = wrench_space(*on_disc(0.0, 180.0), friction, 1.0)
+    points, normals = on_disc(0.0, 180.0)
+    space = wrench_space(radius * points, normals, friction, radius)
     assert space.epsilon == pytest.approx(friction / math.hypot(friction, math.sqrt(2.0)))
     assert space.volume == pytest.approx(8.0 * friction**2 / 3.0)
 

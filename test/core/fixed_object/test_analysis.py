@@ -84,6 +84,28 @@ def test_exact_and_relaxed_contact_agree(gripped):
     assert relaxed.required_friction == pytest.approx(exact.required_friction, rel=1e-3)
 
 
+def test_contact_lengths_include_half_a_spacing_beyond_the_outermost_points(gripped):
+    config, cylinder = gripped
+    analysis = analyze_grasp(config, cylinder, spacing=0.005)
+    assert len(analysis.contact_lengths) == 2
+    for name, length in analysis.contact_lengths.items():
+        on_member = analysis.members == config.robot.member_names.index(name)
+        forces, places = analysis.normal_forces[on_member], analysis.places[on_member]
+        assert length == pytest.approx(np.ptp(places[forces > 0.0]) + 0.005)
+        assert forces[0] == forces[-1] == 0.0  # candidates beyond the contact
+
+
+@pytest.mark.parametrize('pressures', [[30e3, 25e3, 20e3], {'east': 25e3, 'south': 30e3}])
+def test_measured_pressures_agree_with_a_robot_file_of_these_pressures(gripped, pressures):
+    config, cylinder = gripped
+    document = robots.preset_document('nine_member')
+    north = 20e3 if isinstance(pressures, list) else config.robot.description.pressures['north']
+    document['tube']['pressure'] = {'south': 30e3, 'east': 25e3, 'north': north}
+    expected = analyze_grasp(robots.load(document).home, cylinder)
+    measured = analyze_grasp(config, cylinder, pressure=pressures)
+    np.testing.assert_array_equal(measured.normal_forces, expected.normal_forces)
+
+
 @pytest.mark.parametrize('degrees', [26.0, 60.0])
 def test_required_friction_of_a_wedge_is_the_tangent_of_half_its_angle(degrees):
     half = np.radians(0.5 * degrees)

@@ -224,6 +224,18 @@ def test_ramps_keep_deviations_by_inertia_within_half_of_the_tolerances(speeds, 
     assert 0.3 < shares.max() <= 0.5
 
 
+def test_limits_slow_path_time_along_the_ramp_to_a_tenth_and_a_lag_at_once():
+    moving, rates = PathClock(100.0, 0.5, 1.0, PERIOD), []
+    moving.rate = 1.0
+    for _ in range(200):
+        moving.advance(PERIOD, 1.0, 0.5, False)
+        rates.append(moving.rate)
+    assert rates[0] == pytest.approx(1.0 - PERIOD / 0.5)
+    assert rates[-1] == pytest.approx(0.1)
+    moving.advance(PERIOD, 0.03, 1.0, False)
+    assert moving.rate == 0.03
+
+
 def test_a_starved_loop_advances_by_two_cycles_at_most():
     moving = PathClock(10.0, 0.5, 1.0, PERIOD)
     assert moving.advance(1.5 * PERIOD, 1.0, 1.0, False) == 1.5 * PERIOD

@@ -27,6 +27,8 @@ from isotruss_ros.core.paths.roller_trajectory import (
     RollerTrajectoryServo,
     START_TOLERANCE,
     TOLERANCE,
+    Tolerance,
+    TrajectoryTolerances,
 )
 from isotruss_ros.core.planning.grasp_plan import path_times
 import numpy as np
@@ -82,9 +84,9 @@ class Run:
         self.measure()
         return step
 
-    def follow(self, path=PATH, longest=60.0):
+    def follow(self, path=PATH, longest=60.0, tolerances=None):
         """Follow a path to its end; return the last step."""
-        self.servo.begin(path, self.now)
+        self.servo.begin(path, self.now, tolerances=tolerances)
         for _ in range(round(longest / PERIOD)):
             step = self.cycle()
             if step.ended:
@@ -234,6 +236,20 @@ def test_gives_up_on_a_stuck_roller_and_names_it(stuck, size):
     # The others waited: none went on more than the stuck one may lag.
     others = np.delete(run.robot.roller_positions, ROBOT.roller_names.index(stuck))
     assert np.abs(others).max() < MAX_LAG + 3 * MAX_SPEED * PERIOD
+
+
+def test_rollers_within_their_tolerance_of_speed_arrive():
+    bounds = Tolerance(np.full(N, np.inf), np.full(N, 0.02))
+    assert np.abs(PATH.at(0.25).velocities).max() > 0.05
+    assert Run().follow(tolerances=TrajectoryTolerances(path=bounds)).failure == ''
+
+
+def test_a_goal_time_replaces_the_progress_timeout_at_the_end():
+    run = Run(RollerFaults(stuck=frozenset({ROBOT.roller_names[0]})))
+    path = RollerTrajectory(ROBOT, [[0.0] * N, [0.2 * MAX_LAG] * N], [0.0, 0.1])
+    step = run.follow(path, tolerances=TrajectoryTolerances(goal_time=2.0 * PROGRESS_TIMEOUT))
+    assert step.at_goal
+    assert run.now - 100.0 > path.duration + 2.0 * PROGRESS_TIMEOUT
 
 
 STATE = RollerState(np.zeros(N), np.zeros(N))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import frames
 from hypothesis import assume, given
+from isotruss_ros.core.statics.beam_column import BeamColumns
 from isotruss_ros.core.statics.equilibrium import bend, follow_loads, solve, unloaded
 import numpy as np
 import pytest
@@ -121,6 +122,22 @@ def test_bent_frames_agree_with_opensees(rng):
     off = np.abs(bent.displacements - expected)[:, :2].max()
     linear = np.abs(solve(unloaded(frame), loads).displacements - expected)[:, :2].max()
     assert off < max(3e-3 * np.abs(expected[:, :2]).max(), 0.2 * linear)
+
+
+@pytest.mark.parametrize('shear', [np.inf, 1.9e3])
+@pytest.mark.parametrize('share', [-0.3, 0.3])
+def test_stiffness_of_a_bent_member_is_that_of_the_stability_functions(share, shear):
+    length, flexural = 0.5, 25.0
+    axial = share * 4.0 * flexural / length**2
+    section = np.array([[1e7], [flexural], [shear]])
+    member = BeamColumns.of(np.array([length]), section, np.array([False]))
+    bent = member.evaluate(np.zeros(1), np.zeros((2, 1)), np.array([axial]))
+    phase = np.emath.sqrt(-share / (1.0 + axial / shear))
+    ratio = (phase / np.tan(phase)).real
+    softening = 12.0 * flexural / (shear * length**2) + (3.0 * (1.0 - ratio) / phase**2).real
+    # Of an S, and of a bow.
+    stiffness = 4.0 * flexural / length * np.array([3.0 / softening, ratio])
+    assert bent.stiffness[0].diagonal()[1:] == pytest.approx(stiffness, rel=1e-3)
 
 
 @pytest.mark.parametrize('shear', [np.inf, 1.9e3])
