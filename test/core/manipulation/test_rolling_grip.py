@@ -3,6 +3,8 @@
 
 """Objects that roll in a grip: carried and turned between sides that do not meet, and back."""
 
+import math
+
 from grips import apart, drive, surface
 from held_grips import APART, NINE, PENTAGON
 from hypothesis import assume, given, strategies
@@ -35,7 +37,8 @@ ROUNDED = Polygon(PENTAGON.vertices, 0.02)
 @pytest.mark.parametrize(
     'body',
     [
-        DISC,
+        # At this angle a normal passes half a turn in the object's frame.
+        DISC.moved_to((CENTER.real, CENTER.imag, 0.47)),
         ConvexObject(Ellipse((0.25, 0.24)), Pose(CENTER.real, CENTER.imag, 0.3)),
         ConvexObject(ROUNDED, Pose(CENTER.real, CENTER.imag, 0.1)),
     ],
@@ -79,6 +82,12 @@ def test_the_object_moves_with_the_achieved_twist(kind, count, data, rng, flat):
         rate += weight * pose
     rate /= step * size
     assert rate == pytest.approx(command.achieved_twist / size, abs=1e-5)
+
+
+@pytest.mark.parametrize('angle', [3.3, -9.0])
+def test_the_angle_of_a_rolling_object_is_within_half_a_turn(angle):
+    pose = RollingGrip.attach(NINE.home, Grip(APART, DISC.moved_to((*DISC.pose[:2], angle)))).pose
+    assert pose.angle == pytest.approx(math.remainder(angle, 2.0 * math.pi), abs=1e-12)
 
 
 def test_rollers_that_do_not_keep_the_contacts_show_as_a_misfit():

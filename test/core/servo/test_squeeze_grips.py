@@ -4,9 +4,12 @@
 """Squeeze and pose of convex objects between any members, on the elastic plant."""
 
 from held_grips import APART, BOX, HOME, numbers
-from isotruss_ros.core import Disc, Ellipse, Grip, place_between, Polygon, Status
+from isotruss_ros.core import Disc, Ellipse, Grip, place_between, Polygon, solve_twist, Status
+from isotruss_ros.core.estimation.grip_belief import GripBelief
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import measure_gaps
+from isotruss_ros.core.servo.squeeze_law import find_correction
 from nightly import some_now
 import numpy as np
 import pytest
@@ -66,6 +69,21 @@ def test_an_object_at_rest_on_a_face_is_not_told_as_unreachable():
     loop = loop_of(SMALL_BOX, 0.5, CORNER)
     loop.run((0.0, 0.0, 0.0), 5 * loop.period)
     assert set(loop.statuses) <= {Status.OK, Status.IDLE}
+
+
+def test_a_step_of_the_pose_by_new_contacts_does_not_move_the_rollers():
+    """The box comes to lie on a face."""
+    body = place_between(HOME, CORNER, LOW_BOX, angle=0.62, indentation=0.015).body
+    held = attach_grip(HOME, body, numbers(CORNER))
+    belief = GripBelief.of(held, Grip(CORNER, held.body, 1.2), EstimatorSettings())
+    for _ in range(9):
+        assert len(belief.held.contacts.members) == 2
+        config, touching = belief.held.config, belief.held.touching(1.2)
+        travel = 0.02 * solve_twist(config, touching, (0.02, 0.0, -0.2)).roller_velocities
+        belief, _ = belief.followed(config.moved_to(config.roller_positions + travel), 0.02, None)
+    assert len(belief.held.contacts.members) == 3
+    correction = find_correction(belief, belief.regulated[:3], 0.6, 0.02)
+    assert not solve_twist(config, belief.cache.grip, correction).roller_velocities.any()
 
 
 @pytest.mark.parametrize('twist', some_now([((0.02, 0.0, -0.2),), ((0.0, 0.02, -0.1),)]))
