@@ -10,7 +10,12 @@ from carries import make_robot, place
 from held_grips import APART, BOX
 from isotruss_ros import core
 from isotruss_ros.core.chance.criteria import find_criteria, scaled
-from isotruss_ros.core.chance.probability import changed_grip, failure_probability, sample_friction
+from isotruss_ros.core.chance.probability import (
+    changed_grip,
+    failure_probability,
+    find_chance,
+    sample_friction,
+)
 from isotruss_ros.core.errors import GraspError, ObjectFileError, RobotFileError
 from nightly import some_now
 import numpy as np
@@ -160,6 +165,15 @@ def test_one_uncertain_quantity_has_the_whole_share_and_its_normal_distribution(
     assert next(iter(chance.shares.items())) == ('friction', pytest.approx(1.0))
     sigmas = (settled.friction - settled.required_friction) / 0.1
     assert chance.reliability == pytest.approx(sigmas)
+
+
+def test_the_weakest_equilibrium_of_a_path_limits_its_chance():
+    firm, weak = (settle(depth=depth).equilibrium for depth in (0.03, 0.012))
+    assert weak.sections.used.max() < firm.sections.used.max()
+    covariance = CALIBRATED.covariance(firm)
+    paths = [firm, firm, firm], [firm, weak, firm]
+    steady, shallow = (find_chance(grips, 0.8, covariance).reliability for grips in paths)
+    assert shallow < steady - 0.01
 
 
 def test_samples_without_a_configuration_are_left_out():
