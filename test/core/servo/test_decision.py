@@ -43,12 +43,6 @@ def test_a_squeeze_with_a_deviation_above_its_half_is_unknown():
     assert describe_squeeze(10.0, 5.1).startswith('squeeze unknown: 10.0 N, deviation 5.1 N; ')
 
 
-def test_an_assumed_squeeze_is_unknown_with_its_remedy():
-    text = describe_squeeze(10.0, 10.4, is_assumed=True)
-    assert text.startswith('squeeze unknown: 10.0 N, deviation 10.4 N, assumed')
-    assert 'close the grip further before carrying' in text
-
-
 @pytest.mark.parametrize(
     ('error', 'status'),
     [

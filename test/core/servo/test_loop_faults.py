@@ -18,39 +18,20 @@ from squeeze_loop import SqueezeLoop, TIMEOUT
 ROBOT = load_robot('nine_member')
 GRIP = disc_grip(ROBOT.home, 'north/Z')
 COUNT = len(ROBOT.roller_names)
-NOW, PERIOD = 1000.0, 0.005
+PERIOD = 0.005
 CONFIG, BODY = gripped(35.0, squeeze=0.1)
 HELD = Grip.at_module(CONFIG.robot, 'north/Z', BODY, 0.5)
 
 
-def failed_rollers(positions, offsets, speeds):
-    """
-    Return the rollers that failed in two seconds of cycles of 30 ms.
-
-    :param positions: readings of all rollers over time [m].
-    :param offsets: offsets of all rollers over time [m].
-    :param speeds: commands of all rollers over time [m/s].
-    """
-    servo, ones = (
-        TwistServo(ROBOT, ServoSettings(GRIP, 0.03, 1.0, failure_time=1.0)),
-        np.ones(COUNT),
-    )
-    for number in range(67):
-        now = 0.03 * number
-        time = now - 0.015
-        state = RollerState(positions(time) * ones, 0.0 * ones, offsets(time) * ones)
-        servo.receive(rollers=StampedInput(state, NOW + time))
-        servo.command(speeds(now) * ones, NOW + now)
-    return servo.failed
-
-
 @pytest.mark.parametrize('is_offset', [True, False])
 def test_corrected_offsets_are_no_roller_travel(is_offset):
-    def travel(time):
-        return 0.01 * time
-
-    failed = failed_rollers(travel, travel if is_offset else lambda _: 0.0, lambda _: 0.01)
-    assert failed == (frozenset(ROBOT.roller_names) if is_offset else frozenset())
+    servo = TwistServo(ROBOT, ServoSettings(GRIP, 0.03, 1.0, failure_time=1.0))
+    for now in 0.03 * np.arange(67):
+        positions = np.full(COUNT, 0.01 * now)
+        state = RollerState(positions, np.zeros(COUNT), is_offset * positions)
+        servo.receive(rollers=StampedInput(state, now - 0.015))
+        servo.command(np.full(COUNT, 0.01), now)
+    assert servo.failed == (frozenset(ROBOT.roller_names) if is_offset else frozenset())
 
 
 def loop_of(**settings):
@@ -67,40 +48,33 @@ def test_a_late_loop_counts_no_more_than_the_timeout_as_one_cycle():
     assert moved == pytest.approx([0.05 * speed, TIMEOUT * speed], rel=0.02)
 
 
-def test_belief_of_a_held_object_is_kept_without_twists():
-    loop = loop_of()
-    first = loop.cycle()
-    for _ in range(60):
-        decision = loop.cycle(None)
-        assert decision.command.status is Status.HALT_NO_TWIST
-        assert decision.squeeze == pytest.approx(first.squeeze, rel=0.1)
-        assert decision.desired_pose is None
-
-
 @pytest.mark.parametrize(
-    ('missing', 'kept'), [(19, True), (22, False)], ids=['within 0.1 s', 'for longer']
+    ('status', 'cycles', 'kept'),
+    [
+        (Status.HALT_NO_TWIST, 60, True),
+        (Status.HALT_NO_OBJECT_POSE, 18, True),
+        (Status.HALT_NO_OBJECT_POSE, 21, False),  # longer than 0.1 s
+        (Status.HALT_EMERGENCY_STOP, 30, True),
+        (Status.HALT_KINEMATICS, 30, False),
+    ],
 )
-def test_belief_ends_when_the_pose_is_missing_for_a_tenth_of_a_second(missing, kept):
+def test_belief_of_a_held_object_is_kept_as_long_as_its_pose_is_known(status, cycles, kept):
     loop = loop_of()
-    loop.cycle()
-    for _ in range(1, missing):
-        decision = loop.cycle(pose=None)
-        assert decision.command.status is Status.HALT_NO_OBJECT_POSE
+    before, first = loop.cycle(None), loop.cycle()
+    assert before.command.status is Status.HALT_NO_TWIST
+    assert before.squeeze == pytest.approx(first.squeeze, rel=0.1)
+    assert before.pose_gain == first.pose_gain
+    assert first.desired_pose == pytest.approx(loop.plant.object_pose, abs=1e-3)
+    inputs = {
+        Status.HALT_NO_TWIST: {'twist': None},
+        Status.HALT_NO_OBJECT_POSE: {'pose': None},
+    }.get(status, {'halt': (status, 'singular')})
+    for _ in range(cycles):
+        decision = loop.cycle(**inputs)
+        assert decision.command.status is status
         assert decision.desired_pose is None
-    assert (decision.squeeze is not None) is kept
-    assert loop.cycle().command.status < Status.HALT_NO_TWIST
-
-
-@pytest.mark.parametrize('status', [Status.HALT_EMERGENCY_STOP, Status.HALT_KINEMATICS])
-def test_belief_is_kept_in_an_emergency_stop_and_ends_after_errors(status):
-    loop = loop_of()
-    loop.cycle()
-    loop.servo.receive(halt=(status, 'singular'))
-    decisions = [loop.cycle() for _ in range(30)]
-    assert {decision.command.status for decision in decisions} == {status}
-    assert (decisions[-1].squeeze is not None) is (status is Status.HALT_EMERGENCY_STOP)
-    loop.servo.receive(halt=None)
-    assert loop.cycle().command.status < Status.HALT_NO_TWIST
+    assert decision.squeeze == (pytest.approx(first.squeeze, rel=0.1) if kept else None)
+    assert loop.cycle(halt=None).command.status < Status.HALT_NO_TWIST
 
 
 def test_a_change_of_the_moved_joint_ends_the_belief():
@@ -111,15 +85,6 @@ def test_a_change_of_the_moved_joint_ends_the_belief():
         decision = loop.cycle(None)
         assert decision.command.status is Status.HALT_NO_TWIST
         assert decision.squeeze is None
-
-
-def test_belief_begins_before_the_first_twist():
-    loop = loop_of()
-    before, decision = loop.cycle(None), loop.cycle()
-    assert before.command.status is Status.HALT_NO_TWIST
-    assert before.squeeze == pytest.approx(decision.squeeze, rel=0.1)
-    assert before.pose_gain == decision.pose_gain
-    assert decision.desired_pose == pytest.approx(loop.plant.object_pose, abs=1e-3)
 
 
 def test_repeated_readings_are_used_once():

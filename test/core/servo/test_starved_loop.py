@@ -7,35 +7,20 @@ from itertools import product
 import math
 
 from held_grips import HOME, numbers
-from isotruss_ros.core import (
-    Disc,
-    ElasticObject,
-    Ellipse,
-    Grip,
-    place_between,
-    Polygon,
-    Pose,
-    RollerFaults,
-    SimulatedRobot,
-    Status,
-    TwistServo,
-)
+from isotruss_ros.core import Disc, Ellipse, Grip, place_between, Polygon, Pose, Status
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from nightly import some_now
 import numpy as np
 import pytest
+from squeeze_loop import SqueezeLoop
 
 MEMBERS = ('north/Z-R', 'north/P-Z')
 BOX = Polygon([(-0.08, -0.06), (0.08, -0.06), (0.08, 0.06), (-0.08, 0.06)], 0.02)
 TRIANGLE = Polygon([(0.13, 0.0), (-0.065, 0.113), (-0.065, -0.113)], 0.02)
 DISC, ELLIPSE = (Disc(0.3), 0.0, 0.02), (Ellipse((0.28, 0.22)), 1.0, 0.02)
-FACE, CORNERS, TURNED = (
-    (BOX, 0.5, 0.015),
-    (BOX, 0.0, 0.015),
-    (TRIANGLE, 1.0 + math.pi / 2.0, 0.015),
-)
+FACE, CORNERS = (BOX, 0.5, 0.015), (BOX, 0.0, 0.015)
+TURNED = TRIANGLE, 1.0 + math.pi / 2.0, 0.015
 #: Time between two steps of the plant [s], and the period of the servo that it misses [s].
 TICK = PERIOD = 0.01
 RUNNING = {Status.OK, Status.IDLE, Status.ACCELERATING}
@@ -63,13 +48,9 @@ def starve(held, twist, duration, mean, noise, seed=0):
     rng, (shape, angle, depth) = np.random.default_rng(seed), held
     grip = place_between(HOME, MEMBERS, shape, angle=angle, indentation=depth)
     body = attach_grip(HOME, grip.body, numbers(MEMBERS)).body
-    plant_object = ElasticObject(body, 1.2)
-    plant = SimulatedRobot(HOME, plant_object, RollerFaults())
-    plant.advance(0.0)
-    force = plant_object.grasp.squeeze
-    squeeze = SqueezeSettings(force, max_utilisation=math.inf, zero_deviation=1e-3)
-    settings = ServoSettings(Grip(MEMBERS, body, 1.2), PERIOD, 0.5, squeeze=squeeze)
-    servo, sent, messages, due = TwistServo(HOME.robot, settings), [], set(), 0.0
+    defaults = {'pose_gain': None, 'load': 0.0, 'zero_deviation': 1e-3, 'servo': {'timeout': 0.5}}
+    loop = SqueezeLoop(HOME, Grip(MEMBERS, body, 1.2), period=PERIOD, **defaults)
+    plant, servo, sent, messages, due = loop.plant, loop.servo, [], set(), 0.0
     for number in range(round(duration / TICK)):
         now = TICK * number
         while sent and sent[0][0] <= now:
@@ -86,7 +67,7 @@ def starve(held, twist, duration, mean, noise, seed=0):
             sent.append((now + rng.uniform(0.0, 0.15), decision.command.roller_velocities))
             messages.add(decision.message)
         plant.advance(TICK)
-    assert plant_object.dropped is None, plant_object.dropped
+    assert loop.object.dropped is None, loop.object.dropped
     return servo, messages
 
 

@@ -43,11 +43,6 @@ def swinging(
     return False
 
 
-def test_the_third_swing_without_decay_is_an_oscillation():
-    assert not swinging(0.1, 12.0, 12.0, duration=2.75 * math.pi)
-    assert swinging(0.1, 12.0, 12.0, duration=3.25 * math.pi)
-
-
 @pytest.mark.parametrize(
     ('decay', 'detected'), [(0.9, False), (0.94, False), (0.965, True), (1.04, True)]
 )
@@ -55,24 +50,32 @@ def test_only_swings_that_hardly_decay_are_an_oscillation(decay, detected):
     assert swinging(0.1, 12.0, 12.0, duration=25.0, decay=decay) is detected
 
 
-@pytest.mark.parametrize('known', [12.0, None])
-@pytest.mark.parametrize('axis', [0, 1, 2])
-def test_swings_of_1_5_mm_behind_a_low_pass_filter_count_along_each_axis(known, axis):
-    rate = known or 2.4  # The filter has the frequency of the object, 2.4 rad/s if unknown.
-    assert swinging(0.0015 * math.sqrt(2.0) * 1.03, rate, known, axis=axis, duration=16.0)
-    assert not swinging(0.0015 * math.sqrt(2.0) * 0.97, rate, known, axis=axis, duration=16.0)
+#: Height of swings of 1.5 mm behind a low-pass filter with the frequency of the swings [m].
+HEIGHT = 0.0015 * math.sqrt(2.0)
 
 
-def test_swings_beyond_five_deviations_of_the_noise_count():
-    height = 5.0 * 2e-3 * math.sqrt(2.0)
-    assert swinging(1.03 * height, 12.0, 12.0, 2e-3, duration=16.0)
-    assert not swinging(0.97 * height, 12.0, 12.0, 2e-3, duration=16.0)
-
-
-@pytest.mark.parametrize(('known', 'slowest'), [(12.0, 12.0 / 5.5), (None, 1.2), (4.0, 1.2)])
-def test_swings_may_take_5_5_half_periods_of_the_object_and_at_most_2_6_s(known, slowest):
-    assert swinging(0.1, 1.03 * slowest, known, duration=16.0)
-    assert not swinging(0.1, 0.97 * slowest, known, duration=16.0)
+@pytest.mark.parametrize(
+    ('quantity', 'threshold', 'settings'),
+    [
+        ('duration', 3.0 * math.pi, {'height': 0.1, 'rate': 12.0, 'known': 12.0}),
+        *(
+            ('height', HEIGHT, {'rate': rate, 'known': known, 'axis': axis})
+            for axis in range(3)
+            for rate, known in ((12.0, 12.0), (2.4, None))  # the frequency is 2.4 rad/s if unknown
+        ),
+        # Five deviations of the noise.
+        ('height', HEIGHT * 10.0 / 1.5, {'rate': 12.0, 'known': 12.0, 'noise': 2e-3}),
+        # A half period lasts 5.5 half periods of the object and 2.6 s at most.
+        ('rate', 12.0 / 5.5, {'height': 0.1, 'known': 12.0}),
+        ('rate', 1.2, {'height': 0.1, 'known': None}),
+        ('rate', 1.2, {'height': 0.1, 'known': 4.0}),
+    ],
+)
+def test_three_swings_beyond_the_thresholds_are_an_oscillation(quantity, threshold, settings):
+    share = 0.08 if quantity == 'duration' else 0.03
+    for factor, detected in ((1.0 - share, False), (1.0 + share, True)):
+        values = {'duration': 16.0} | settings | {quantity: factor * threshold}
+        assert swinging(**values) is detected
 
 
 def test_a_restarted_detection_needs_three_more_swings():
