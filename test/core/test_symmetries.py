@@ -6,6 +6,7 @@
 import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
+import re
 
 from hypothesis import example, given, strategies
 from isotruss_ros.core import (
@@ -302,7 +303,8 @@ def settled(case):
     """Return how an object settles, in terms of the first grasp."""
     config, body, wrench = case.build()
     grasp = settle_grasp(config, body, FRICTION, wrench, members=case.members)
-    values = {'verdict': grasp.reason.split(':')[0]}
+    # Without the sizes, which change with the unit.
+    values = {'verdict': re.split('[:;]', grasp.reason)[0]}
     if grasp.equilibrium is not None:
         there = body.moved_to(grasp.pose)
         moved = there.middle - body.middle
@@ -369,7 +371,7 @@ def result(function, case):
 
 #: Functions with their accuracy [-] and the changes they depend on; twists are those of the frame.
 PROPERTIES = {
-    settled: (1e-8, ()),
+    settled: (1e-5, ()),  # the tolerances of the search are lengths
     deflected: (1e-8, ()),
     driven: (1e-6, (reframed,)),
     margins: (1e-6, ()),
@@ -388,6 +390,7 @@ PROPERTIES = {
 @examples(40)
 @example(seed=97)  # an ellipse
 @example(seed=306)  # a face lies on a straight tube
+@example(seed=32640)  # a corner is deeper than the tolerance of a small tube's skin
 @given(seed=strategies.integers(0, 2**32 - 1))
 def test_results_depend_on_no_frame_order_or_unit(function, change, seed):
     case = random_case(seed)

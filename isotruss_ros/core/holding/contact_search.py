@@ -25,10 +25,10 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, ROUNDING
 import numpy as np
 
-#: Largest depth of a corner without contact in the skin of a bent tube [m]. It covers the error
-#: of the centre line between the nodes of the frame. With a third and with three times of it, 144
-#: random polygons and 758 steps of rolling have the same outcomes.
-SKIN_TOLERANCE = 2e-5
+#: Largest depth of a corner without contact in the skin of a bent tube, in tube radii [-]. It
+#: covers the error of the centre line between the nodes of the frame. With a third and with three
+#: times of it, 144 random polygons and 758 steps of rolling have the same outcomes.
+SKIN_TOLERANCE = 4e-4
 #: Largest gap of `measure_gaps` [m]. Wider gaps may close at 0.2 m/s or more, see `land_faces`.
 MAX_GAP = 0.02
 
@@ -144,7 +144,7 @@ def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
     return _add_third_member(grip) if rolls else []
 
 
-def find_free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[FreeCorner]:
+def find_free_corners(grip: HeldGrip, gap: float | None = None) -> list[FreeCorner]:
     """
     Return the corners without contact that penetrate a grasping member, or are within a gap [m].
 
@@ -152,6 +152,8 @@ def find_free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[Free
     penetrates the tube if it is higher than the corner in contact.
     """
     body, radius = grip.body, grip.statics.tube_radius
+    tolerance = SKIN_TOLERANCE * radius
+    least_depth = tolerance if gap is None else -gap
     free_corners: list[FreeCorner] = []
     *positions, circumference = _corner_positions(body.shape)
     along_outline = np.array(positions)
@@ -171,7 +173,7 @@ def find_free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> list[Free
         if not is_in_dent.all():
             members = np.full(len(corners), grip.contacts.members[contacts[0]])
             depths = np.where(is_in_dent, depths, skin_depths(grip, members, corners))
-        is_deep = depths > np.where(is_in_dent, SKIN_TOLERANCE, -gap)
+        is_deep = depths > np.where(is_in_dent, tolerance, least_depth)
         columns = depths, contacts[nearest], corners, face_distances
         free_corners += map(FreeCorner, *(values[is_deep].tolist() for values in columns))
     return free_corners
@@ -291,7 +293,7 @@ def _add_third_member(grip: HeldGrip) -> list[ContactSet]:
     if len(grip.members) >= GRIP_SIZES[-1]:
         return []
     members, depths = depths_in_others(grip)
-    if depths.max(initial=0.0) <= SKIN_TOLERANCE:
+    if depths.max(initial=0.0) <= SKIN_TOLERANCE * grip.statics.tube_radius:
         return []
     deepest = int(depths.argmax())
     member = int(members[deepest])
