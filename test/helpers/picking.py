@@ -160,7 +160,8 @@ class Client:
         self.hold()
         here = self.place()
         # It ends well as soon as a path follower that was started again has been discovered.
-        assert self.execute(MoveObject.Goal(path=path_to(*here)))[1].code == 0
+        staying = MoveObject.Goal(path=path_to(*here))
+        self.r.w.until(lambda: self.execute(staying)[1].code == 0)
         far = max(DESTINATIONS, key=lambda there: np.hypot(*(here - there)))
         moving = MoveObject.Goal(path=path_to(*far), speed=speed)
         return self.until_stage(moving, MoveObject.Feedback.MOVING, progress=BEGUN), moving
