@@ -84,7 +84,7 @@ def test_rates_of_criteria_are_those_of_exact_equilibria(name):
         scale = np.abs(criteria.values[near]) / max(spread[k], 1e-3)
         # The dents of an object of another size are those of the given size.
         share = 1e-3 if k == len(spread) - 1 else 1e-4
-        assert np.abs(rates - criteria.rates[near, k]).max() <= share * scale.max()
+        assert (np.abs(rates - criteria.rates[near, k]) <= share * scale).all()
 
 
 @pytest.mark.parametrize('sigmas', [(0.75, 1.2), (-0.5, 1.2)])
@@ -141,7 +141,7 @@ def test_samples_agree_with_first_order_and_repeat():
     settled, shares = settle(0.66), []
     first = settled.chance(CALIBRATED, samples=0).probability
     drawn = settled.chance(CALIBRATED, samples=40, seed=1, on_progress=shares.append)
-    assert 0.0 < drawn.standard_error < 0.07
+    assert 0.015 < drawn.standard_error < 0.035
     assert drawn.probability == pytest.approx(first, abs=0.02 + 3.0 * drawn.standard_error)
     assert shares == pytest.approx(np.arange(1, 41) / 40)
     assert settled.chance(CALIBRATED, samples=40, seed=1) == drawn

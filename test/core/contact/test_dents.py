@@ -49,11 +49,11 @@ def test_dent_of_a_rigid_tube_agrees_with_the_table(radius):
 def test_a_long_face_dents_as_an_elastic_foundation():
     # Half of a face of 0.3 m, on a foundation of 4 pi p / 3.
     table, stiffness = dent_table(KERNEL, SQUARE, 2), 0.15 * 4.0 * np.pi * 34.5e3 / 3.0
-    assert table(5.0, 0.5 * np.pi)[0] == pytest.approx(5.0 / stiffness, rel=0.25)
+    assert table(5.0, 0.5 * np.pi)[0] == pytest.approx(5.0 / stiffness, rel=0.02)
     assert table(15.0, 0.5 * np.pi)[0] < 0.2 * table(15.0, 0.25 * np.pi)[0]
 
 
-@pytest.mark.parametrize('angle', [1e-3, 0.02, 0.6, 1.5, 1.5695])
+@pytest.mark.parametrize('angle', [1.5e-4, 0.02, 0.6, 1.5])
 def test_dents_of_mirrored_corners_are_equal(angle):
     right, left = (dent_table(KERNEL, SQUARE, corner) for corner in (2, 3))
     assert left(20.0, np.pi - angle)[0] == pytest.approx(right(20.0, angle)[0], rel=1e-9)

@@ -236,6 +236,13 @@ def test_limits_slow_path_time_along_the_ramp_to_a_tenth_and_a_lag_at_once():
     assert moving.rate == 0.03
 
 
+def test_path_time_at_less_than_a_hundredth_of_its_rate_is_no_progress():
+    moving = PathClock(100.0, 0.5, 1.0, PERIOD)
+    for _ in range(120):
+        moving.advance(PERIOD, 0.005, 1.0, False)
+    assert moving.waited == pytest.approx(120 * PERIOD)
+
+
 def test_a_starved_loop_advances_by_two_cycles_at_most():
     moving = PathClock(10.0, 0.5, 1.0, PERIOD)
     assert moving.advance(1.5 * PERIOD, 1.0, 1.0, False) == 1.5 * PERIOD
