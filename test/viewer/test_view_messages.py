@@ -143,16 +143,22 @@ def test_a_message_that_cannot_be_shown_is_refused_with_the_reason(receive, mess
         getattr(Picture(ROBOT, 0.3), f'receive_{receive}')(message, 0.0)
 
 
-@pytest.mark.parametrize('angle', [2.5, -0.4])
-def test_the_object_is_drawn_at_its_pose(view, angle):
+@pytest.mark.parametrize(('angle', 'held'), [(2.5, 0), (-0.4, 1)])
+def test_the_object_is_drawn_at_its_pose_red_or_green_by_its_hold(view, angle, held):
     view.picture = Picture(ROBOT, 0.3)
     pose = to_pose_message(PlanarPose(0.5, -0.2, angle))
     view.picture.receive_object_pose(PoseStamped(pose=pose), 0.0)
+    view.picture.receive_state(GraspState(held=held), 0.0)
     view.update(0.0)
     turn = [math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)]
     with browsing(view) as browser:
         browser.until_drawn('/object', 'wxyz', pytest.approx(turn))
+        browser.until_drawn('ReplayDoneMessage', 'type', 'ReplayDoneMessage')
         assert browser.scene['/object']['position'] == pytest.approx([0.5, -0.2, 0.0])
+        red, green, _ = browser.scene['/object/body']['color']
+        assert (green > red) == held
+        mark = np.frombuffer(browser.scene['/object/mark']['points'], np.float32)
+        assert 0.0 < mark[3] < 0.15
 
 
 def test_rods_forces_and_utilisation_are_drawn_as_the_messages_state(view):

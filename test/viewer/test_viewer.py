@@ -4,10 +4,12 @@
 """The live view without a browser: meshes, drags, control, texts and camera."""
 
 import math
+from types import SimpleNamespace
+from unittest.mock import MagicMock, Mock
 
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import ConvexObject, load_robot, Polygon, Status, tangent_center
+from isotruss_ros.core import ConvexObject, load_robot, Polygon, Pose, Status, tangent_center
 from isotruss_ros.nodes.conversions.grasp_messages import to_state_message
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor, GraspQuery, LatestInputs
 from isotruss_ros.viewer.camera import FIELD_OF_VIEW, PANEL_SHARE, PHONE_ASPECT, place_camera
@@ -134,7 +136,10 @@ def test_an_object_without_contact_is_shown_as_free(panels, picture, place, hold
     report = GraspMonitor(ROBOT, query, 1.0, LatestInputs()).analyze_request(query, 0.0)
     picture.receive_state(to_state_message(report, 'truss'), 0.0)
     assert picture.hold(0.0) is hold
-    assert panels.describe_state(picture, 0.0).partition('>')[2].startswith(words)
+    tell(picture, Status.HALT_NOT_HELD)
+    shown = panels.describe_state(picture, 0.0)
+    assert shown.partition('>')[2].startswith(words)
+    assert ('to carry the object: press' in shown) == (hold is Hold.FREE)
 
 
 def test_deleted_markers_of_the_analysis_are_not_drawn(picture):
@@ -158,6 +163,33 @@ def test_a_missing_twist_is_a_halt_only_during_a_drag(picture, goal, words):
     picture.goal = goal
     tell(picture, Status.HALT_NO_TWIST, message='twist: 0.3 s old')
     assert picture.describe_manipulation(0.0) == f'manipulation: {words}'
+
+
+def test_a_hindrance_is_the_slowest_status_of_the_most_frequent_limit_in_the_interval(picture):
+    for now, code, scale in (
+        *((0.0, Status.SLOWED_OBJECT, 0.1), (0.1, Status.SLOWED_OBJECT, 0.1)),
+        *((0.2, Status.SLOWED_OBJECT, 0.1), (4.0, Status.SLOWED_RIGIDITY, 0.05)),
+        *((4.1, Status.SLOWED_MEMBER_LENGTH, 0.3), (4.2, Status.SLOWED_MEMBER_LENGTH, 0.2)),
+        *((4.3, Status.SLOWED_MEMBER_LENGTH, 0.4), (4.4, Status.OK, 1.0)),
+    ):
+        tell(picture, code, now, scale=scale, message=f'scale {scale}')
+    expected = 'manipulation: slowed member length: scale 0.2'
+    assert picture.describe_hindrance(5.0, 2.0) == expected
+
+
+def test_plots_have_the_mean_squeeze_and_the_error_in_millimetres(panels, picture):
+    plots, gui = {}, Mock()
+    gui.add_uplot = lambda *_, title, **__: plots.setdefault(title, SimpleNamespace())
+    gui.add_folder = MagicMock()
+    shown = panels.Panels(SimpleNamespace(gui=gui))
+    picture.goal = (0.503, 0.2)
+    picture.take_pose(Pose(0.5, 0.204, 0.5), 0.0)
+    picture.receive_state(GraspState(squeeze=[10.0, 20.0]), 0.0)
+    for _ in range(panels.PLOT_INTERVAL):
+        shown.update(picture, 0.0)
+    last = {title: plot.data[1][-1] for title, plot in plots.items()}
+    assert last == {'squeeze [N]': 15.0, 'pose error [mm]': pytest.approx(5.0)}
+    assert 'object at (0.500, 0.204) m, 28.6°' in panels.describe(picture, 0.0)
 
 
 def test_texts_of_other_nodes_are_not_rendered_as_markup(panels, picture):
