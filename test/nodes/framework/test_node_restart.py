@@ -5,9 +5,11 @@
 
 from types import SimpleNamespace
 
+from isotruss_msgs.action import PlaceObject
 from isotruss_ros.core import Disc, load_robot, place_between, read_object, settle_grasp
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.nodes.simulator.node import Simulator
+from isotruss_ros.nodes.viewer import view_requests
 from isotruss_ros.nodes.viewer.view_requests import NodeRestart
 from isotruss_ros.viewer.names import OBJECTS
 from manual_world import world
@@ -15,6 +17,12 @@ import numpy as np
 from probe import N, overrides
 import pytest
 from rclpy.task import Future
+
+
+def finished(value):
+    future = Future()
+    future.set_result(value)
+    return future
 
 
 class Clients:
@@ -27,9 +35,7 @@ class Clients:
     def create_client(self, kind, name):
         def call(request):
             self.before()
-            response = Future()
-            response.set_result(self._world.call(name, request))
-            return response
+            return finished(self._world.call(name, request))
 
         ready = name.partition('/')[0] == 'simulator'
         return SimpleNamespace(call_async=call, service_is_ready=lambda: ready)
@@ -68,6 +74,25 @@ def test_a_later_restart_ends_an_earlier_one(w):
     restart.restart_simulator(0.0, 'elastic')
     assert reports == ['plant elastic: sent', 'plant kinematic: sent', 'plant kinematic: active']
     assert w.nodes[1].get_parameter('plant').value == 'kinematic'
+
+
+@pytest.mark.parametrize('accepted', [True, False])
+def test_stages_and_result_of_an_object_goal_are_reported(accepted, monkeypatch):
+    reports, feedback = [], PlaceObject.Feedback(stage=PlaceObject.Feedback.OPENING, progress=0.5)
+
+    def send(_goal, note):
+        note(SimpleNamespace(feedback=feedback))
+        result = SimpleNamespace(result=PlaceObject.Result(message='free'))
+        return finished(
+            SimpleNamespace(accepted=accepted, get_result_async=lambda: finished(result))
+        )
+
+    client = SimpleNamespace(server_is_ready=lambda: True, send_goal_async=send)
+    # The server of another node; the client has no parameter for its type.
+    monkeypatch.setattr(view_requests, 'ActionClient', lambda *_: client)
+    view_requests.ObjectGoals(None, reports.append).send('place')
+    end = 'free' if accepted else 'rejected while another goal is executed'
+    assert reports == ['place: sent', 'place: opening 50 %', f'place: {end}']
 
 
 @pytest.mark.parametrize('kind', OBJECTS)

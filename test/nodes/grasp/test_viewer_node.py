@@ -11,6 +11,7 @@ import time
 
 from geometry_msgs.msg import Point, Twist, WrenchStamped
 from isotruss_msgs.msg import ManipulationStatus
+import numpy as np
 from probe import CENTER, N, overrides, ROBOT, world
 import pytest
 from rcl_interfaces.msg import SetParametersResult
@@ -60,39 +61,57 @@ def pulls(w):
     return pull is not None and pull.wrench.force.x == 5.0
 
 
-def test_a_turn_is_commanded_at_the_largest_speed_of_its_handle():
-    x, y = map(float, CENTER)
-    there = pytest.approx((x, y))
-    with viewed(max_speed=0.07) as (w, _, browser):
+@pytest.mark.parametrize(
+    ('handle', 'grabbed', 'pointer', 'twist', 'left'),
+    [
+        ('turner', (LEVER_LENGTH, 0.0), (0.0, LEVER_LENGTH), (0.0, 0.2), '90° left'),
+        ('handle', (0.0, 0.0), (0.1, 0.0), (0.07, 0.0), '100 mm left'),
+    ],
+)
+def test_a_drag_is_commanded_at_its_largest_speed_until_it_is_aborted_with_the_way_left(
+    handle, grabbed, pointer, twist, left
+):
+    center = tuple(map(float, CENTER))
+    there = pytest.approx(center)
+    with viewed(max_speed=0.07) as (w, node, browser):
         w.until(
             lambda: browser.scene.get('/handle', {}).get('position', (0.0, 0.0))[:2] == there,
             w.probe.send_pose,
         )
-        browser.drag('turner', 'start', x, y + LEVER_LENGTH, (x + LEVER_LENGTH, y))
+        start, end = (np.add(center, place).tolist() for place in (grabbed, pointer))
+        browser.drag(handle, 'start', *end, start)
         w.until(lambda: moves(w), w.probe.send_pose)
-        twist = w.probe.last('twist')
-        assert twist.angular.z == pytest.approx(0.07 / LEVER_LENGTH)
-        assert twist.linear.x == twist.linear.y == 0.0
+        sent = w.probe.last('twist')
+        assert (sent.linear.x, sent.angular.z) == pytest.approx(twist)
+        assert sent.linear.y == pytest.approx(0.0, abs=1e-6)
+        w.until(lambda: 'aborted' in node.picture.goal_report, w.probe.send_pose)
+        assert f'object: no progress for 2 s, {left}' in node.picture.goal_report
 
 
 def test_requests_of_a_browser_set_parameters_and_release_the_stop():
     asked = set()
 
-    def answer(request, response):
-        values = {part.name: part.value for part in request.parameters}
-        asked.add(tuple(part.string_value or part.double_value for part in values.values()))
+    def answer(name, request, response):
+        values = [part.value for part in request.parameters]
+        asked.add((name, *(part.string_value or part.double_value for part in values)))
         response.results = [SetParametersResult(successful=True) for _ in values]
         return response
 
     with viewed() as (w, _, browser):
         w.probe.listen(Bool, 'stop', 'emergency_stop')
         for name in ('manipulation', 'path_follower'):
-            w.probe.create_service(SetParameters, f'{name}/set_parameters', answer)
+            w.probe.create_service(SetParameters, f'{name}/set_parameters', partial(answer, name))
         parts = itertools.cycle(('P', 'Q', 'object'))
-        modes = {('P', 'joint'), ('Q', 'joint'), (0.0, 'object')}
+        modes = {
+            ('manipulation', *mode) for mode in (('P', 'joint'), ('Q', 'joint'), (0.0, 'object'))
+        }
         w.until(lambda: asked >= modes, lambda: browser.set('drag', next(parts)), 0.1)
         browser.set('squeeze [N]', 12.0)
-        w.until(lambda: (12.0,) in asked)
+        browser.set('friction', 0.7)
+        set_values = {(name, 0.7) for name in ('manipulation', 'path_follower')}
+        set_values.add(('manipulation', 12.0))
+        w.until(lambda: asked >= set_values)
+        assert asked == modes | set_values
         browser.set('release the stop', True)
         w.until(lambda: w.probe.last('stop') == Bool(data=False))
 
@@ -107,6 +126,7 @@ def test_a_drag_under_a_stop_publishes_no_twist_that_moves():
         browser.drag('handle', 'start', 0.6, 0.5)
         browser.set('force x [N]', 5.0)  # taken after the drag
         w.until(lambda: pulls(w), w.probe.send_pose)
+        assert w.probe.last('pull').header.frame_id == 'truss_object_aligned'
         assert len(w.probe.seen['twist']) == count
 
 
