@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 import contextlib
 import math
 import sys
@@ -15,7 +15,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import load_robot, Pose, tangent_center
+from isotruss_ros.core import deform, load_robot, Pose, tangent_center
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
@@ -23,6 +23,7 @@ from isotruss_ros.nodes.conversions.messages import (
     to_pose_message,
     to_twist_message,
 )
+from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from lifecycle_msgs.msg import Transition
@@ -38,7 +39,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 from std_msgs.msg import Bool, Float64MultiArray
 from std_srvs.srv import Trigger
 
@@ -73,6 +74,13 @@ def maker(kind: type[Node], **defaults: object) -> Callable[..., Callable[[], No
 manipulation = maker(Manipulation, failure_time=0.0)
 
 
+def hang_joints(weight: float) -> dict[str, list[float]]:
+    """Return the joints (x, y) [m] of an upright robot whose modules have a weight [N]."""
+    bent = deform(ROBOT.home, {}, module_loads=dict.fromkeys(ROBOT.module_names, (0, -weight, 0)))
+    places = zip(ROBOT.topology.joint_names, ROBOT.home.nodes, strict=False)
+    return {name: (place + bent.displacement(name)[:2]).tolist() for name, place in places}
+
+
 def planar(message: PoseStamped) -> np.ndarray:
     """Return the pose of an object (x, y, angle) [m, rad]."""
     return np.array(read_pose('pose', message.pose))
@@ -95,6 +103,7 @@ class Probe(Node):
         self.clock = self.create_publisher(Clock, '/clock', 1)
         self._noise = 1e-12  # a tracker never measures the same pose to the last bit [m]
         self._states: Publisher | None = None  # made by the first state
+        self._markers: Publisher | None = None  # made by the first markers
         self.seen: dict[str, list] = {}
         for kind, key, topic in (
             (Float64MultiArray, 'command', 'roller_velocity_controller/commands'),
@@ -158,6 +167,14 @@ class Probe(Node):
         state = GraspState(held=held, grasping_members=list(members), message=message)
         state.header = make_header(self.past(0.0), 'truss')
         self._states.publish(state)
+
+    def send_markers(self, joints: Mapping[str, Sequence[float]], age: float = 0.0) -> None:
+        """Publish measured joints (x, y) [m]."""
+        if self._markers is None:
+            self._markers = self.create_publisher(MultiDOFJointState, 'joint_markers', 10)
+        message = to_joint_markers(joints)
+        message.header = make_header(self.past(age), 'truss')
+        self._markers.publish(message)
 
     def send_pressures(self, pressures: Sequence[float]) -> None:
         for tube, pressure in zip(ROBOT.description.pressures, pressures, strict=True):

@@ -14,7 +14,7 @@ from isotruss_ros.nodes.framework.commands import TOPIC
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
-from probe import maker, overrides, ROBOT
+from probe import hang_joints, maker, overrides, ROBOT
 import pytest
 from std_msgs.msg import Bool, Float64MultiArray
 
@@ -90,16 +90,17 @@ def write_checked(tmp_path):
     return str(path)
 
 
-def fly(path, capsys, *, stop=True, pressed=False, mass=0.5, speed=0.0, **values):
+def fly(path, capsys, *, stops=(True, False), speed=0.0, joints=None, checks=None, **values):
     """Run the checks with a plant; return the faults and what was printed."""
-    with world(plant(**values), lambda: Preflight(overrides(robot=path, object_mass=mass))) as w:
-        if stop:
-            w.probe.stops.publish(Bool(data=pressed))
+    checked = {'robot': path, 'object_mass': 0.5} | (checks or {})
+    with world(plant(**values), lambda: Preflight(overrides(**checked))) as w:
+        for stop in stops:
+            w.probe.stops.publish(Bool(data=stop))
         if speed:
             w.spin(0.5, lambda: w.probe.send_command([speed, *5 * [0.0]]))
         node = w.nodes[2]
         try:
-            w.until(lambda: node.done)
+            w.until(lambda: node.done, lambda: joints and w.probe.send_markers(joints))
         except MeasurementError:
             assert node.faults
     return node.faults, capsys.readouterr().out
@@ -110,8 +111,11 @@ LINES += ['roller signs', 'masses']
 
 
 def test_a_robot_that_is_ready_passes(tmp_path, capsys):
-    faults, printed = fly(write_checked(tmp_path), capsys)
+    body = '{shape: disc, diameter: 0.3, mass: 0.4}'
+    checks = {'object_mass': 0.0, 'object': body}
+    faults, printed = fly(write_checked(tmp_path), capsys, checks=checks)
     assert faults == []
+    assert 'object 0.4 kg' in printed
     assert [line.split(':')[0] for line in printed.splitlines()] == [
         f'ok    {name}' for name in LINES
     ]
@@ -119,9 +123,10 @@ def test_a_robot_that_is_ready_passes(tmp_path, capsys):
 
 
 def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
-    faults, printed = fly('nine_member', capsys, stop=False, mass=0.0)
+    faults, printed = fly('nine_member', capsys, stops=(), checks={'object_mass': 0.0})
     assert faults == ['roller offsets', 'emergency stop', 'roller signs', 'masses']
     assert 'run calibrate_home' in printed
+    assert 'masses: object_mass is missing' in printed
 
 
 LENGTHS = ROBOT.home.member_lengths
@@ -138,8 +143,19 @@ NARROW = f'min_length: {LENGTHS.min() - 0.01}, max_length: {LENGTHS.max() + 0.01
             (),
             'mm from the joint by the encoders; must be at most 10 mm',
         ),
+        (
+            'roller offsets',
+            {'marker_joints': [''], 'joints': hang_joints(9.8)},
+            (),
+            'the robot stands upright',
+        ),
         ('rates', {'tracker_rate': 8.0}, (), r'object_pose has [\d.]+ Hz'),
-        ('emergency stop', {'pressed': True}, (), 'the last message of emergency_stop is true'),
+        (
+            'emergency stop',
+            {'stops': (False, True)},
+            (),
+            'the last message of emergency_stop is true',
+        ),
         ('roller signs', {}, (', north/Z]}', ']}'), 'north/Z were not checked'),
         (
             'limits',

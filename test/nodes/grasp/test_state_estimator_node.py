@@ -6,6 +6,7 @@
 import contextlib
 import itertools
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.estimation import state_estimate
@@ -24,7 +25,7 @@ from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
 from nightly import some_now
 import numpy as np
-from probe import maker, N, overrides, ROBOT
+from probe import hang_joints, maker, N, overrides, ROBOT
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import MultiDOFJointState
@@ -52,21 +53,14 @@ PLACES = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
 
 @contextlib.contextmanager
 def listening(*makers):
-    """Yield a world whose probe keeps estimates, and publishes markers."""
+    """Yield a world whose probe keeps estimates."""
     with world(*makers) as w:
         w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
-        w.markers = w.probe.create_publisher(MultiDOFJointState, 'joint_markers', 10)
         yield w
 
 
 def last_estimate(w):
     return w.probe.last('estimate')
-
-
-def send_markers(w, joints, age=0.0):
-    message = to_joint_markers(joints)
-    message.header = make_header(w.probe.past(age), 'truss')
-    w.markers.publish(message)
 
 
 def test_joints_of_a_robot_with_wrong_offsets_are_estimated():
@@ -102,11 +96,12 @@ def test_estimate_is_robust_to_late_swapped_and_missing_markers():
             w.probe.send_joints()
             off = next(noise)
             noisy = {name: (x + off, y) for name, (x, y) in joints.items()}
-            send_markers(w, noisy, age=0.3)
+            w.probe.send_markers(noisy, age=0.3)
 
         w.spin(1.0, lambda: feed(PLACES))
         w.spin(0.2, lambda: feed(PLACES | {'P': PLACES['Q'], 'Q': PLACES['P']}))
         assert last_estimate(w).left_out_joints == ['P', 'Q']
+        assert 'inconsistent markers: P, Q' in w.report('state_estimator').message
         w.spin(0.2, lambda: feed({}))
         w.spin(0.2, lambda: feed(PLACES))
         result = last_estimate(w)
@@ -119,7 +114,7 @@ def test_an_upright_robot_that_three_markers_admit_is_reported(inclination, is_a
     three = {name: PLACES[name] for name in ('Q', 'R', 'Z')}
     with listening(estimator(inclination=inclination)) as w:
         w.spin(0.1, w.probe.send_joints)
-        w.spin(1.5, lambda: (w.probe.send_joints(), send_markers(w, three)))
+        w.spin(1.5, lambda: (w.probe.send_joints(), w.probe.send_markers(three)))
         detail, result = w.detail('roller offsets', 'state_estimator'), last_estimate(w)
     assert result.used_joints == sorted(three)
     assert result.may_be_upright is is_admitted
@@ -133,11 +128,12 @@ def test_a_repeated_marker_message_is_used_once(ahead):
     for repeats in (1, 5):
         with listening(estimator()) as w:
             w.spin(0.2, w.probe.send_joints)
+            markers = w.probe.create_publisher(MultiDOFJointState, 'joint_markers', 10)
             message = to_joint_markers({'Q': tuple(ROBOT.home.nodes[1] + [0.0, 2e-3])})
             message.header = make_header(w.probe.past(-ahead), 'truss')
             for number in range(5):
                 if number < repeats:
-                    w.markers.publish(message)
+                    markers.publish(message)
                 w.spin(0.002)
             w.spin(0.2, w.probe.send_joints)
             result.append(last_estimate(w).offsets)
@@ -149,11 +145,29 @@ def test_markers_wait_for_joint_states_of_their_time():
     with listening(estimator()) as w:
         w.spin(0.3, w.probe.send_joints)
         w.spin(0.1)
-        send_markers(w, PLACES)
+        w.probe.send_markers(PLACES)
         w.spin(0.1)
         assert last_estimate(w).used_joints == []
         w.spin(0.1, w.probe.send_joints)
         assert last_estimate(w).used_joints == sorted(NAMES)
+        # At home, the offsets are about as uncertain as the markers.
+        variances = np.diag(np.reshape(last_estimate(w).offset_covariance, (N, N)))
+        assert np.sqrt(variances) == pytest.approx(1e-3, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ('weight', 'level', 'words'),
+    [
+        (0.0, DiagnosticStatus.OK, 'estimating'),
+        (9.8, DiagnosticStatus.WARN, 'hang by up to 27 mm'),
+    ],
+)
+def test_a_robot_that_sags_under_its_weight_is_a_warning(weight, level, words):
+    joints = hang_joints(weight)
+    with listening(estimator()) as w:
+        w.spin(3.0, lambda: (w.probe.send_joints(), w.probe.send_markers(joints)))
+        assert w.report('state_estimator').level == level
+        assert words in w.report('state_estimator').message
 
 
 def test_stale_pressures_give_a_warning_and_the_estimate_continues():
@@ -173,6 +187,8 @@ def test_poses_wait_for_encoders_that_are_late_by_less_than_the_timeout():
     values = {'rate': 20.0, 'command_timeout': 3.0}
     with listening(lambda: Simulator(overrides(**plant, **values)), estimator(**values)) as w:
         w.until(lambda: last_estimate(w) is not None and last_estimate(w).held == 1)
+        # The first pose has the default deviation of an angle.
+        assert np.sqrt(last_estimate(w).pose.covariance[-1]) == pytest.approx(0.0095, rel=0.1)
 
 
 def test_an_estimate_survives_a_round_trip():
