@@ -34,11 +34,10 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.contact.wrench_space import wrench_space
 from isotruss_ros.core.errors import ArgumentError, GraspError
-from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.grasp_gradient import GraspGradient
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
-from isotruss_ros.core.inputs import InputFault, RollerState, StampedInput
+from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.numerics.argument_kinds import EXAMPLES
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_grip, foresee_path
@@ -53,7 +52,7 @@ BODY = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.02), 0.3)
 GRIP = Grip.at_module(ROBOT, 'north/Z', BODY, 0.8)
 TRACKER = PathTracker(ObjectPath([(0, 0, 0), (0.1, 0, 0)], 0.05, 0.5), TrackingSettings(), 0.01)
 POSES = np.array([BODY.pose, BODY.pose])
-SERVO, NO_TRAVEL = TwistServo(ROBOT, ServoSettings(GRIP, 0.01, 0.2)), RollerState(NONE, NONE)
+SERVO = TwistServo(ROBOT, ServoSettings(GRIP, 0.01, 0.2))
 TIMES, SWING = np.linspace(0.0, 3.0, 40), np.zeros((40, 3))
 
 
@@ -176,32 +175,3 @@ FORMS = {
 def test_lists_and_inputs_of_another_form_are_refused_with_their_name(words):
     with pytest.raises(IsotrussError, match=words):
         FORMS[words]()
-
-
-def receive(**inputs):
-    """Return the inputs of the servo after it has received values of time 0."""
-    SERVO.receive(**{name: StampedInput(value, 0.0) for name, value in inputs.items()})
-    return {name: getattr(SERVO.inputs, name) for name in inputs}
-
-
-@pytest.mark.parametrize('value', [np.inf, np.nan])
-@pytest.mark.parametrize(
-    'inputs',
-    [
-        lambda value: {'twist': (0.0, value, 0.0)},
-        lambda value: {'pose': BODY.pose._replace(x=value)},
-        lambda value: {'rollers': NO_TRAVEL._replace(velocities=NONE + value)},
-        lambda value: {'rollers': NO_TRAVEL._replace(offsets=NONE + value)},
-    ],
-)
-def test_the_servo_refuses_inputs_that_are_not_finite(inputs, value):
-    ((name, rejected),) = receive(**inputs(value)).items()
-    assert (rejected.fault, name) == (InputFault.INVALID, *inputs(value))
-    assert 'finite' in rejected.reason
-
-
-@pytest.mark.parametrize('variances', [np.nan, -1e-4])
-def test_a_covariance_is_positive_semidefinite(variances):
-    covariance = np.diag(NONE + variances)
-    rejected = receive(estimate=EstimatedTravel(NONE, covariance))['estimate']
-    assert 'covariance of roller offsets' in rejected.reason

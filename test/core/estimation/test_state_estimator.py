@@ -153,15 +153,6 @@ def estimated(names=THREE, held=True, speed=0.03, duration=2.0):
 RUNS = 80
 
 
-def test_joint_covariance_has_the_offsets_and_the_error_of_the_model():
-    settings = replace(EXACT, joint_error=2e-3)
-    exact, real = (StateEstimator(ROBOT, each) for each in (EXACT, settings))
-    for estimator in (exact, real):
-        estimator.take_encoders(0.0, np.zeros(len(ROBOT.roller_names)))
-    added = real.estimate().joint_covariance - exact.estimate().joint_covariance
-    assert added == pytest.approx(2e-3**2 * np.eye(len(added)), abs=1e-15)
-
-
 def test_large_offsets_are_consistent_after_the_first_message():
     """A single linearisation at zero offsets leaves errors of several standard deviations."""
     surprises = []
@@ -418,19 +409,17 @@ def test_deviations_of_offsets_with_wrong_markers_are_bounded():
     assert np.sqrt(np.diag(found.offset_covariance)).max() <= 0.05 + 1e-9
 
 
-def with_pose_error(pose_error):
-    """Return a robot that holds a disc, whose model of the pose is wrong by so much [m]."""
-    drawn = estimated((), duration=0.2)
-    drawn.estimator.settings = replace(EXACT, pose_error=pose_error)
-    return drawn
-
-
-def test_the_error_of_the_modelled_pose_turns_the_object_by_its_arm():
-    size = 2e-3
-    exact, wrong = map(with_pose_error, (0.0, size))
-    more = wrong.estimator.estimate().pose_covariance - exact.estimator.estimate().pose_covariance
-    expected = np.diag([size, size, size / wrong.grip.arm]) ** 2
-    assert more == pytest.approx(expected, rel=1e-6, abs=1e-12)
+def test_the_errors_of_the_model_add_to_the_covariances_of_pose_and_joints():
+    size, drawn, estimates = 2e-3, estimated((), duration=0.2), []
+    for error in (0.0, size):
+        drawn.estimator.settings = replace(EXACT, pose_error=error, joint_error=error)
+        estimates.append(drawn.estimator.estimate())
+    exact, wrong = estimates
+    expected = np.diag([size, size, size / drawn.grip.arm]) ** 2  # the object turns by its arm
+    added = wrong.pose_covariance - exact.pose_covariance
+    assert added == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    added = wrong.joint_covariance - exact.joint_covariance
+    assert added == pytest.approx(size**2 * np.eye(len(added)), abs=1e-12)
 
 
 def test_late_markers_are_compared_with_the_past_configuration():

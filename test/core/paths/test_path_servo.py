@@ -82,23 +82,15 @@ def test_invalid_pose_stops_the_path(pose, words):
     assert caught.value.name == 'object_pose'
 
 
+HALTED = [(int(status), 0.0) for status in Status if status >= 30]
+HALTED += [(99, 1.0), *((0, scale) for scale in (math.nan, math.inf, -0.1, 1.1))]
+
+
 @pytest.mark.parametrize(
     'servo_feedback',
     [
-        None,
-        RejectedInput('nonsense'),
-        StampedInput(OBEYS, 9.7),
-        StampedInput(OBEYS, 11.0),
-        *(
-            StampedInput(ServoFeedback(status, 0.0, str(status)), 10.0)
-            for status in Status
-            if status >= 30
-        ),
-        StampedInput(ServoFeedback(99, 1.0, 'of a later version'), 10.0),
-        *(
-            StampedInput(ServoFeedback(0, scale, ''), 10.0)
-            for scale in (math.nan, math.inf, -0.1, 1.1)
-        ),
+        *(None, RejectedInput('nonsense'), StampedInput(OBEYS, 9.7), StampedInput(OBEYS, 11.0)),
+        *(StampedInput(ServoFeedback(*halted, ''), 10.0) for halted in HALTED),
     ],
 )
 def test_path_time_stops_while_the_robot_is_halted(servo_feedback):

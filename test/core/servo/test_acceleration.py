@@ -14,7 +14,6 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.acceleration import limit_acceleration
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limits import default_limits, Rows, stack_rows
-from isotruss_ros.core.manipulation.status import RollerCommand
 from nightly import some_now
 import numpy as np
 import pytest
@@ -47,20 +46,6 @@ CASES = [
     for rate in (2.0, 0.25)
     for module, first in (('north/Z', 110.0), ('north/R', 30.0), ('east/Q', 200.0))
 ]
-
-
-def test_without_contacts_braking_begins_at_the_nearest_admissible_speeds():
-    rows = Rows(np.eye(2), np.full(2, -0.05), np.full(2, 0.05))
-    command = RollerCommand(
-        np.array([-0.05, 0.0]),
-        np.zeros(3),
-        1.0,
-        Status.OK,
-        motion=np.zeros((3, 2)),
-        contact_rows=np.zeros((0, 2)),
-    )
-    braked = limit_acceleration(command, np.array([0.06, 0.0]), np.zeros(2), 0.02, lambda: rows)
-    assert braked.roller_velocities == pytest.approx([0.04, 0.0])
 
 
 def can_avoid_reversals(command, previous, step, rows, velocities):
@@ -110,32 +95,20 @@ def test_rollers_reverse_only_as_the_twist_requires(seed):
         assert not can_avoid_reversals(command, previous, step, ROWS, velocities)
 
 
-def test_status_is_accelerating_until_the_twist_is_carried_out():
-    robot = driven('north/R')
-    statuses = [robot.step(heading(30.0)).status for _ in range(20)]
-    reached = statuses.index(Status.OK)
-    assert 2 < reached < 11
-    assert statuses == [Status.ACCELERATING] * reached + [Status.OK] * (20 - reached)
-
-
-def test_a_twist_of_zero_brings_the_rollers_to_rest_within_the_acceleration():
-    robot = driven('north/R')
-    for _ in range(10):
-        robot.step(heading(30.0))
-    for _ in range(10):
-        command = robot.step(np.zeros(3))
-        assert robot.change <= CHANGE * (1.0 + 1e-6)
-    assert command.status is Status.IDLE
-    assert not command.roller_velocities.any()
-
-
-def test_joints_reverse_within_the_acceleration():
-    robot = driven('north/R', joint='Z')
-    for direction in (1.0, -1.0):
+@pytest.mark.parametrize('joint', [None, 'Z'])
+def test_rollers_reach_a_twist_its_reverse_and_rest_within_the_acceleration(joint):
+    robot = driven('north/R', joint=joint)
+    for twist in (heading(30.0), heading(210.0), np.zeros(3)):
+        statuses = []
         for _ in range(20):
-            command = robot.step(direction * heading(30.0))
+            command = robot.step(twist)
             assert robot.change <= CHANGE * (1.0 + 1e-6)
-        assert command.status is Status.OK
+            statuses.append(command.status)
+        final = Status.OK if twist.any() else Status.IDLE
+        reached = statuses.index(final)
+        assert 2 < reached < 19
+        assert statuses == [Status.ACCELERATING] * reached + [final] * (20 - reached)
+    assert not command.roller_velocities.any()
 
 
 def test_other_commands_keep_the_acceleration_but_for_zero():

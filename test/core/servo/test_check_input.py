@@ -5,13 +5,20 @@
 
 import math
 
-from isotruss_ros.core import ConvexObject, Grip, IsotrussError, load_robot, Pose, RollerFaults
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    IsotrussError,
+    load_robot,
+    Pose,
+    RollerFaults,
+    TwistServo,
+)
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, EstimatorSettings
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
-from isotruss_ros.core.servo.check_input import check_input
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 import numpy as np
 import pytest
@@ -50,15 +57,24 @@ INPUTS = [
 ]
 
 
+GRIP = Grip(('north/P-Z', 'north/Z-R'), ConvexObject.disc((0.7, 0.8), 0.3))
+
+
+def receive(name, value, time=1.0):
+    """Return an input of a servo that has received a value."""
+    servo = TwistServo(ROBOT, ServoSettings(GRIP, 0.01, 0.2))
+    servo.receive(**{name: StampedInput(value, time)})
+    return getattr(servo.inputs, name)
+
+
 @pytest.mark.parametrize(('name', 'good', 'bad'), INPUTS)
 def test_inputs_of_other_counts_or_ranges_are_rejected_with_their_name(name, good, bad):
-    given = StampedInput(good, 1.0)
-    assert check_input(ROBOT, name, given) is given
+    assert receive(name, good) == StampedInput(good, 1.0)
     for value, word in bad:
-        rejected = check_input(ROBOT, name, StampedInput(value, 1.0))
+        rejected = receive(name, value)
         assert isinstance(rejected, RejectedInput)
         assert word in rejected.reason
-    assert 'time of' in check_input(ROBOT, name, StampedInput(good, math.nan)).reason
+    assert 'time of' in receive(name, good, math.nan).reason
 
 
 #: Settings with values, each of which is out of its range.
@@ -73,8 +89,7 @@ WRONG_SETTINGS = [
     (RollerFaults, {'slip': 0.6, 'noise': -1.0, 'speed_limit': -1.0}),
 ]
 GOOD_SETTINGS = {
-    ServoSettings: {'grip': Grip(('north/P-Z', 'north/Z-R'), ConvexObject.disc((0.7, 0.8), 0.3))}
-    | {'period': 0.01, 'timeout': 0.2},
+    ServoSettings: {'grip': GRIP, 'period': 0.01, 'timeout': 0.2},
     SqueezeSettings: {'force': 15.0},
 }
 

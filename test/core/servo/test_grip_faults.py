@@ -177,16 +177,6 @@ def test_a_repeated_pose_is_no_slip(mode):
         assert 'slipped' not in decision.message
 
 
-def test_a_lost_object_stays_not_held_after_it_returns():
-    loop = held()
-    loop.cycle((0.0, 0.01, 0.0))
-    for away in (GONE, GONE, CLOSED, CLOSED):
-        decision = loop.cycle((0.0, 0.01, 0.0), away=away)
-    assert decision.command.status is Status.HALT_NOT_HELD
-    loop.servo.command(ROLLERS, loop.now)
-    assert loop.cycle().command.status < Status.HALT_NO_TWIST
-
-
 def test_an_object_that_is_taken_away_at_rest_is_no_fault():
     loop = held()
     for _ in range(60):

@@ -179,7 +179,7 @@ def test_failed_rollers_are_commanded_zero_and_reported():
     assert speeds['north/Z'] == speeds['south/Q'] == 0.0
     assert any(speeds.values())
     assert decision.failed == ('south/Q', 'north/Z')
-    # Four rollers are just enough for any motion of the object that keeps the grip.
+    # Four rollers suffice for any motion of the object that keeps the grip.
     assert decision.command.reachable_dof == 3
     made.receive(failed=['south/Q', 'north/Z', 'south/P'])
     assert made.decide(NOW).command.reachable_dof == 2
@@ -260,14 +260,3 @@ def test_commands_older_than_the_timeout_predict_nothing():
         made = servo()
         made.command(speeds, NOW - age)
         assert close(made.decide(NOW).command.roller_velocities, expected) == forgotten
-
-
-@pytest.mark.parametrize(
-    ('settings', 'status'),
-    [({}, Status.SLIDING), ({'slide_along_limits': False}, Status.SLOWED_MEMBER_LENGTH)],
-)
-def test_motion_slides_along_limits_unless_it_is_to_stop_there(settings, status):
-    longest = float(ROBOT.home.member_lengths.max())
-    robot = Robot(dataclasses.replace(FILE, max_acceleration=np.inf, max_length=longest))
-    twist = StampedInput((0.0, 0.05, 0.0), NOW)
-    assert servo(settings, robot, twist=twist).decide(NOW).command.status is status
