@@ -65,18 +65,6 @@ def test_expected_travel_is_the_integral_of_commands_of_rollers_that_follow_them
         assert travelled == pytest.approx(expected, abs=1e-4)
 
 
-def test_travel_beyond_the_span_is_discarded():
-    history, period, span = CommandHistory(COUNT), 0.01, 0.5
-    for step in range(300):
-        history = history.recorded(step * period, np.full(COUNT, float(step)))
-        history = history.recent(step * period, span)
-    now = 299 * period
-    expected = period * sum(range(249, 299))
-    none = np.zeros(COUNT)
-    assert history.travel(now - span, now, none) == pytest.approx(np.full(COUNT, expected))
-    assert not history.travel(0.0, now - span - 2.0 * period, none).any()
-
-
 @given(
     st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=12),
     st.lists(st.floats(-0.5, 1.5), min_size=1, max_size=4),

@@ -16,7 +16,7 @@ from isotruss_ros.demo import processes, view
 from isotruss_ros.demo.figures import animate, draw_panels, FRAMES_PER_SECOND, SPEED_UP
 from isotruss_ros.demo.gripping import slow_down
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
-from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL, run
+from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL
 from isotruss_ros.demo.sensors import truth_table
 from isotruss_ros.demo.verdict import print_verdict
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
@@ -26,13 +26,6 @@ import pytest
 from rich.console import Console
 
 ROBOT = load_robot('nine_member')
-
-
-def test_unknown_arguments_of_the_demo_are_refused(tmp_path, capsys):
-    with pytest.raises(SystemExit):
-        run(['--output', str(tmp_path / 'new'), '--robot', 'triangle'])
-    assert 'unrecognized arguments: --robot triangle' in capsys.readouterr().err
-    assert not (tmp_path / 'new').exists()
 
 
 def test_pictures_are_written(tmp_path):

@@ -5,7 +5,7 @@
 
 import signal
 
-from action_msgs.msg import GoalInfo, GoalStatus
+from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject, PlanGrasp
 from isotruss_msgs.msg import GraspState
@@ -139,12 +139,6 @@ class Client:
 
     def until_stage(self, goal, stage, progress=0.0):
         """Send a goal, and return its handle in a stage, with so much of it done."""
-        handle, ended = self._begin_stage(goal, stage, progress)
-        assert not ended.done(), ended.result().result.message
-        return handle
-
-    def _begin_stage(self, goal, stage, progress):
-        """Send a goal; return its handle and the future of its end, one of which comes first."""
         handle = self.begin(goal)
         ended = handle.get_result_async()
         self.r.w.until(
@@ -153,7 +147,8 @@ class Client:
                 or any(m.stage == stage and m.progress >= progress for m in self.feedback)
             )
         )
-        return handle, ended
+        assert not ended.done(), ended.result().result.message
+        return handle
 
     def until_moving(self, speed):
         """Send a goal to move the held object far enough; return its handle, and the goal."""
@@ -173,18 +168,6 @@ class Client:
         handle = self.begin(SEARCHED)
         self.r.w.until(lambda: probe.seen['search'])
         return handle
-
-    def cancel_in_stage(self, goal, stage, back, progress):
-        """Cancel a goal in a stage; again where that was over."""
-        for _ in range(10):
-            handle = self.until_stage(goal, stage, progress)
-            handle.cancel_goal_async()
-            status, result = self.end(handle)
-            if status == GoalStatus.STATUS_CANCELED:
-                return
-            assert status == GoalStatus.STATUS_SUCCEEDED, result.message
-            assert self.execute(back)[1].code == 0
-        raise AssertionError(f'stage {stage} was always over before the goal was cancelled')
 
     def place(self):
         """Return where the object is, by a message that was sent after this call."""

@@ -14,7 +14,6 @@ from nightly import some_now
 import numpy as np
 from probe import DEADLINE, Manager, N, ROBOT
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_processes import robot
 from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -128,21 +127,6 @@ def test_a_process_that_publishes_once_and_exits_stops_the_robot(r, durability):
     subprocess.run([sys.executable, '-c', once], check=True)
     r.until(lambda: r.w.code() == Status.HALT_EMERGENCY_STOP)
     r.check_at_rest()
-
-
-def test_a_stop_counts_however_many_messages_follow_from_another_process(r):
-    latched = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    publisher = r.w.probe.create_publisher(Bool, 'emergency_stop', latched)
-    r.w.until(lambda: publisher.get_subscription_count() == 2)
-    for count in (1, 500):
-        r.until_moving()
-        publisher.publish(Bool(data=True))
-        for _ in range(count):
-            publisher.publish(Bool(data=False))
-        r.until(lambda: r.w.code() == Status.HALT_EMERGENCY_STOP)
-        r.until(lambda: 'message is false' in r.w.probe.last('status').message)
-        release(r)
-    r.w.probe.destroy_publisher(publisher)
 
 
 def test_a_latched_stop_persists_when_the_node_restarts(r):

@@ -41,15 +41,6 @@ def client(shared, request):
 
 
 @pytest.mark.nightly
-def test_a_cancel_of_a_pick_leaves_the_robot_at_rest_and_its_grip_opens_again(client):
-    client.let_go()
-    # A grip that only begins to close does not press yet.
-    client.cancel_in_stage(PICK, PickObject.Feedback.CLOSING, PlaceObject.Goal(), 0.3)
-    client.r.check_rests()
-    assert client.execute(APART)[1].code == 0
-
-
-@pytest.mark.nightly
 def test_a_cancel_ends_the_goal_where_a_node_under_it_hangs(client):
     client.let_go()
     handle = client.until_searching()

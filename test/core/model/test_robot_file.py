@@ -27,12 +27,6 @@ def as_yaml(document):
     return stream.getvalue()
 
 
-def test_path_loads_as_text_and_as_path():
-    path = robots.write(robots.example())
-    assert load_robot(path).name == load_robot(str(path)).name == 'example'
-    path.unlink()
-
-
 def test_numbers_may_be_whole_and_frame_and_stiffness_left_out():
     document = robots.example()
     del document['tube']['stiffness']

@@ -97,12 +97,6 @@ def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
     assert anew.slip_margin > 1.3 * expected.slip_margin
 
 
-def test_a_path_beyond_the_reach_of_the_robot_ends_there():
-    foresight = foresee(held('disc 0.2 m'), (0.0, 3.0, 0.0))
-    assert 0.0 < foresight.share < 1.0
-    assert foresight.why
-
-
 def follow_in_loop(robot, body, members, displacement, period=0.04):
     """Return the fraction of a straight path that the loop executes on the elastic plant."""
     held = ElasticObject(body, FRICTION)

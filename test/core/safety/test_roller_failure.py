@@ -189,10 +189,3 @@ def test_a_roller_that_fails_in_motion_is_detected_within_its_failure_time_and_2
     rollers.works[0] = 0.0
     times = run(watched, rollers, steady([0.1] * 4, 3.0), start=100.0 + works)
     assert 0.8 <= times['a'] <= 1.0 + 0.02 / 0.1 + 0.01
-
-
-def test_time_without_a_command_does_not_count():
-    rollers, watched = Rollers(), Watched()
-    rollers.works[1] = 0.0
-    assert run(watched, rollers, steady([0.1] * 4, 0.9) + steady([0.0] * 4, 0.5)) == {}
-    assert set(run(watched, rollers, steady([0.1] * 4, 0.2), start=101.4)) == {'b'}

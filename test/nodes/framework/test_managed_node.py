@@ -85,13 +85,6 @@ def waiting():
         yield w.nodes[1], Manager(w, 'toy'), w
 
 
-def test_starts_by_itself_with_autostart():
-    with world(Toy) as w:
-        assert Manager(w, 'toy').state() == 'active'
-        assert w.nodes[1].steps == ['configure', 'activate']
-        w.until(lambda: w.detail('steps', 'toy') == '2')
-
-
 def test_the_life_cycle_leaves_nothing_behind(waiting):
     node, _, _ = waiting
     known = []
