@@ -5,6 +5,7 @@
 
 import inspect
 import math
+import warnings
 
 from isotruss_ros import core
 from isotruss_ros.calibration.home import calibrate_home
@@ -15,8 +16,10 @@ from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
+    deform,
     Disc,
     ElasticObject,
+    grasp_gradient,
     GraspRequirements,
     Grip,
     IsotrussError,
@@ -39,6 +42,7 @@ from isotruss_ros.core.holding.grasp_gradient import GraspGradient
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.numerics.argument_kinds import EXAMPLES
+from isotruss_ros.core.numerics.arrays import MAX_LOAD
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_grip, foresee_path
 from isotruss_ros.core.servo.servo_settings import ServoSettings
@@ -175,3 +179,40 @@ FORMS = {
 def test_lists_and_inputs_of_another_form_are_refused_with_their_name(words):
     with pytest.raises(IsotrussError, match=words):
         FORMS[words]()
+
+
+LOST = BODY.moved_to((0.0, 0.8, 0.0))
+LOAD_CALLS = {
+    'analyze_grasp': lambda load: analyze_grasp(HOME, BODY, 0.5, load),
+    'settle_grasp': lambda load: settle_grasp(HOME, BODY, 0.5, load),
+    'settle_grasp of a lost object': lambda load: settle_grasp(HOME, LOST, 0.5, load),
+    'grasp_gradient': lambda load: grasp_gradient(settle_grasp(HOME, BODY, 0.5, load)).slip_margin,
+    'GraspRequirements': lambda load: GraspRequirements(external_wrench=tuple(load)),
+    'elastic plant': lambda load: setattr(ElasticObject(BODY, 0.5), 'external_wrench', load),
+    'joint': lambda load: deform(HOME, {'Z': load[:2]}, paper_model=True),
+    'module': lambda load: deform(HOME, {}, module_loads={'north/Z': load}, paper_model=True),
+    'tube': lambda load: deform(
+        HOME, {}, tube_loads={'north/P-Z': [(0.5, *load)]}, paper_model=True
+    ),
+}
+
+
+@pytest.mark.parametrize('name', LOAD_CALLS)
+@pytest.mark.parametrize('size', [1.01 * MAX_LOAD, 1e160, 1.7e308])
+def test_loads_out_of_range_are_refused(name, size):
+    for load in [(size, 0.0, 0.0), (0.0, -size, 0.0)]:
+        with pytest.raises(IsotrussError, match=r': must be . finite numbers, at most'):
+            LOAD_CALLS[name](load)
+
+
+@pytest.mark.parametrize('name', LOAD_CALLS)
+@pytest.mark.parametrize('load', MAX_LOAD * np.array([(1, 0, 0), (0, -1, 0), (1, 1, -1)]))
+def test_the_largest_loads_do_not_overflow(name, load):
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        LOAD_CALLS[name](load)
+
+
+def test_the_largest_load_is_beyond_the_limit_load():
+    with pytest.raises(IsotrussError, match='the loads are beyond the limit load'):
+        deform(HOME, {'Z': (MAX_LOAD, MAX_LOAD)})

@@ -1,10 +1,12 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The exported model as hardware: actuators and sensors by the names of rollers and joints."""
+"""Actuators, sensors and friction of the floor in the exported model, and rollers that lag."""
 
 from isotruss_ros.cli import export_mujoco
 from isotruss_ros.core import load_robot, tangent_center
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
 import numpy as np
 import pytest
@@ -57,3 +59,47 @@ def test_sensors_measure_speeds_and_objects(tmp_path):
     measured = [*data.sensor('object0').data, *data.sensor('object0:orientation').data]
     body = data.body('object0')
     assert measured == pytest.approx([*body.xpos, *body.xquat])
+
+
+TRIANGLE = load_robot('triangle')
+STILL = np.zeros(len(TRIANGLE.roller_names))
+
+
+def pulled(friction, force):
+    """Return by how much a pull moves the top of the triangle [m]."""
+    plant = MujocoPlant(TRIANGLE, options=PlantOptions(module_friction=friction))
+    start = plant.nodes[TRIANGLE.node_names.index('T')].copy()
+    plant.load_joint('T', (force, 0.0))
+    plant.settle(3.0)
+    return np.hypot(*(plant.nodes[TRIANGLE.node_names.index('T')] - start))
+
+
+def test_the_floor_takes_its_friction_off_a_pull():
+    assert pulled(2.0, 1.8) < 1e-4
+    assert 1e-3 < pulled(0.0, 4.0) < pulled(2.0, 6.0) < 0.9 * pulled(0.0, 6.0)
+
+
+def test_a_roller_follows_its_command_with_its_lag():
+    plant = MujocoPlant(TRIANGLE, options=PlantOptions(roller_lag=0.1))
+    command = np.zeros_like(STILL)
+    command[0] = 0.02
+    plant.advance(0.1, command)
+    assert plant.speeds[0] == pytest.approx(0.02 * (1.0 - np.exp(-1.0)), rel=1e-6)
+    assert plant.travel[0] == pytest.approx(0.02 * 0.1 * np.exp(-1.0), rel=0.03)
+
+
+def test_a_roller_stops_if_the_tube_requires_more_than_its_force():
+    command = np.zeros_like(STILL)
+    command[0] = 0.02
+    weak = MujocoPlant(TRIANGLE, options=PlantOptions(roller_force=3.0))
+    weak.load_joint('T', (0.0, -40.0))
+    weak.settle(1.0)
+    before = weak.travel.copy()
+    moved = []
+    for sign in (1.0, -1.0):
+        weak.advance(0.1, sign * command)
+        moved.append(abs(weak.travel[0] - before[0]))
+        before = weak.travel.copy()
+    # It can go where the tubes push it, and not against them.
+    assert min(moved) < 1e-4
+    assert max(moved) > 1e-3

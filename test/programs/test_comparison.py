@@ -1,13 +1,17 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A short part of the comparison with MuJoCo, and the page in docs/ that shows all of it."""
+"""Benchmarks in their shortest form, a part of the comparison with MuJoCo, and its page."""
 
+import os
 from pathlib import Path
+import subprocess
+import sys
 
 from isotruss_ros.core import place_between, settle_grasp
 from mujoco_worlds import needs_mujoco
 import pytest
+from studies.benchmarks.__main__ import NAMES
 from studies.comparison import faces, faulty_carries
 from studies.comparison.friction import lost_at
 from studies.comparison.grips import press_on, release, round_robot
@@ -47,3 +51,21 @@ def test_all_values_of_the_committed_page_are_within_bounds():
     assert text.count('\n## ') == 1 + len(SECTIONS)
     tables = {path.stem for path in (DOCS / FOLDER).glob('*.csv')}
     assert tables == {name for name in tables if f'({FOLDER}/{name}.csv)' in text}
+
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize('name', NAMES)
+def test_benchmark_runs_in_its_shortest_form(name):
+    ran = subprocess.run(
+        [sys.executable, '-m', 'studies.benchmarks', name],
+        cwd=ROOT,
+        env=os.environ | {'BENCHMARK_SHARE': '0.001'},
+        capture_output=True,
+        text=True,
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert f'## {name}' in ran.stdout

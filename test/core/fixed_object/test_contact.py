@@ -1,10 +1,12 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contact: the complementarity problem, contact points, condensation, relaxation."""
+"""Contact points, complementarity, condensation, relaxation, and objects narrower than tubes."""
 
+from held_grips import HOME, NINE
 from hypothesis import given
-from isotruss_ros.core import load_robot
+from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import find_contact_points
 from isotruss_ros.core.statics.equilibrium import solve, unloaded
@@ -86,3 +88,35 @@ def test_objects_of_any_size_at_any_place_are_solved(preset, diameter):
         points, *_ = find_contact_points(structure_of(robot.home), circle(center, radius), spacing)
         state = solve_contact(points, circle(center, radius))
         check_state(points, state, center, radius, 1e-4)
+
+
+RADIUS = 0.5 * NINE.description.tube_diameter
+NAME = 'south/P-Q'
+BOX = Polygon([(-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)])
+SHAPES = [Disc(0.07), Disc(0.02), Ellipse((0.03, 0.015)), BOX]
+
+
+def placed(shape, depth, share):
+    """Return an object this deep in a member, at a share of its length."""
+    start, end = robots.member_ends(HOME, NAME)
+    axis = (end - start) / abs(end - start)
+    turn, outward = axis * np.exp(0.3j), 1j * axis
+    reach = float(shape.support(np.array([outward / turn]))[0])
+    center = start + share * (end - start) - outward * (RADIUS + reach - depth)
+    return ConvexObject(shape, (center.real, center.imag, np.angle(turn)))
+
+
+@pytest.mark.parametrize('shape', SHAPES, ids=repr)
+@pytest.mark.parametrize('share', [0.1, 0.5, 0.98])
+def test_deep_objects_touch_or_are_refused_with_the_member(shape, share):
+    for depth in np.linspace(0.2, 0.99, 6) * (RADIUS + shape.reach):
+        try:
+            pressed = analyze_grasp(HOME, placed(shape, depth, share)).contact_forces
+        except SolverError as error:
+            pressed = str(error)
+        assert NAME in pressed, f'{depth} m'
+
+
+def test_an_object_deeper_than_a_diameter_of_the_tube_is_refused():
+    with pytest.raises(SolverError, match='103 mm deep in it; must be at most 102 mm'):
+        analyze_grasp(HOME, placed(Disc(0.3), 0.103, 0.5))

@@ -1,11 +1,13 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The end of a face that grazes a tube touches it without force, and grasps are continuous."""
+"""Ends of faces on tubes: grazing ends, loaded tubes and wrong offsets."""
 
 from functools import cache
 
-from isotruss_ros.core import ConvexObject, Polygon, settle_grasp
+from held_grips import BOX, held, HOME
+from isotruss_ros.core import ConvexObject, Grip, Polygon, settle_grasp
+from isotruss_ros.core.estimation.grip_model import attach_model
 from nightly import some_now
 import numpy as np
 import pytest
@@ -61,3 +63,19 @@ def test_an_end_of_a_face_that_grazes_touches_without_force(turns):
     assert kinds == sorted(kinds)
     assert {2, 3} == set(kinds)
     assert np.abs(np.diff(poses, axis=0)).max() < 5e-3
+
+
+FACE_FRICTION = 0.8
+#: Roller offsets that incline the tubes by half a degree against the face.
+OFFSETS = 0.01 * np.random.default_rng(0).normal(size=(7, 6))[[5, 6]]
+
+
+@pytest.mark.parametrize('offsets', OFFSETS)
+def test_wrong_offsets_do_not_lift_a_box_off_its_face(offsets):
+    held_box = held(BOX, 0.0)
+    grip = Grip(held_box.member_names, held_box.body, FACE_FRICTION)
+    config = HOME.moved_to(offsets)
+    exact, unsure = attach_model(config, grip), attach_model(config, grip, None, 0.01)
+    assert exact.required_friction > FACE_FRICTION > unsure.required_friction
+    assert len(unsure.contacts.members) == 3
+    assert abs(unsure.pose.angle - grip.body.pose.angle) < np.radians(1.0)

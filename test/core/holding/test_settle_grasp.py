@@ -10,17 +10,21 @@ from held_grips import APART, BOX
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
+    deform,
     Disc,
     HoldStatus,
     place_between,
     Polygon,
     settle_grasp,
 )
+from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.manipulation.grip import members_at
 from nightly import some_now
 import numpy as np
 import pytest
 from robots import preset, with_round_tubes
+from skin_depths import contact_loads
 
 HOME = preset('nine_member').home
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
@@ -138,3 +142,27 @@ def test_an_object_keeps_its_position_along_the_bisector_of_the_forces(members, 
     bisector = 1j * (normals[owners == 0].mean() - normals[owners == 1].mean())
     assert abs(moved) > 1e-3
     assert (moved * bisector.conjugate()).real == pytest.approx(0.0, abs=1e-9)
+
+
+FLAT = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+
+
+def settled_in_corner(shape, depth):
+    """Return the settled grasp of an object pressed into a corner."""
+    members = members_at(HOME.robot, 'north/Z')
+    grip = place_between(HOME, members, shape, angle=0.3, indentation=depth)
+    return settle_grasp(HOME, grip.body, 2.0)
+
+
+def assert_joints_agree(grip, bent, tolerance):
+    count = len(HOME.robot.topology.joint_names)
+    moved, expected = held_joints(grip) - HOME.nodes[:count], bent.state.displacements[:count, :2]
+    assert moved == pytest.approx(expected, abs=tolerance * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(('shape', 'depth'), [(Disc(0.3), 0.02), (Disc(0.3), 0.035), (FLAT, 0.02)])
+def test_structure_of_a_held_object_agrees_with_deform(shape, depth):
+    settled = settled_in_corner(shape, depth)
+    bent = deform(HOME, {}, tube_loads=contact_loads(settled.equilibrium))
+    assert_joints_agree(settled.equilibrium, bent, 1e-6)
+    assert settled.utilisation == pytest.approx(bent.utilisation, rel=1e-5, abs=1e-9)

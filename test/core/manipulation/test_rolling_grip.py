@@ -1,17 +1,18 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Objects that roll in a grip: carried and turned between sides that do not meet, and back."""
+"""Objects that roll in grips, and commands for the middle of their interval."""
 
 import math
 
-from grips import apart, drive, surface
+from grips import apart, disc_grip, drive, surface
 from held_grips import APART, NINE, PENTAGON
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
     Ellipse,
     Grip,
+    load_robot,
     Polygon,
     Pose,
     reachable_twists,
@@ -105,3 +106,32 @@ def test_an_object_that_left_the_members_is_refused():
     far = NINE.home.moved_to([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
     with pytest.raises(GraspError, match='no pose of the object keeps its contacts'):
         rolling.moved_to(far)
+
+
+HOME = load_robot('nine_member').home
+MODULE = 'east/Q'
+START = RollingGrip.attach(HOME, disc_grip(HOME, MODULE))
+TWIST = np.array([0.02, 0.04, 0.15])
+
+
+def opening(config):
+    """Return the angle between the members at the grip's module."""
+    b, b_end, c, c_end = robots.side_ends(config, MODULE)
+    return abs(np.angle((c_end - c) / (b_end - b)))
+
+
+def drift(rate, lead, seconds=2.0):
+    """Return how far object and grip are from where a constant twist should have led them."""
+    end = drive(START, TWIST, seconds, rate, lead)
+    distance, angle = apart(end.pose, np.array(START.pose) + seconds * TWIST)
+    return distance, angle, abs(opening(end.config) - opening(HOME))
+
+
+def test_midpoint_rule_is_of_second_order_and_euler_of_first():
+    first = np.array([drift(rate, 0.0) for rate in (10.0, 20.0)])
+    second = np.array([drift(rate, 0.5 / rate) for rate in (10.0, 20.0)])
+    assert first[0] / first[1] == pytest.approx([2.0, 2.0, 2.0], rel=0.1)
+    # The robot is symmetric: what is left of one coordinate is rounding.
+    assert (second[0] > 3.6 * second[1] - 1e-9).all()
+    # At the same rate the midpoint is far ahead.
+    assert (second[1] < 0.05 * first[1]).all()

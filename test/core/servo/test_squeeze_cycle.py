@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Limits, slip margin and lost contacts under squeeze control."""
+"""Limits, slip margin, desired pose and lost contacts under squeeze control."""
 
 from dataclasses import replace
 import math
@@ -25,10 +25,10 @@ def loop_of(friction=0.5, config=CONFIG, body=CYLINDER, force=MODEL.squeeze, **s
     return SqueezeLoop(config, grip, force, **settings)
 
 
-def with_max_speed(max_speed):
-    """Return the configuration of a robot with another speed limit [m/s]."""
-    robot = Robot(replace(CONFIG.robot.description, max_speed=max_speed))
-    return robot.home.moved_to(CONFIG.roller_positions)
+def limited(**limits):
+    """Return the configuration of a robot with other limits."""
+    robot = Robot(replace(CONFIG.robot.description, **limits))
+    return robot.configuration(CONFIG.roller_positions)
 
 
 def repeat(loop, twist, count, **inputs):
@@ -58,7 +58,7 @@ def test_a_pose_error_in_an_unreachable_direction_decays():
 
 
 def test_limits_of_rollers_slow_the_twist_and_not_the_squeeze():
-    fast, slow = loop_of(force=24.5), loop_of(config=with_max_speed(0.02), force=24.5)
+    fast, slow = loop_of(force=24.5), loop_of(config=limited(max_speed=0.02), force=24.5)
     for _ in range(12):
         expected, decision = fast.cycle((0.05, 0.0, 0.0)), slow.cycle((0.05, 0.0, 0.0))
     assert expected.command.status is Status.OK
@@ -70,7 +70,7 @@ def test_limits_of_rollers_slow_the_twist_and_not_the_squeeze():
 
 
 def test_a_limit_below_the_closing_speed_stops_the_twist_and_not_the_squeeze():
-    loop = loop_of(config=with_max_speed(0.001), force=30.0)
+    loop = loop_of(config=limited(max_speed=0.001), force=30.0)
     first = loop.squeeze
     command = repeat(loop, (0.05, 0.0, 0.0), 15)[-1].command
     assert (command.scale, command.status) == (0.0, Status.SLOWED_ROLLER_SPEED)
@@ -125,3 +125,33 @@ def test_members_without_contact_are_a_loss_only_of_an_object_that_was_held(was_
     decision = repeat(loop, (0.0, 0.0, 0.0), 2)[-1]
     assert (decision.command.status is Status.HALT_NOT_HELD) is was_held
     assert ('pick up the object' in decision.message) is was_held
+
+
+@pytest.mark.parametrize(
+    ('twist', 'min_length'), [((0.0, 0.0, 0.3), 0.74), ((0.02, 0.02, 0.0), 0.25)]
+)
+def test_object_is_at_the_desired_pose_while_it_slides_along_a_limit(twist, min_length):
+    loop = loop_of(config=limited(min_length=min_length))
+    for _ in range(60):
+        loop.cycle(twist)
+    distance, angle = loop.largest_error()
+    assert distance < 3e-4
+    assert angle < 3e-3
+    # The scaled twist omits the motion along the limit.
+    desired = np.array([decision.desired_pose for decision in loop.decisions])
+    scales = sum(decision.command.scale for decision in loop.decisions)
+    apart = math.dist(loop.period * scales * np.array(twist)[:2], (desired[-1] - desired[0])[:2])
+    assert (apart > 3e-3) == (min_length > 0.5)
+    at_rest = loop.cycle(twist=None)
+    assert at_rest.desired_pose is None
+    assert at_rest.squeeze is not None
+
+
+def test_desired_pose_moves_with_the_command_of_an_accelerating_object():
+    loop = loop_of(config=limited(max_acceleration=0.2))
+    decisions = [loop.cycle((0.0, 0.05, 0.0)) for _ in range(5)]
+    assert {decision.command.status for decision in decisions} == {Status.ACCELERATING}
+    moved = np.diff([decision.desired_pose for decision in decisions], axis=0)
+    achieved = [decision.command.achieved_twist[1] for decision in decisions]
+    assert max(achieved) < 0.05
+    assert moved[:, 1] / loop.period == pytest.approx(achieved[:-1], abs=8e-4)

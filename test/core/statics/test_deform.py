@@ -1,10 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robot deformed by loads: its limit load, utilisation, and loads on modules and tubes."""
+"""The robot deformed by loads: its limit load, utilisation, and the sag of an upright robot."""
 
 from isotruss_ros.core import deform, load_robot
 from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.statics.deform import find_sag
 from isotruss_ros.core.statics.equilibrium import follow_loads
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -97,3 +98,41 @@ def test_a_load_beside_a_guide_ring_acts_as_on_the_ring(ring, away):
         )
         # A millimetre along the tube changes displacements by 1.3 %.
         assert beside == pytest.approx(on, abs=(1e-6 + 15.0 * abs(away)) * np.abs(on).max())
+
+
+ROBOT = load_robot('nine_member')
+NAMES = ROBOT.topology.joint_names
+
+
+def hanging(weight, config=ROBOT.home, noise=1e-3, seed=0):
+    """Return measured joints of a robot whose modules have some weight (x, y) [N]."""
+    rng = np.random.default_rng(seed)
+    bent = deform(config, {}, module_loads=dict.fromkeys(ROBOT.module_names, (*weight, 0.0)))
+    places = config.nodes[: len(NAMES)] + noise * rng.normal(size=(len(NAMES), 2))
+    return {
+        name: tuple(place + bent.displacement(name)[:2])
+        for name, place in zip(NAMES, places, strict=True)
+    }
+
+
+@pytest.mark.parametrize('direction', [(0.0, -1.0), (1.0, 0.0)])
+@pytest.mark.parametrize('mass', [0.5, 1.5])
+def test_weight_and_direction_of_an_upright_robot_are_estimated(direction, mass):
+    weight = 9.81 * mass * np.array(direction)
+    config = ROBOT.home.moved_to(0.1 * np.array([1.0, -0.5, 0.3, 0.8, -1.0, 0.2]))
+    sag = find_sag(config, hanging(weight, config))
+    assert sag.is_upright
+    assert np.hypot(*(sag.weight - weight)) < 0.25 * np.hypot(*weight)
+
+
+def test_roller_offsets_and_noise_are_rarely_fitted_as_weight():
+    sag, rng = [], np.random.default_rng(0)
+    for seed in range(50):
+        config = ROBOT.home.moved_to(0.01 * rng.normal(size=6))
+        sag.append(find_sag(ROBOT.home, hanging((0.0, 0.0), config, seed=seed)).is_upright)
+    assert sum(sag) <= 3
+
+
+def test_few_joints_have_no_fit():
+    joints = dict(list(hanging((0.0, -9.81)).items())[:3])
+    assert find_sag(ROBOT.home, joints) is None

@@ -1,17 +1,22 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Zeros and stiffness of a simulated robot, measured through the node `calibration`."""
+"""Roller offsets, stiffness and frequency of a simulated robot, measured by nodes."""
 
 from geometry_msgs.msg import Vector3
 from isotruss_msgs.srv import CalibrateStiffness
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.bring_up.calibration import Calibration
+from isotruss_ros.nodes.bring_up.pluck import Pluck
+from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import maker, overrides, ROBOT
+from probe import maker, overrides, planar, ROBOT
 import pytest
 from std_srvs.srv import Trigger
 
@@ -79,3 +84,52 @@ def test_missing_markers_are_reported(tmp_path):
     assert not answer.success
     assert answer.message == 'joint markers: none received yet'
     assert not (tmp_path / 'mine.yaml').exists()
+
+
+HELD = {'object_diameter': 0.2, 'friction': 0.8}
+
+
+def mujoco_plant():
+    return Simulator(overrides(mujoco_plant='mujoco', indentation=0.01, **HELD))
+
+
+manipulation = maker(Manipulation, **HELD)
+
+
+def pluck():
+    return Pluck(overrides(object_diameter=0.2))
+
+
+@pytest.mark.nightly
+@needs_mujoco
+def test_frequency_is_that_of_the_oscillation_after_a_released_force():
+    with world(mujoco_plant, manipulation(), pluck) as w:
+        node = w.nodes[3]
+        w.until(lambda: node.done)
+        w.remove(node)
+        w.spin(1.0, lambda: w.probe.send_wrench((0.3, 0.0, 0.0)))
+        w.probe.send_wrench((0.0, 0.0, 0.0))
+        w.probe.seen['pose'].clear()
+        w.spin(1.0)
+        times = [read_stamp(message.header) for _, message in w.probe.seen['pose']]
+        poses = [planar(message) for _, message in w.probe.seen['pose']]
+    expected = fit_oscillation(np.array(times), poses, 0.1)
+    assert node.oscillation.frequency == pytest.approx(expected.frequency, rel=0.1)
+    assert 0.02 < node.oscillation.damping_ratio < 0.5
+
+
+@needs_mujoco
+def test_active_squeeze_control_is_refused():
+    with (
+        pytest.raises(MeasurementError, match='squeeze_force of manipulation: must be 0'),
+        world(mujoco_plant, manipulation(squeeze_force=20.0, object_mass=0.5), pluck) as w,
+    ):
+        w.until(lambda: w.nodes[-1].done)
+
+
+def test_missing_poses_are_named():
+    with (
+        pytest.raises(MeasurementError, match='object_pose: no message'),
+        world(lambda: Pluck(overrides(wait_time=1.0))) as w,
+    ):
+        w.until(lambda: w.nodes[-1].done)
