@@ -199,16 +199,6 @@ class StateEstimatorNode(ManagedNode):
         self._estimator.take_pressures(pressures)
         return ''
 
-    def _take_grip(self, now: float) -> str:
-        """Use the grip of `manipulation` while it is fresh; return a warning if it is invalid."""
-        record = find_fresh(now, self.values.command_timeout, self.inputs.held_grip)
-        try:
-            self._estimator.take_grip(record)
-        except IsotrussError as error:
-            self._estimator.take_grip(None)
-            return str(error)
-        return ''
-
     def _find_sag(self, now: float, estimate: StateEstimate) -> str:
         """Return a warning if a robot without object sags under its weight, otherwise ''."""
         if not 0.0 <= now - self._sought < SAG_PERIOD:
@@ -221,7 +211,9 @@ class StateEstimatorNode(ManagedNode):
 
     def _step(self, now: float) -> None:
         stale, inputs = self._take_pressures(now), self.inputs
-        mismatch = self._take_grip(now)
+        # The grip of `manipulation` is used while it is fresh.
+        record = find_fresh(now, self.values.command_timeout, inputs.held_grip)
+        self._estimator.take_grip(record)
         self._take_waiting(now)
         try:
             require_fresh(now, self.values.command_timeout, joint_states=inputs.rollers)
@@ -236,7 +228,6 @@ class StateEstimatorNode(ManagedNode):
         rejected = map(_rejection, (inputs.rollers, inputs.pose, inputs.markers))
         reasons = (
             stale,
-            mismatch,
             *rejected,
             _describe_doubts(estimate),
             self._find_sag(now, estimate),

@@ -38,6 +38,7 @@ from isotruss_ros.core.estimation.input_lag import InputLag
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.grip_record import GripEstimate
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.pose import Pose, pose_difference
@@ -184,13 +185,20 @@ class GripBelief:
         is_far = hold is HoldStatus.HELD and not self.state.explains(start_pose, self.cache)
         return HoldStatus.FAR if is_far else hold
 
-    @property
+    @cached_property
     def estimate(self) -> GripEstimate:
-        """Return the estimates of pose, squeeze and delay."""
-        covariance = self.state.spread(self.cache.rates[:3], self.cache.by_offsets.outputs[:3])
+        """Return the estimates of pose, squeeze, delay and displaced joints."""
+        held, state, by_offsets = self.held, self.state, self.cache.by_offsets
+        covariance = state.spread(self.cache.rates[:3], by_offsets.outputs[:3])
         covariance /= np.outer(self.scale, self.scale)
-        deviation, delay = self.squeeze_deviation, self.state.delay
-        return GripEstimate(self.pose, covariance, self.squeeze, deviation, delay)
+        # The derivatives of the displacements are those of the loaded joints minus those of the
+        # unloaded ones.
+        count = len(by_offsets.joints)
+        displacements = held_joints(held).ravel() - held.config.nodes.ravel()[:count]
+        by_shifts = by_offsets.joints_by_shifts @ state.sensitivity[SHIFTS:]
+        rates = by_offsets.joints + by_shifts - held.config.node_jacobian[:count]
+        squeeze = self.squeeze, self.squeeze_deviation
+        return GripEstimate(self.pose, covariance, *squeeze, state.delay, displacements, rates)
 
     @property
     def correction(self) -> Array:

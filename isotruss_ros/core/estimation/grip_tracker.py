@@ -1,21 +1,34 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracking of a grip: belief of the held object, and the measurements that it has used."""
+"""
+Tracking of a grip: search for its first equilibrium, belief, and used measurements.
+
+The first equilibrium is that near the measured pose, if load and errors of roller offsets and
+measurement explain its distance from this pose. With wrong roller offsets there may be no such
+equilibrium. Then, if a client reports that the object is gripped, an equilibrium with the desired
+squeeze is assumed instead, and the squeeze gets the large standard deviation of an unknown value.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.grip_belief import GripBelief, Readings
-from isotruss_ros.core.estimation.grip_model import Pressures
-from isotruss_ros.core.holding.grip_record import GripEstimate
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.estimation.grip_model import attach_model, Pressures
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.holding.held_grip import HoldStatus, NotHeldError
 from isotruss_ros.core.inputs import StampedInput, steady_pressures, UsedReadings
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.work_limit import WorkLimitError
 import numpy as np
+
+PRIOR = EstimatorSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +38,9 @@ class GripTracker:
 
     :ivar belief: belief of the grip; None without a held object.
     :ivar lost: hold status with which the previous belief ended; None if it was discarded.
+    :ivar missed: whether the last search near a measured pose found no equilibrium.
+    :ivar assuming: whether the last search assumed an equilibrium.
+    :ivar depth: depth of the assumed object in the members [m].
     :ivar pressures: gauge pressures of the tubes in the model.
     :ivar offsets: (r,) roller offsets in the equilibrium [m]; None before the first ones.
     :ivar offset_covariance: (r, r) covariance of the offsets [m^2]; None: that of the settings.
@@ -33,6 +49,9 @@ class GripTracker:
 
     belief: GripBelief | None = None
     lost: HoldStatus | None = None
+    missed: bool = False
+    assuming: bool = False
+    depth: float = PRIOR.zero_deviation
     pressures: Pressures = None
     offsets: Array | float | None = None
     offset_covariance: Array | None = None
@@ -40,23 +59,27 @@ class GripTracker:
 
     def discarded(self) -> GripTracker:
         """Return the tracker without a belief; a new measured pose starts the next one."""
-        return replace(self, belief=None, lost=None)
-
-    def started(self, belief: GripBelief) -> GripTracker:
-        """Return the tracker with a belief that starts."""
-        return replace(self, belief=belief, lost=None)
+        inputs = self.pressures, self.offsets, self.offset_covariance, self.readings
+        return GripTracker(None, None, False, False, PRIOR.zero_deviation, *inputs)
 
     def with_pressures(self, pressures: Pressures) -> GripTracker:
         """Return the tracker with measured gauge pressures [Pa], see `steady_pressures`."""
         return replace(self, pressures=steady_pressures(self.pressures, pressures))
 
     def with_offsets(
-        self, offsets: Array | float, covariance: Array | None, stamp: float
+        self, offsets: Array | float, covariance: Array | None, stamp: float | None = None
     ) -> GripTracker:
-        """Return the tracker with roller offsets (r,) [m]; their covariance has a `stamp` [s]."""
+        """
+        Return the tracker with roller offsets (r,) [m].
+
+        :param covariance: (r, r) covariance of the offsets [m^2]; None if it is unknown.
+        :param stamp: time of the covariance, which may be a repeated one [s]; None: it is new.
+        """
         readings, belief = self.readings, self.belief
         if belief is not None and covariance is not None:
-            readings, is_new = readings.use('estimate', stamp, covariance)
+            is_new = True
+            if stamp is not None:
+                readings, is_new = readings.use('estimate', stamp, covariance)
             if is_new:
                 belief = belief.with_offset_covariance(covariance)
         before = offsets if self.offsets is None else self.offsets
@@ -70,6 +93,55 @@ class GripTracker:
             readings=readings,
         )
 
+    def searched(
+        self,
+        config: Configuration,
+        grip: Grip,
+        prior: EstimatorSettings,
+        noise: Array = PRIOR_DEVIATIONS,
+        force: float | None = None,
+    ) -> tuple[GripTracker, HoldStatus | IsotrussError]:
+        """
+        Return the tracker after one search for a first equilibrium.
+
+        If none is near the measured pose, every second call searches for one with the desired
+        squeeze, which is then assumed.
+
+        :param grip: grip with the measured pose.
+        :param prior: standard deviations of the belief.
+        :param noise: (3,) prior standard deviations of the measured poses [m, rad].
+        :param force: desired squeeze [N]; None: no equilibrium is assumed.
+        :return: the tracker, and the hold status, or an error of the search. The belief starts if
+            the object is held.
+        """
+        assuming = force is not None and self.missed and not self.assuming
+        tracker = replace(self, assuming=assuming)
+        try:
+            place = grip
+            if assuming:  # the same indentation of all members
+                shape, angle = grip.body.shape, grip.body.pose.angle
+                centered = place_between(config, grip.members, shape, angle, self.depth)
+                place = grip.moved_to(centered.body.pose)
+            held = attach_model(config, place, self.pressures, prior.zero_deviation)
+            if assuming and abs(held.squeeze - force) > 2.0 * PRIOR.squeeze_error * force:
+                # The next search changes the depth in proportion to the squeeze.
+                depth = min(self.depth * force / held.squeeze, 4.0 * PRIOR.zero_deviation)
+                tracker = replace(tracker, depth=depth)
+                raise NotHeldError(HoldStatus.NO_BALANCE)
+            belief = GripBelief.of(held, grip, prior, self.offset_covariance, noise, assuming)
+            if belief.hold is not HoldStatus.HELD:
+                raise NotHeldError(belief.hold)
+        except WorkLimitError as error:
+            if error.advances:  # the next call repeats this search
+                return self, HoldStatus.SEARCHED
+            return replace(tracker, missed=True, lost=None), HoldStatus.NO_BALANCE
+        except NotHeldError as error:
+            missed = error.hold not in (HoldStatus.SLIPS, HoldStatus.OFF_MEMBER)
+            return replace(tracker, missed=missed, lost=None), error.hold
+        except IsotrussError as error:
+            return tracker, error
+        return replace(tracker, belief=belief, missed=False, lost=None), HoldStatus.HELD
+
     def followed(
         self, config: Configuration, elapsed: float, rollers: Readings = None
     ) -> tuple[GripTracker, HoldStatus]:
@@ -79,40 +151,10 @@ class GripTracker:
             return replace(self, belief=None, lost=hold), hold
         return replace(self, belief=belief), hold
 
-    @property
-    def held(self) -> HeldGrip:
-        """Return the equilibrium in the current configuration."""
-        return self.belief.held
-
-    @property
-    def estimate(self) -> GripEstimate:
-        """Return the estimates of pose, squeeze and delay."""
-        return self.belief.estimate
-
-    def rolled(self, travel: Array, elapsed: float, pressures: Pressures) -> GripTracker:
-        """Return the tracker at measured travel (r,) [m]; it has no belief of a lost object."""
-        tracker = self.with_pressures(pressures)
-        if self.belief is None or elapsed == 0.0:
-            return tracker
-        try:
-            return tracker.followed(self.held.config.moved_to(travel), elapsed)[0]
-        except (ConfigurationError, GraspError, StructureError):
-            return tracker.discarded()
-
-    def linearised(self) -> GripTracker:
-        """Return the tracker, which has the derivatives at its equilibrium."""
-        return self
-
-    def corrected(self, correction: Array, covariance: Array) -> GripTracker:
-        """Return the tracker after a correction (r,) of the roller offsets [m]."""
-        if self.belief is None:
-            return self
-        belief = self.belief.with_zeros_corrected(correction)
-        return replace(self, belief=belief.with_offset_covariance(covariance))
-
     def observed(self, pose: StampedInput, age: float) -> tuple[GripTracker, bool]:
         """Return the tracker after a measured pose of an age [s], and whether the pose is new."""
         readings, is_new = self.readings.use('pose', pose.time, pose.value)
         if not is_new:
             return self, False
-        return replace(self, belief=self.belief.observed(pose.value, age), readings=readings), True
+        belief = None if self.belief is None else self.belief.observed(pose.value, age)
+        return replace(self, belief=belief, readings=readings), True

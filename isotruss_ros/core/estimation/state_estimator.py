@@ -18,16 +18,12 @@ import math
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
-from isotruss_ros.core.estimation.grip_belief import GripBelief
-from isotruss_ros.core.estimation.grip_model import attach_model, Pressures, SHIFTS
+from isotruss_ros.core.estimation.grip_model import Pressures
 from isotruss_ros.core.estimation.grip_tracker import GripTracker
 from isotruss_ros.core.estimation.offset_filter import Markers, OffsetFilter
-from isotruss_ros.core.estimation.received_grip import ReceivedGrip
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
-from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.core.holding.held_grip import HoldStatus
-from isotruss_ros.core.holding.held_shape import held_joints
-from isotruss_ros.core.inputs import HISTORY_DURATION, steady_pressures, Timeline, UsedReadings
+from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
+from isotruss_ros.core.inputs import HISTORY_DURATION, StampedInput, Timeline, UsedReadings
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -49,17 +45,17 @@ class StateEstimator:
         self.grip: Grip | None = None
         self._robot, self._tracker = robot, ConfigurationTracker(robot.home)
         self._filter = OffsetFilter(robot, self.settings)
-        #: The tracked grip, or that which a control loop tracks and has sent.
-        self._grip: GripTracker | ReceivedGrip = GripTracker()
-        self._readings, self._measured = Timeline(), UsedReadings()
-        self._pressures: Pressures = None
+        self._grip = GripTracker(offsets=self._filter.offsets)
+        #: Estimate of the control loop that tracks the grip; None: this estimator tracks it.
+        self._received: GripEstimate | None = None
+        self._readings, self._used_markers = Timeline(), UsedReadings()
         self._roll_time = 0.0  # time of the readings to which the grip was rolled [s]
         self._used_offsets = self._filter.offsets  # roller offsets in the equilibrium of the grip
 
     def set_grip(self, grip: Grip) -> None:
         """Set the grip that may hold an object, with the object at any pose."""
         find_members(self._robot.topology, grip.members)
-        self.grip, self._grip = grip, GripTracker()
+        self.grip, self._grip, self._received = grip, self._grip.discarded(), None
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """Advance to encoder readings (r,), travel minus offset [m]; skip older readings."""
@@ -76,31 +72,18 @@ class StateEstimator:
         """Use gauge pressures (t,) [Pa], or those of the robot file; see `steady_pressures`."""
         if pressures is not None:
             pressures = tube_pressures(self._robot.description, pressures)
-        self._pressures = steady_pressures(self._pressures, pressures)
+        self._grip = self._grip.with_pressures(pressures)
 
-    @single_threaded
     def take_grip(self, record: GripRecord | None) -> None:
         """
         Use the grip estimated by a control loop from now on, instead of measured poses.
 
-        :param record: the grip with its estimate, which is not solved for again; None: poses are
-            used.
-        :raises GraspError: the object has no such corners, or the tubes are of another structure.
+        :param record: the grip with its estimate; None: poses are used.
         """
-        received = self._grip if isinstance(self._grip, ReceivedGrip) else None
-        if self.grip is None or record is (received and received.record):
-            return
-        if record is None:
-            self._grip = GripTracker()
-            return
-        config = self._tracker.configuration(record.travel)
-        if received is None:
-            covariance = self._filter.offset_covariance
-            model = self.grip, self.settings, covariance
-            self._grip = ReceivedGrip.of(record, config, *model)
-        else:
-            self._grip = received.updated(record, config)
-        self._used_offsets = self._filter.offsets
+        received = None if record is None else record.estimate
+        if self.grip is not None and received is not self._received:
+            self._grip, self._received = self._grip.discarded(), received
+            self._used_offsets = self._filter.offsets
 
     @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
@@ -114,34 +97,26 @@ class StateEstimator:
         what = "the object's pose (x, y, angle) [m, rad]"
         pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE).tolist())
         deviations = _positive(deviations, 3, 'deviations of the pose [m, rad]')
-        if self.grip is None or isinstance(self._grip, ReceivedGrip) or not self._in_time(time):
-            return False
-        self._measured, is_new = self._measured.use('pose', time, pose)
-        if not is_new:
+        if self.grip is None or self._received is not None or not self._in_time(time):
             return False
         self._roll()
-        if (belief := self._grip.belief) is not None:
-            belief = belief.observed(pose, self._roll_time - time)
-            self._grip = replace(self._grip, belief=belief)
-            if belief.state.jump <= JUMP_LENGTH and not belief.slipped:
-                return True
+        self._grip, is_new = self._grip.observed(StampedInput(pose, time), self._roll_time - time)
+        if not is_new:
+            return False
+        belief = self._grip.belief
+        if belief is not None and belief.state.jump <= JUMP_LENGTH and not belief.slipped:
+            return True
         # Without a belief, and after a jump or slip, a belief starts at the measured pose.
-        belief = self._start_belief(self.grip.moved_to(pose), deviations)
-        self._grip = replace(self._grip, belief=belief)
-        return belief is not None
-
-    def _start_belief(self, grip: Grip, deviations: Array) -> GripBelief | None:
-        """Return the belief that starts at a measured grip; None if the object is not held."""
-        self._used_offsets = self._filter.offsets
-        config = self._tracker.configuration(self._readings.last[1] + self._used_offsets)
-        covariance = self._filter.offset_covariance
-        try:
-            held = attach_model(config, grip, self._pressures, self.settings.zero_deviation)
-            belief = GripBelief.of(held, grip, self.settings, covariance, deviations)
-        except (ConfigurationError, GraspError, StructureError):
-            return None
-        is_held = belief.squeeze > belief.geometric_deviation and belief.hold is HoldStatus.HELD
-        return belief if is_held else None
+        offsets, covariance = self._filter.offsets, self._filter.offset_covariance
+        config = self._tracker.configuration(self._readings.last[1] + offsets)
+        grip, tracker = self.grip.moved_to(pose), self._grip.discarded()
+        tracker = tracker.with_offsets(offsets, covariance)
+        tracker, _ = tracker.searched(config, grip, self.settings, deviations)
+        belief = tracker.belief
+        is_held = belief is not None and belief.squeeze > belief.geometric_deviation
+        self._grip = tracker if is_held else tracker.discarded()
+        self._used_offsets = offsets
+        return is_held
 
     @single_threaded
     def take_markers(self, time: float, joints: Markers, deviation: float) -> bool:
@@ -162,21 +137,19 @@ class StateEstimator:
             return False
         markers = {}
         for name, xy in joints.items():
-            self._measured, is_new = self._measured.use(name, time, xy)
+            self._used_markers, is_new = self._used_markers.use(name, time, xy)
             if is_new:
                 markers[name] = xy
         if not markers:
             return False
         self._roll()
-        self._grip, offset_filter = self._grip.linearised(), self._filter
-        readings = self._readings.at(time)
+        readings, offset_filter = self._readings.at(time), self._filter
         reach = np.ptp(self._readings.values, axis=0)
         model = partial(self._place_joints, readings)
-        offsets_before = offset_filter.offsets
         if not offset_filter.take_markers(time, markers, deviation, readings, reach, model):
             return False
-        correction = offset_filter.offsets - offsets_before
-        self._grip = self._grip.corrected(correction, offset_filter.offset_covariance)
+        covariance = offset_filter.offset_covariance
+        self._grip = self._grip.with_offsets(offset_filter.offsets, covariance)
         return True
 
     @single_threaded
@@ -187,7 +160,7 @@ class StateEstimator:
         # Offsets and joint positions, whose covariance is B C B^T plus that of joint errors.
         self._roll()
         time, readings = self._readings.last
-        offset_filter, belief = self._filter, self._grip.belief
+        offset_filter, grip = self._filter, self._held
         offsets, covariance = offset_filter.offsets.copy(), offset_filter.offset_covariance
         positions, rates = self._place_joints(readings, offsets)
         by_offsets = rates @ covariance @ rates.T
@@ -201,44 +174,52 @@ class StateEstimator:
         estimate = StateEstimate(
             time, offsets, covariance, travel, joints, joint_covariance, **findings
         )
-        if belief is None:
+        if grip is None:
             return estimate
         # Pose and squeeze, with the errors of the model.
-        grip = self._grip.estimate
-        model_errors = self.settings.pose_error / belief.scale
-        pose_covariance = grip.pose_covariance + np.diag(model_errors**2)
+        model_errors = self.settings.pose_error / np.array([1.0, 1.0, self.grip.body.arm])
         # If errors that are not in the model move the joints, the squeeze is unknown. The weight
         # of an upright robot bends the tubes around the object as well.
         is_unknown = offset_filter.is_improbable or offset_filter.may_be_upright
         deviation = math.hypot(grip.squeeze_deviation, is_unknown * grip.squeeze)
-        widened = grip._replace(pose_covariance=pose_covariance, squeeze_deviation=deviation)
-        return replace(estimate, **widened._asdict())
+        return replace(
+            estimate,
+            pose=grip.pose,
+            pose_covariance=grip.pose_covariance + np.diag(model_errors**2),
+            squeeze=grip.squeeze,
+            squeeze_deviation=deviation,
+            delay=grip.delay,
+        )
+
+    @property
+    def _held(self) -> GripEstimate | None:
+        """Return the received or tracked estimate of the held object; None without an object."""
+        belief = self._grip.belief
+        return self._received if belief is None else belief.estimate
 
     def _roll(self) -> None:
         """Roll the held object to the last encoder reading; discard the belief if it is lost."""
         (time, readings), offsets = self._readings.last, self._filter.offsets
         elapsed, self._roll_time = time - self._roll_time, time
-        grip = self._grip.rolled(readings + offsets, elapsed, self._pressures)
-        if grip.belief is not self._grip.belief:
-            self._used_offsets = offsets
-        self._grip = grip
+        belief = self._grip.belief
+        if belief is None or elapsed == 0.0:
+            return
+        try:
+            config = belief.held.config.moved_to(readings + offsets)
+            self._grip, _ = self._grip.followed(config, elapsed)
+        except (ConfigurationError, GraspError, StructureError):
+            self._grip = self._grip.discarded()
+        self._used_offsets = offsets
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
         """Return the joint positions (2j,) [m], and their Jacobian by the roller offsets."""
-        count, belief = 2 * len(self._robot.topology.joint_names), self._grip.belief
+        count, grip = 2 * len(self._robot.topology.joint_names), self._held
         config = self._tracker.configuration(readings + offsets)
         positions, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
-        if belief is None:
+        if grip is None:
             return positions, rates
-        # Displacement of the joints by the contact forces. Its derivatives by the offsets are
-        # those of the loaded joints minus those of the unloaded ones.
-        held = self._grip.held
-        displacement = held_joints(held).ravel() - held.config.nodes.ravel()[:count]
-        at_rest = belief.cache.by_offsets
-        by_shifts = at_rest.joints_by_shifts @ belief.state.sensitivity[SHIFTS:]
-        displacement_rates = at_rest.joints + by_shifts - belief.held.config.node_jacobian[:count]
-        displacement += displacement_rates @ (offsets - self._used_offsets)
-        return positions + displacement, rates + displacement_rates
+        changes = grip.displacement_rates @ (offsets - self._used_offsets)
+        return positions + (grip.displacements + changes), rates + grip.displacement_rates
 
     def _in_time(self, time: float) -> bool:
         """Return whether a time is between the first and the last stored encoder reading [s]."""

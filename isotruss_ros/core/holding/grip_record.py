@@ -29,6 +29,8 @@ class GripEstimate(NamedTuple):
     squeeze: float  #: mean normal force of the members [N]
     squeeze_deviation: float  #: standard deviation of the squeeze [N]
     delay: float  #: time by which the measured poses are older than their stamps say [s]
+    displacements: Array  #: (2j,) displacements of the joints by the contact forces [m]
+    displacement_rates: Array  #: (2j, r) derivatives of the displacements by the roller offsets
 
 
 class GripRecord(NamedTuple):

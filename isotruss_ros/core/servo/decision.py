@@ -51,7 +51,7 @@ def describe_squeeze(squeeze: float, deviation: float, is_assumed: bool = False)
     """
     Return a text with the squeeze and its deviation [N], and a remedy if it is unknown.
 
-    :param is_assumed: whether the equilibrium is assumed, see `BeliefStart`.
+    :param is_assumed: whether the equilibrium is assumed, see `GripTracker.searched`.
     """
     words = f'{squeeze:.1f} N, deviation {deviation:.1f} N'
     if is_assumed:

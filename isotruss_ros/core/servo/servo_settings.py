@@ -5,13 +5,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.inputs import MAX_TIMEOUT, PRESSURE_TIMEOUT
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Limit
+from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.setting_ranges import check_settings
 from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.safety.barrier_law import Barrier
@@ -62,6 +64,11 @@ class SqueezeSettings:
     def __post_init__(self) -> None:
         """Raise ConfigurationError if a number is out of its range."""
         check_settings(self, SQUEEZE_RANGES, ConfigurationError)
+
+    def prior(self, description: RobotDescription) -> EstimatorSettings:
+        """Return the prior standard deviations of a belief of the grip."""
+        prior = EstimatorSettings().calibrated(description, self.zero_deviation)
+        return replace(prior, load=self.load or prior.load)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ measurement have no influence, so motion can resume from any state of robot and 
 from __future__ import annotations
 
 from dataclasses import replace
-import math
 from typing import Any
 
 from isotruss_ros.core.errors import ConfigurationError, IsotrussError
@@ -193,7 +192,7 @@ def take_inputs(
 ) -> ServoMemory:
     """Update offsets and pressures in the model of the grip."""
     squeeze, estimate = memory.squeeze, inputs.estimate
-    covariance, stamp = None, math.nan
+    covariance, stamp = None, None
     if isinstance(estimate, StampedInput):
         covariance, stamp = estimate.value.covariance, estimate.time
     tracker = squeeze.tracker.with_offsets(rollers.value.offsets, covariance, stamp)

@@ -17,14 +17,13 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.estimation.grip_belief import GripBelief, Readings
 from isotruss_ros.core.estimation.grip_tracker import GripTracker
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
-from isotruss_ros.core.holding.held_grip import HoldStatus, NotHeldError
+from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.servo.belief_start import BeliefStart
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.servo.grip_faults import GripFaults
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
@@ -45,7 +44,6 @@ class SqueezeControl:
     Tracked grip of a held object, with its faults and the desired pose.
 
     :ivar tracker: estimated state of the grip.
-    :ivar start: search for the first equilibrium.
     :ivar faults: fault of the grip, and what its detection remembers.
     :ivar reference: desired pose (x, y, angle) of the object [m, rad]. It is the pose at the
         start of a motion plus the integral of the executed twists, and follows the object along
@@ -60,7 +58,6 @@ class SqueezeControl:
     """
 
     tracker: GripTracker = field(default_factory=GripTracker)
-    start: BeliefStart = field(default_factory=BeliefStart)
     faults: GripFaults = field(default_factory=GripFaults)
     reference: Array | None = None
     velocity: Array = field(default_factory=partial(np.zeros, 3))
@@ -88,8 +85,7 @@ class SqueezeControl:
     def restarted(self) -> SqueezeControl:
         """Return the control without grip and desired pose, which a new pose restarts."""
         tracker, faults = self.tracker.discarded(), replace(self.faults, slipped=0.0)
-        control = replace(self, tracker=tracker, faults=faults, start=BeliefStart())
-        return replace(control, since_pose=0.0).at_rest()
+        return replace(self, tracker=tracker, faults=faults, since_pose=0.0).at_rest()
 
     def at_rest(self) -> SqueezeControl:
         """Return the control without desired pose, which the next motion restarts."""
@@ -204,27 +200,21 @@ class SqueezeControl:
         self, settings: SqueezeSettings, config: Configuration, grip: Grip, gripped: bool
     ) -> tuple[SqueezeControl, HoldStatus | IsotrussError]:
         """Return the control after a search for a first equilibrium, and the hold status."""
-        tracker, faults = self.tracker, self.faults
-        model = tracker.pressures, tracker.offset_covariance
-        is_gripped = gripped and self.fault is None
-        start, found = self.start.searched(config, grip, settings, is_gripped, *model)
-        control = replace(self, start=start)
-        if isinstance(found, NotHeldError):
-            if found.hold is HoldStatus.SEARCHED:
-                return control, found.hold
+        faults, lost = self.faults, self.tracker.lost
+        prior = settings.prior(config.robot.description)
+        force = settings.force if gripped and self.fault is None else None
+        tracker, hold = self.tracker.searched(config, grip, prior, force=force)
+        if tracker.belief is None:
             # A belief was lost, and no other one starts: a fault, because the object was held.
-            if tracker.lost is not None:
-                faults = faults.failed(Status.HALT_NOT_HELD, f'not held: {tracker.lost.value}')
-            tracker = replace(tracker, lost=None)
-            return replace(control, tracker=tracker, faults=faults), found.hold
-        if isinstance(found, IsotrussError):
-            return control, found
-        smallest_squeeze = (1.0 - 2.0 * found.settings.squeeze_error) * found.squeeze
+            if lost is not None and tracker.lost is None:
+                faults = faults.failed(Status.HALT_NOT_HELD, f'not held: {lost.value}')
+            return replace(self, tracker=tracker, faults=faults), hold
+        belief = tracker.belief
+        smallest_squeeze = (1.0 - 2.0 * belief.settings.squeeze_error) * belief.squeeze
         excess = max(smallest_squeeze - settings.force, 0.0)
-        tracker = tracker.started(found)
-        control = replace(control, tracker=tracker, excess=excess)._tuned(settings, found)
+        control = replace(self, tracker=tracker, excess=excess)._tuned(settings, belief)
         faults = replace(faults, swings=SwingWatch.of(control.frequency))
-        return replace(control, faults=faults), HoldStatus.HELD
+        return replace(control, faults=faults), hold
 
     def _tuned(self, settings: SqueezeSettings, belief: GripBelief) -> SqueezeControl:
         """Return the control with the gain of the settings or of the natural frequency."""

@@ -111,6 +111,8 @@ def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> Hel
         message.pose, message.pose_covariance = estimate.pose, estimate.pose_covariance.ravel()
         message.squeeze, message.squeeze_deviation = estimate.squeeze, estimate.squeeze_deviation
         message.pose_delay = estimate.delay
+        message.joint_displacements = estimate.displacements
+        message.joint_displacement_rates = estimate.displacement_rates.ravel()
     return message
 
 
@@ -137,6 +139,8 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
         'squeeze': 1,
         'squeeze_deviation': 1,
         'pose_delay': 1,
+        'joint_displacements': 2 * len(robot.topology.joint_names),
+        'joint_displacement_rates': 2 * len(robot.topology.joint_names) * len(robot.roller_names),
     }
     for name, size in sizes.items():
         values = np.array(getattr(message, name), dtype=float).ravel()
@@ -160,6 +164,8 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
         message.squeeze,
         message.squeeze_deviation,
         message.pose_delay,
+        np.array(message.joint_displacements),
+        np.array(message.joint_displacement_rates).reshape(-1, len(robot.roller_names)),
     )
     return GripRecord(
         np.array(message.travel),

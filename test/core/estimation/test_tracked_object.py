@@ -15,6 +15,8 @@ from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
+from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
@@ -135,6 +137,46 @@ def test_a_constant_offset_of_the_pose_is_no_squeeze():
     after = carry.run(3.0, offset)
     assert after.squeeze == pytest.approx(before, rel=0.03)
     assert after.pose == pytest.approx(np.add(carry.poses[-1], offset), abs=5e-4)
+
+
+def test_a_received_grip_has_the_joints_and_the_object_of_its_sender():
+    measured = np.add(MODEL.pose, (2e-3, -1e-3, 0.01))
+    belief = GripBelief.of(MODEL, GRIP.moved_to(measured), EstimatorSettings())
+    record = GripRecord.of(belief.held, belief.estimate)
+    estimator = StateEstimator(CONFIG.robot)
+    estimator.set_grip(GRIP)
+    estimator.take_encoders(0.0, record.travel)
+    estimator.take_grip(record)
+    found = estimator.estimate()
+    restored = record.restore(CONFIG, GRIP.body)
+    assert found.joints == pytest.approx(held_joints(restored), abs=1e-12)
+    assert found.pose == pytest.approx(measured, abs=1e-3)
+    assert (*found.pose, found.squeeze, found.delay) == (*belief.pose, belief.squeeze, 0.0)
+    # After the last message of the loop, the estimator tracks the object again.
+    assert not estimator.take_pose(0.0, Pose(*MODEL.pose), DEVIATIONS)
+    estimator.take_grip(None)
+    assert estimator.estimate().pose is None
+    assert estimator.take_pose(0.0, Pose(*MODEL.pose), DEVIATIONS)
+
+
+def test_markers_correct_the_offsets_alike_with_a_received_and_a_tracked_grip():
+    grip = GRIP.moved_to(MODEL.pose)
+    belief = GripBelief.of(MODEL, grip, EstimatorSettings(), noise=DEVIATIONS)
+    received = StateEstimator(CONFIG.robot)
+    received.set_grip(GRIP)
+    received.take_encoders(0.0, CONFIG.roller_positions)
+    received.take_grip(GripRecord.of(belief.held, belief.estimate))
+    estimates = []
+    for estimator in (start(), received):
+        joints = np.add(estimator.estimate().joints, (2e-3, -1e-3))
+        markers = {name: joints[CONFIG.robot.topology.joint_names.index(name)] for name in 'QRZ'}
+        assert estimator.take_markers(0.0, markers, 1e-3)
+        estimates.append(estimator.estimate())
+    tracked, found = estimates
+    assert np.abs(found.offsets).max() > 1e-4
+    assert found.offsets == pytest.approx(tracked.offsets, abs=1e-12)
+    assert found.joints == pytest.approx(tracked.joints, abs=1e-12)
+    assert found.joint_covariance == pytest.approx(tracked.joint_covariance, abs=1e-12)
 
 
 def test_the_slip_margin_is_that_of_contacts_before_they_slid():

@@ -60,7 +60,8 @@ def assert_no_answer(report, code):
 def test_forces_are_those_of_the_grip_that_the_loop_has():
     grip = attach_grip(ROBOT.home, ConvexObject.disc(CENTER, DIAMETER))
     grip = roll_grip(replace(grip, anchors=grip.anchors - np.array([0.002, -0.002])), ROBOT.home)
-    estimate = GripEstimate(np.array(POSE), np.eye(3), 20.0, 3.0, 0.0)
+    displaced = np.zeros(12), np.zeros((12, 6))
+    estimate = GripEstimate(np.array(POSE), np.eye(3), 20.0, 3.0, 0.0, *displaced)
     record = StampedInput(GripRecord.of(grip, estimate, is_assumed=True), NOW)
     report = monitor(held_grip=record, wrench=None).report(NOW)
     assert (report.squeeze_deviation, report.is_squeeze_assumed) == (3.0, True)

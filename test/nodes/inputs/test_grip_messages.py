@@ -15,7 +15,8 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
 GRIP = held(BOX, 0.2)
-ESTIMATE = GripEstimate(np.array([0.5, 0.4, 0.1]), 1e-6 * np.eye(3), 20.0, 3.0, 0.02)
+DISPLACED = 1e-4 * np.arange(12.0), 1e-3 * np.arange(72.0).reshape(12, 6)
+ESTIMATE = GripEstimate(np.array([0.5, 0.4, 0.1]), 1e-6 * np.eye(3), 20.0, 3.0, 0.02, *DISPLACED)
 
 
 def message():
@@ -31,7 +32,8 @@ def test_grips_survive_a_round_trip():
     assert result.normal_forces == pytest.approx(GRIP.normal_forces, rel=1e-9)
     assert record.estimate.pose.tolist() == ESTIMATE.pose.tolist()
     assert record.estimate.pose_covariance.tolist() == ESTIMATE.pose_covariance.tolist()
-    assert record.estimate[2:] == ESTIMATE[2:]
+    assert record.estimate[2:5] == ESTIMATE[2:5]
+    assert [values.tolist() for values in record.estimate[5:]] == [v.tolist() for v in DISPLACED]
     assert record.is_assumed
 
 
@@ -50,6 +52,8 @@ def test_grips_survive_a_round_trip():
         {'unknowns': [float('inf')] * 11},
         {'responses': [0.1]},
         {'bent': [float('nan')]},
+        {'joint_displacements': [0.0]},
+        {'joint_displacement_rates': [float('nan')] * 72},
         {'pose_covariance': [-1.0] * 9},
     ],
 )
