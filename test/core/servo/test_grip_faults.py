@@ -140,6 +140,10 @@ def test_the_first_fault_remains_when_the_object_is_lost_or_returns():
     for away in ((0.0, 0.1, 0.0), CLOSED, CLOSED):
         later = loop.cycle(away=away)
         assert (later.command.status, later.message.split('; held')[0]) == first
+    for _ in range(30):
+        at_rest = loop.cycle(None).command
+    assert at_rest.status is Status.HALT_NO_TWIST
+    assert loop.cycle().command.status is first[0]
 
 
 def test_a_loss_during_an_oscillation_is_a_fault_that_remains():
@@ -154,7 +158,7 @@ def test_a_loss_during_an_oscillation_is_a_fault_that_remains():
 def test_a_short_slip_is_noted_for_three_seconds():
     loop = held(servo={'timeout': 0.5})
     messages = [
-        loop.cycle(away=(0.0, 6e-3 + 1e-5 * (-1) ** number, 0.0), elapsed=0.1).message
+        loop.cycle(away=(0.0, 6e-3 + 3e-4 * (-1) ** number, 0.0), elapsed=0.1).message
         for number in range(36)
     ]
     assert max(loop.statuses) < Status.HALT_NO_TWIST

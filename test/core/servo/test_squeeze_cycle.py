@@ -93,6 +93,7 @@ def test_a_low_slip_margin_slows_the_twist_and_not_the_correction_of_the_pose():
         expected = at_rest.cycle(away=(0.0, 5e-4, 0.0)).command.achieved_twist
     assert command.status is Status.SLOWED_SLIP_MARGIN
     assert command.achieved_twist[1] == pytest.approx(expected[1], rel=0.1)
+    assert loop.cycle(away=(0.0, 5e-3, 0.0)).command.status is Status.OK
 
 
 @pytest.mark.parametrize(
