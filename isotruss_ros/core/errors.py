@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+import difflib
 
 
 class IsotrussError(Exception):
@@ -51,6 +52,12 @@ class NoMotionError(PathError):
 def quote(name: str) -> str:
     """Return a name in quotes for an error message, truncated if long."""
     return repr(name if len(name) <= 80 else f'{name[:80]}…')
+
+
+def suggest(name: str, allowed: Iterable[str]) -> str:
+    """Return a question whether the most similar allowed name was meant, or an empty text."""
+    similar = difflib.get_close_matches(name, list(allowed), n=1)
+    return f'did you mean {similar[0]}? ' if similar else ''
 
 
 def format_numbers(values: Iterable[float]) -> str:

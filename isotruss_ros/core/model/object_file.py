@@ -20,11 +20,11 @@ from dataclasses import fields, MISSING
 from pathlib import Path
 from typing import Any
 
-from isotruss_ros.core.errors import GraspError, ObjectFileError, quote
+from isotruss_ros.core.errors import GraspError, ObjectFileError, quote, suggest
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.polygon import Polygon
-from isotruss_ros.core.model.robot_schema import find_faults, suggest
+from isotruss_ros.core.model.robot_schema import find_faults
 from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.shapes import Disc
 

@@ -6,14 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-import difflib
 import functools
 import itertools
 import json
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from isotruss_ros.core.errors import RobotFileError
+from isotruss_ros.core.errors import RobotFileError, suggest
 from isotruss_ros.core.model.presets import config_directory
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import MAX_MAGNITUDE
@@ -32,12 +31,6 @@ def find_faults(content: Any, block: str | None = None) -> Iterator[str]:
     errors = itertools.islice(_validator(block).iter_errors(content), MAX_COMPLAINTS + 1)
     for error in sorted(errors, key=lambda error: list(map(str, error.path))):
         yield from _explain(error)
-
-
-def suggest(key: str, allowed: Iterable[str]) -> str:
-    """Return a question whether the most similar allowed key was meant, or an empty text."""
-    similar = difflib.get_close_matches(key, list(allowed), n=1)
-    return f'did you mean {similar[0]}? ' if similar else ''
 
 
 def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from isotruss_ros.core.errors import GraspError, IsotrussError, quote
+from isotruss_ros.core.errors import GraspError, IsotrussError, quote, suggest
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
@@ -102,7 +102,8 @@ def check_names(
     unknown = sorted({str(name) for name in names if name not in valid})
     if unknown:
         owner = f'robot {robot}' if robot else 'the robot'
+        hint = ''.join(suggest(name, valid) for name in unknown)
         raise error(
             f'{what} {quote(", ".join(unknown))}: {owner} has no such {kind}; '
-            f'its {kind.removesuffix("s")}s are {", ".join(valid)}'
+            f'{hint}its {kind.removesuffix("s")}s are {", ".join(valid)}'
         )

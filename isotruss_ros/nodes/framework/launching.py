@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
+from isotruss_ros.core.errors import suggest
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.runner import find_node
 from launch import LaunchContext, LaunchDescription  # type: ignore[attr-defined]
@@ -130,7 +131,8 @@ def _check_arguments(context: LaunchContext, known: set[str]) -> list[LogInfo]:
         # launch would warn and start the nodes with their defaults.
         raise ParameterError(f'launch argument {PARAMETERS}: {file}: no such file')
     named = {argument.partition(':=')[0] for argument in context.argv}
+    unknown = {name: f'{suggest(name, known)}see --show-args' for name in sorted(named - known)}
     return [
-        LogInfo(msg=f'launch argument {name}: unknown, and not used; see --show-args')
-        for name in sorted(named - known)
+        LogInfo(msg=f'launch argument {name}: unknown, and not used; {hint}')
+        for name, hint in unknown.items()
     ]

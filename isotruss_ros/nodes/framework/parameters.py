@@ -16,6 +16,7 @@ from functools import partial
 from typing import Any
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.core.errors import suggest
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import InvalidParameterValueException, ParameterException
 from rclpy.lifecycle import LifecycleNode
@@ -88,9 +89,11 @@ class Parameters:
         self._names = {spec.name for spec in specs if spec.default == NO_NAMES}
         for spec in specs:
             self._declare(spec, overrides.get(spec.name))
-        for name in sorted(set(overrides) - {spec.name for spec in specs}):
+        known = [spec.name for spec in specs]
+        for name in sorted(set(overrides).difference(known)):
             if not name.startswith(RCLPY_PREFIXES):
-                node.get_logger().warning(f'parameter {name}: unknown, and not used')
+                words = f'parameter {name}: unknown, and not used; {suggest(name, known)}'
+                node.get_logger().warning(words.rstrip('; '))
         node.add_pre_set_parameters_callback(self._convert)
 
     def __getattr__(self, name: str) -> Any:

@@ -64,7 +64,7 @@ def test_a_grip_at_a_module_has_its_two_members(module):
 
 @pytest.mark.parametrize('unknown', ['north/X', 'Z', None])
 def test_modules_are_those_of_the_robot(unknown):
-    with pytest.raises(GraspError, match='no such module; its modules are south/P, '):
+    with pytest.raises(GraspError, match=r'no such module; .*its modules are south/P, '):
         Grip.at_module(ROBOT, unknown, DISC)
 
 

@@ -87,7 +87,7 @@ def test_shift_from_the_tangent_center_indents_by_the_sine_of_half_the_angle(rob
     [
         ('main/T', 10.0, 0.0, 'does not fit between the members main/T-'),
         ('main/T', -1.0, 0.0, 'must be from'),
-        ('main/W', 0.2, 0.0, 'has no such module'),
+        ('main/W', 0.2, 0.0, 'has no such module; did you mean main/'),
         ('main/T', 0.2, np.nan, 'shift'),
     ],
 )

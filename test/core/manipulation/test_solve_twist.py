@@ -182,7 +182,7 @@ def test_invalid_twists_are_refused(twist):
 # main/L is a module without a motor that could fail.
 @pytest.mark.parametrize('failed', [{'main/W'}, ['main/L'], 'T', [None]])
 def test_unknown_failed_rollers_are_refused_without_motion(failed):
-    with pytest.raises(GraspError, match='no such rollers; its rollers are main/R, main/T'):
+    with pytest.raises(GraspError, match=r'no such rollers; .*its rollers are main/R, main/T'):
         solve_twist(TRIANGLE.home, SMALL, [0.0, 0.0, 0.0], failed=failed)
 
 

@@ -161,10 +161,12 @@ def test_whole_numbers_are_taken_for_real_parameters():
         assert 'range' in result.reason
 
 
-def test_an_unknown_parameter_causes_a_warning(capfd):
-    with world(node(gripmodule=MODULE)):
+def test_an_unknown_parameter_causes_a_warning_with_the_most_similar_name(capfd):
+    with world(node(gripmodule=MODULE, zzz=1.0)):
         pass
-    assert 'parameter gripmodule: unknown, and not used' in capfd.readouterr().err
+    said = capfd.readouterr().err
+    assert 'parameter gripmodule: unknown, and not used; did you mean grip_module?\n' in said
+    assert 'parameter zzz: unknown, and not used\n' in said
 
 
 def test_a_user_robot_file_and_its_frame_are_used(tmp_path):
