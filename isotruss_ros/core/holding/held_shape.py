@@ -15,7 +15,6 @@ unit wrenches. The result is an upper bound of the true frequency.
 
 from __future__ import annotations
 
-import functools
 import math
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
@@ -80,10 +79,9 @@ def held_joints(grip: HeldGrip) -> Array:
     return grip.config.nodes[:count] + displacements[:count, :2]
 
 
-@functools.lru_cache(maxsize=8)
 def lowest_frequency(grip: HeldGrip) -> float | None:
     """
-    Return the lowest undamped natural frequency of a held object [rad/s], cached; contacts stick.
+    Return the lowest undamped natural frequency of a held object [rad/s]; contacts stick.
 
     A module's mass is at the midpoint of its pinch points, half of the mass of each piece of tube
     at each end of its member. None: a mass is unknown, or the equilibrium is neutral.

@@ -18,7 +18,6 @@ from isotruss_ros.core.estimation.grip_belief import GripBelief, Readings
 from isotruss_ros.core.estimation.grip_tracker import GripTracker
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.holding.held_grip import HoldStatus
-from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
@@ -218,7 +217,7 @@ class SqueezeControl:
 
     def _tuned(self, settings: SqueezeSettings, belief: GripBelief) -> SqueezeControl:
         """Return the control with the gain of the settings or of the natural frequency."""
-        frequency = settings.frequency or lowest_frequency(belief.cache.by_offsets.held)
+        frequency = settings.frequency or belief.cache.by_offsets.frequency
         default_gain = GAIN_SHARE * (frequency or DEFAULT_FREQUENCY)
         gain = self.faults.softening * (settings.pose_gain or default_gain)
         return replace(self, frequency=frequency, gain=gain)

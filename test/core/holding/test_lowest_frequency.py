@@ -4,6 +4,8 @@
 """Lowest natural frequency of a held object against differences of equilibria."""
 
 from dataclasses import replace
+import gc
+import weakref
 
 from isotruss_ros.core import ConvexObject, deform, place_between, Polygon, Robot
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -79,3 +81,12 @@ def test_lowest_frequency_agrees_with_differences_of_equilibria(masses, options)
 def test_without_masses_there_is_no_lowest_frequency():
     grip = attach_grip(Robot(FILE).home, place_between(Robot(FILE).home, MEMBERS, BOX).body)
     assert lowest_frequency(grip) is None
+
+
+def test_a_computed_frequency_keeps_no_grip_in_memory():
+    grip = grip_of(1.5, 0.6)
+    assert lowest_frequency(grip) > 0.0
+    reference = weakref.ref(grip)
+    del grip
+    gc.collect()
+    assert reference() is None
