@@ -3,6 +3,7 @@
 
 """Numbers that are not finite or out of range are refused with their names and ranges."""
 
+from dataclasses import replace
 import inspect
 import math
 import warnings
@@ -26,6 +27,7 @@ from isotruss_ros.core import (
     load_robot,
     ObjectPath,
     PathTracker,
+    Polygon,
     Pose,
     reach_pose,
     read_object,
@@ -53,6 +55,7 @@ import pytest
 ROBOT = load_robot('nine_member')
 HOME, NONE = ROBOT.home, np.zeros(len(ROBOT.roller_names))
 BODY = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.02), 0.3)
+TRIANGLE = ConvexObject(Polygon([(0.0, 0.0), (0.1, 0.0), (0.0, 0.1)]), BODY.pose)
 GRIP = Grip.at_module(ROBOT, 'north/Z', BODY, 0.8)
 TRACKER = PathTracker(ObjectPath([(0, 0, 0), (0.1, 0, 0)], 0.05, 0.5), TrackingSettings(), 0.01)
 POSES = np.array([BODY.pose, BODY.pose])
@@ -172,6 +175,19 @@ FORMS = {
     'failed rollers': lambda: SERVO.receive(failed='north/Z'),
     'time of the cycle': lambda: SERVO.decide(math.nan),
     'roller velocities': lambda: SERVO.command([0.1], 0.0),
+    'argument barriers': lambda: ServoSettings(GRIP, 0.01, 0.2, barriers=1),
+    'argument limits': lambda: ServoSettings(GRIP, 0.01, 0.2, limits=1),
+    "corners '1': .* for each of the 2 members": lambda: replace(GRIP, corners=1),
+    r"corners '\(\(0,\), \(\)\)'": lambda: replace(GRIP, corners=((0,), ())),
+    "corner on north/P-Z 'a'": lambda: replace(GRIP, corners=((0,), ('a',))),
+    'corner 9: the object has no': lambda: replace(GRIP, body=TRIANGLE, corners=((0,), (9,))),
+    'seed 0.5: must be an integer': lambda: settle_grasp(HOME, BODY).chance(
+        core.Uncertainty(), 1, 0.5
+    ),
+    'seed -1: must be an integer': lambda: core.SimulatedRobot(
+        HOME, RigidObject(BODY, 0.8), core.RollerFaults(), -1
+    ),
+    'max_rounds None': lambda: core.plan_grasps(HOME, BODY, max_rounds=None),
 }
 
 

@@ -27,7 +27,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.robot_schema import find_faults
 from isotruss_ros.core.model.safe_yaml import parse_yaml
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
-from isotruss_ros.core.numerics.arrays import Array, covariance_matrix
+from isotruss_ros.core.numerics.arrays import Array, check_count, covariance_matrix
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.numerics.tolerances import EPSILON
@@ -163,14 +163,14 @@ class Uncertainty(Record):
             nominal equilibrium, otherwise to first order.
         :param seed: seed of the random parameters.
         :param on_progress: function that is called with the completed fraction, 0 to 1.
-        :raises GraspError: the equilibrium is neutral, or there is none to linearise about to
-            first order.
+        :raises GraspError: the equilibrium is neutral, there is none to linearise about to first
+            order, or an integer is invalid.
         """
         grip = settled.equilibrium
         if samples is None:
             samples = 200 if grip is None or grip.body.shape.faces_at(0) else 0
-        if isinstance(samples, bool) or not isinstance(samples, int) or samples < 0:
-            raise GraspError(f'samples {samples!r}: must be an integer, not negative')
+        samples = check_count(samples, 'samples', GraspError)
+        seed = check_count(seed, 'seed', GraspError)
         if grip is None and not samples:
             raise GraspError('samples 0: must be positive, because there is no equilibrium')
         nominal = settled.lost if grip is None else grip

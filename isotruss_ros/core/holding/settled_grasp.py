@@ -178,8 +178,8 @@ class SettledGrasp(
             for objects with corners and without a nominal equilibrium, otherwise to first order.
         :param seed: seed of the random parameters.
         :param on_progress: function that is called with the completed fraction, 0 to 1.
-        :raises GraspError: the number of samples is invalid, the equilibrium is neutral, or there
-            is none to linearise about to first order.
+        :raises GraspError: an integer is invalid, the equilibrium is neutral, or there is none to
+            linearise about to first order.
         """
         return uncertainty.chance(self, samples, seed, on_progress)
 

@@ -27,7 +27,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.topology import check_names, Topology
 from isotruss_ros.core.numerics.argument_kinds import check_kind, check_kinds
-from isotruss_ros.core.numerics.arrays import Indices
+from isotruss_ros.core.numerics.arrays import check_count, Indices
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,8 +57,8 @@ class Grip(Record, headline=('members', 'friction', 'body')):
         corners at both ends of a face. None: the corners are found by `Shape.contact_patch`.
     :ivar gaps: gaps of corners without contact near the members, which close slowly, see
         `land_faces`; only with `corners`.
-    :raises GraspError: the members are not two or three different names, or the coefficient is
-        invalid.
+    :raises GraspError: the members are not two or three different names, or the coefficient or
+        a corner is invalid.
     """
 
     members: tuple[str, ...]
@@ -73,6 +73,8 @@ class Grip(Record, headline=('members', 'friction', 'body')):
         friction = check_friction(self.body.friction_or(self.friction))
         object.__setattr__(self, 'members', check_member_names(self.members))
         object.__setattr__(self, 'friction', friction)
+        if self.corners is not None:
+            object.__setattr__(self, 'corners', check_corners(self, self.corners))
 
     @property
     def center(self) -> complex:
@@ -131,6 +133,27 @@ def check_member_names(members: Sequence[str]) -> tuple[str, ...]:
             f'members {quote(shown)}: must be two or three different members, in a list'
         )
     return names
+
+
+def check_corners(grip: Grip, corners: Sequence[Sequence[int]]) -> tuple[tuple[int, ...], ...]:
+    """Return the corners in contact with each member of a grip; raise GraspError for others."""
+    lists = corners if isinstance(corners, Sequence) else ()
+    have_form = all(isinstance(touched, Sequence) and len(touched) > 0 for touched in lists)
+    if not have_form or len(lists) != len(grip.members):
+        raise GraspError(
+            f'corners {quote(str(corners))}: must be a list of corners for each of the '
+            f'{len(grip.members)} members'
+        )
+    checked = tuple(
+        tuple(check_count(corner, f'corner on {name}', GraspError) for corner in touched)
+        for name, touched in zip(grip.members, lists, strict=True)
+    )
+    for corner in set(itertools.chain(*checked)):
+        try:
+            grip.body.shape.faces_at(corner)
+        except IndexError:
+            raise GraspError(f'corner {corner}: the object has no corner of this index') from None
+    return checked
 
 
 def members_at(robot: Mechanism, module: str) -> tuple[str, str]:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 import functools
 import inspect
 import itertools
@@ -34,6 +34,8 @@ EXAMPLES = {
     'RollerState': 'RollerState(positions, velocities)',
     'RollerFaults': 'RollerFaults()',
     'RollingGrip': 'RollingGrip.attach(config, grip)',
+    'Sequence[Barrier]': '[barrier]',
+    'Sequence[Limit]': 'default_limits(robot)',
     'ServoSettings': 'ServoSettings(grip, period, timeout)',
     'SettledGrasp': 'settle_grasp(config, body)',
     'Shape': 'Disc(diameter)',
@@ -45,7 +47,12 @@ EXAMPLES = {
 }
 
 #: Abstract classes of the package's annotations, which are no base classes of their subclasses.
-ABSTRACT_KINDS = {'Collection[str]': Collection, 'Mapping[str, ArrayLike]': Mapping}
+ABSTRACT_KINDS = {
+    'Collection[str]': Collection,
+    'Mapping[str, ArrayLike]': Mapping,
+    'Sequence[Barrier]': Sequence,
+    'Sequence[Limit]': Sequence,
+}
 
 P = ParamSpec('P')
 R = TypeVar('R')

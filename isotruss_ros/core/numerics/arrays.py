@@ -68,6 +68,13 @@ def identity(size: int) -> NDArray[np.float64]:
     return matrix
 
 
+def check_count(value: int, what: str, error: type[IsotrussError]) -> int:
+    """Return a checked integer; raise an error if it is not an integer or negative."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
+        raise error(f'{what} {value!r}: must be an integer, not negative')
+    return int(value)
+
+
 def finite_rows(
     values: ArrayLike,
     columns: int,

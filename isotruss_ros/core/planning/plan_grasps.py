@@ -23,6 +23,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
+from isotruss_ros.core.numerics.arrays import check_count
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.planning.approach import Closing
@@ -80,15 +81,15 @@ def plan_grasps(
         found.
     :param uncertainty: uncertainty of robot and object. Then grasps are ranked by the chance that
         the object is held, also along the path `carry` of the requirements.
-    :raises GraspError: the robot has no such module or members, or the seed is invalid.
+    :raises GraspError: the robot has no such module or members, or an integer is invalid.
     :raises StructureError: the robot cannot be analysed.
     """
     needs = requirements or GraspRequirements()
     required_members(config.robot, needs)  # names are checked here, once
     if body.friction is not None:
         needs = replace(needs, friction=body.friction)
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise GraspError(f'seed {seed!r}: must be an integer, not negative')
+    seed = check_count(seed, 'seed', GraspError)
+    max_rounds = check_count(max_rounds, 'max_rounds', GraspError)
     # A copy without cached results, as another process has it.
     config = Configuration(config.robot, config.roller_positions, config.points)
     structure_of(config)  # contradictory stiffness laws are reported here, once
@@ -103,7 +104,7 @@ def plan_grasps(
         max_rounds = 0
     for number in range(max_rounds):
         with search.tally.recording():
-            seeds = find_seeds(config, body, needs, int(seed), number)
+            seeds = find_seeds(config, body, needs, seed, number)
             closings = [replace(closing, uncertainty=uncertainty) for closing in seeds]
             search.judge(closings, thorough)
         if search.stopped or len(search.best()) >= needs.count:

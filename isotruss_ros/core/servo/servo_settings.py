@@ -111,3 +111,5 @@ class ServoSettings:
         check_kind('grip', self.grip, 'Grip')
         check_kind('squeeze', self.squeeze, 'SqueezeSettings', 'None')
         check_kind('bounds', self.bounds, 'ShapeBounds', 'None')
+        check_kind('barriers', self.barriers, 'Sequence[Barrier]')
+        check_kind('limits', self.limits, 'Sequence[Limit]')

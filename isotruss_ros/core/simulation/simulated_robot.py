@@ -16,7 +16,7 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.setting_ranges import check_settings
 from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, check_count
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -67,6 +67,7 @@ class DrivenRollers:
         check_names('stuck rollers', faults.stuck, names, robot.name)
         self._robot, self._faults = robot, faults
         self._is_free = np.array([name not in faults.stuck for name in names])
+        seed = check_count(seed, 'seed', ConfigurationError)
         self._random = np.random.default_rng(seed)
         # Separate random stream: the noise of a seed is independent of slip.
         slips = faults.slip * np.random.default_rng([seed, 1]).uniform(0.5, 1.5, len(names))
@@ -119,7 +120,7 @@ class SimulatedRobot(DrivenRollers):
     :param faults: faults of the rollers.
     :param seed: seed of the random numbers for noise and slip.
     :raises GraspError: a roller named as stuck does not exist.
-    :raises ConfigurationError: the slip is out of its range.
+    :raises ConfigurationError: the slip is out of its range, or the seed is invalid.
     """
 
     @check_kinds
