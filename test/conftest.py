@@ -28,6 +28,8 @@ os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 # However busy the machine is, and the same random examples each time.
 settings.register_profile('any load', deadline=None, derandomize=True)
 settings.load_profile('any load')
+# The failed checks of a shape or barrier of one's own show their values.
+pytest.register_assert_rewrite('contracts')
 
 
 def pytest_collection_modifyitems(items):

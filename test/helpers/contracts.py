@@ -154,4 +154,7 @@ def check_barrier(barrier, config, grip, generator):
     # At a kink a value has two slopes.
     smooth = np.abs(reached[0] + reached[1] - 2.0 * near.values) < 1e-10
     assert smooth.any(), 'all values have kinks here: choose another configuration'
-    assert (rows @ way)[smooth] == pytest.approx(slopes[smooth], abs=1e-5)
+    assert (rows @ way)[smooth] == pytest.approx(slopes[smooth], abs=1e-5), (
+        'the derivatives of `active` differ from differences of `values`; node coordinates are in '
+        'the order x0, y0, x1, y1, ...'
+    )

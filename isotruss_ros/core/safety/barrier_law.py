@@ -96,7 +96,8 @@ class ActiveValues(NamedTuple):
 
     indices: Indices  #: (k,) indices of the values among the barrier's values
     values: Array  #: (k,) values of the barrier function
-    node_rows: Array  #: (k, 2n) derivatives of the values with respect to node coordinates
+    #: (k, 2n) derivatives of the values with respect to node coordinates x0, y0, x1, y1, ...
+    node_rows: Array
     #: (k, r) derivatives of the values with respect to roller travel with fixed nodes, or zero
     roller_rows: Array | float = 0.0
 
