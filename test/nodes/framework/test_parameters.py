@@ -23,14 +23,20 @@ CODES = {
     FollowObjectPath.Result: PathOutcome,
     PlanGrasp.Result: SearchOutcome,
 }
+#: Field of a parameter's descriptor that has the range of a number.
+RANGES = {
+    Parameter.Type.DOUBLE.value: 'floating_point_range',
+    Parameter.Type.INTEGER.value: 'integer_range',
+}
 
 
 @pytest.mark.parametrize('message', CODES, ids=lambda kind: kind.__name__)
 def test_codes_are_those_of_the_message(message):
-    codes = {code.name: int(code) for code in CODES[message]}
+    codes = {(code.name, int(code)) for code in CODES[message]}
     names = [n for n in dir(message) if n.isupper() and not n.startswith(('SLOT_', 'HELD_'))]
-    declared = {name: getattr(message, name) for name in names}
-    assert declared == codes, f'{message.__name__} and {CODES[message].__name__} differ'
+    declared = {(name, getattr(message, name)) for name in names}
+    assert codes <= declared, f'add to the message {message.__name__}: {codes - declared}'
+    assert declared <= codes, f'add to {CODES[message]}: {declared - codes}'
 
 
 @pytest.mark.parametrize('name', sorted(node_classes()))
@@ -41,9 +47,11 @@ def test_every_parameter_is_described_and_every_number_has_a_range(name):
             n for n in node.get_parameters_by_prefix('') if not n.startswith(('use_', 'start_'))
         ]
         for descriptor in node.describe_parameters(own):
-            assert descriptor.description, descriptor.name
-            if descriptor.type == Parameter.Type.DOUBLE.value:
-                assert len(descriptor.floating_point_range) == 1, descriptor.name
+            assert descriptor.description, f'{name}: {descriptor.name}: its Spec needs a text'
+            range_field = RANGES.get(descriptor.type)
+            assert range_field is None or getattr(descriptor, range_field), (
+                f'{name}: {descriptor.name}: its Spec needs bounds'
+            )
 
 
 def list_parameters():

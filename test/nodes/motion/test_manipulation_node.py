@@ -106,7 +106,9 @@ def test_every_parameter_of_the_servo_reaches_it():
         'slide_along_limits': True,
         'failure_time': 3.0,
     }
-    assert values.keys() | {'failed_rollers'} == {spec.name for spec in SPECS}
+    assert values.keys() | {'failed_rollers'} == {spec.name for spec in SPECS}, (
+        'a parameter of SPECS has a value here, and below what `make_settings` makes of it'
+    )
 
     def settings(**others):
         return make_settings(ROBOT, SimpleNamespace(**values | others), None, 'Z')
