@@ -60,7 +60,7 @@ def test_every_promise_has_existing_tests():
 @pytest.mark.parametrize('page', TEXTS)
 def test_names_of_the_core_in_pages_exist(page):
     for name in re.findall(r'`(core\.[\w.]+)', TEXTS[page]):
-        assert pydoc.locate(f'isotruss_ros.{name}') is not None, name
+        assert pydoc.locate(f'isotruss_ros.{name}') is not None, f'no {name} in isotruss_ros'
 
 
 def test_every_equation_of_the_paper_has_a_function():
@@ -103,13 +103,13 @@ def test_python_examples_of_the_pages_run(page, capsys):
 @pytest.mark.parametrize('page', TEXTS)
 def test_named_make_targets_exist(page):
     for target in re.findall(r'(?:`|^)make ([a-z][\w-]*)', TEXTS[page], re.MULTILINE):
-        assert re.search(rf'^{target}:', MAKEFILE, re.MULTILINE), target
+        assert re.search(rf'^{target}:', MAKEFILE, re.MULTILINE), f'no make {target}'
 
 
 @pytest.mark.parametrize('page', TEXTS)
 def test_links_have_existing_targets(page):
     for target in re.findall(r'\]\(([^)#:]+)[^):]*\)', TEXTS[page]):
-        assert (TOP / page).parent.joinpath(target).exists(), target
+        assert (TOP / page).parent.joinpath(target).exists(), f'no file {target}'
 
 
 @pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md'])
@@ -117,7 +117,7 @@ def test_named_paths_exist(page):
     named = re.findall(r'`((?:isotruss_ros/)?[\w.]+/[\w./]*)`', TEXTS[page])
     for path in named:
         if not path.startswith(('.venv', 'demo_output', 'docs/_build', 'geometry_msgs')):
-            assert any(place.exists() for place in places(path)), path
+            assert any(place.exists() for place in places(path)), f'no file {path}'
 
 
 def test_names_of_recipes_exist_in_their_files():
