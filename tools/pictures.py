@@ -239,6 +239,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--check', action='store_true', help='only fail where one is out of date')
     parser.add_argument('--keep', nargs='+', default=[], choices=PICTURES, help='as they are')
     options = parser.parse_args(arguments)
+    if unknown := set(options.names) - PICTURES.keys():
+        parser.error(f'{", ".join(sorted(unknown))}: must be of {", ".join(PICTURES)}')
     for name in options.keep:
         note(name)
     if options.keep:
@@ -249,7 +251,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name, why in stale.items():
         if options.check:
             files = ', '.join(PICTURES[name].files)
-            print(f'{files}: {why}: make pictures', file=sys.stderr)
+            remedy = f'run .venv/bin/python tools/pictures.py {name}'
+            print(f'{files}: {why}: {remedy}', file=sys.stderr)
         else:
             print(f'== {name}: {why}', flush=True)
             make(name)

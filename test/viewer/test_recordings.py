@@ -230,7 +230,9 @@ def test_the_shipped_recording_shows_a_held_object_by_the_present_message_defini
     for schema in recorded:
         package, folder, name = schema.name.split('/')
         kind = getattr(importlib.import_module(f'{package}.{folder}'), name)
-        assert schema.data.decode() == schema_text(kind), f'{schema.name}: make pictures'
+        assert schema.data.decode() == schema_text(kind), (
+            f'{schema.name}: run .venv/bin/python tools/pictures.py carry'
+        )
 
 
 def fields_of(message):
