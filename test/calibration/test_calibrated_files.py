@@ -41,7 +41,7 @@ def test_robot_calibrated_from_a_table_agrees_with_the_measured_joints(tmp_path,
     assert result.nodes == pytest.approx(ROBOT.configuration(ZEROS + reading).nodes, abs=1e-6)
 
 
-def test_measured_displacements_become_the_stiffness_scale_of_the_file(tmp_path):
+def test_measured_displacements_become_the_stiffness_scale_of_the_file(tmp_path, capsys):
     nodes, output = ROBOT.home.nodes.copy(), tmp_path / 'mine.yaml'
     before = table(tmp_path, nodes)
     for number, name in enumerate(NAMES):
@@ -50,6 +50,9 @@ def test_measured_displacements_become_the_stiffness_scale_of_the_file(tmp_path)
     pull = ['--joint', 'Z', '--force', '10', '0', '--deviation', '1e-4']
     assert calibrate.stiffness([str(before), str(under), *pull, '--output', str(output)]) == 0
     assert load_robot(output).description.stiffness_scale == pytest.approx(0.7, rel=1e-3)
+    before.write_text(before.read_text() + ','.join(['2', 'Z', *8 * ['0']]))
+    assert calibrate.stiffness([str(before), str(under), *pull]) == 1
+    assert 'joints.csv: 2 postures: must be one' in capsys.readouterr().err
 
 
 def test_comments_and_deviations_are_in_the_file(tmp_path):

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(
 
 TRIANGLE = load_robot('triangle').description
 OBJECT = ConvexObject.disc((0.72, 0.45), 0.3)
-NEEDS = GraspRequirements(friction=0.7, count=1)
+NEEDS = GraspRequirements(friction=0.7, count=2)
 
 
 @pytest.fixture(scope='module', params=some_now([False, True]), ids=['threads', 'processes'])
@@ -40,7 +40,7 @@ def client(request):
 def test_writes_a_row_for_every_pair(client, tmp_path, capsys):
     objects, output = tmp_path / 'objects.csv', tmp_path / 'results.csv'
     objects.write_text('diameter,x,y,colour\n0.3,0.72,0.45,red\n0.3,3.0,3.0,blue\n')
-    options = ['--friction', '0.7', '--count', '1', '--scheduler', client.scheduler.address]
+    options = ['--friction', '0.7', '--count', '2', '--scheduler', client.scheduler.address]
     arguments = ['triangle', '--objects', str(objects), '--output', str(output)]
     assert sweeps.main([*arguments, *options]) == 0
     with output.open() as file:

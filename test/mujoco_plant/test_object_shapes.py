@@ -75,9 +75,10 @@ def test_objects_of_files_are_exported(tmp_path, capsys):
     file, model = tmp_path / 'box.yaml', tmp_path / 'model.xml'
     file.write_text(f'shape: polygon\nvertices: {[list(corner) for corner in BOX]}\n')
     shape = ['--shape', str(file)]
-    assert main(['triangle', str(model), *shape, '3', '4', '0.7']) == 0
+    assert main(['triangle', str(model), *shape, '3', '4', '0.7', '--friction', '0.4']) == 0
     exported = mujoco.MjModel.from_xml_path(str(model))
     assert exported.body('object0').pos[:2].tolist() == [3.0, 4.0]
+    assert exported.geom('object0#0').friction[0] == pytest.approx(0.4)
     data = mujoco.MjData(exported)
     mujoco.mj_forward(exported, data)
     along_x, along_y = data.geom('object0#0').xmat.reshape(3, 3)[:2, 2]

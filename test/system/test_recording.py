@@ -6,6 +6,8 @@
 import subprocess
 import sys
 
+from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.framework.parameters import ParameterError
 from isotruss_ros.nodes.record import Record
 import numpy as np
 from probe import overrides, ROBOT, world
@@ -34,7 +36,10 @@ def test_a_recording_contains_the_published_messages(tmp_path):
     with path.open('rb') as stream:
         topics = {channel.topic for _, channel, _ in mcap.make_reader(stream).iter_messages()}
     assert topics == {'/emergency_stop', '/joint_states'}
-    _, _, states = next(read_recording(path))
+    time, _, states = next(read_recording(path))
+    assert time == pytest.approx(read_stamp(states.header), abs=60.0)
+    with pytest.raises(ParameterError, match='must be a new file'):
+        Record.begin(node)
     assert list(states.name) == list(ROBOT.roller_names)
 
 

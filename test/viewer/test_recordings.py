@@ -211,6 +211,14 @@ def test_an_exported_page_names_no_server(tmp_path, capsys):
     assert capsys.readouterr() == (f'written: {page}\n', '')
 
 
+def test_a_recording_is_played_at_its_speed(tmp_path):
+    path, times = tmp_path / 'whole.mcap', []
+    path.write_bytes(whole())
+    view = SimpleNamespace(picture=Picture(ROBOT, 0.3), update=lambda _: None)
+    assert replay.replay(view, path, 2.0, times.append) == ''
+    assert times[-1] == pytest.approx(0.5 * 0.1 * (COUNT - 1))
+
+
 def test_a_recording_moves_a_picture_as_the_robot_moved(tmp_path):
     path, picture = tmp_path / 'joints.mcap', Picture(ROBOT, 0.3)
     path.write_bytes(write([pack_joints(200)]))

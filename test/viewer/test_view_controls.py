@@ -140,6 +140,8 @@ def test_a_request_that_replaces_a_motion_ends_the_drag(session, label, value, e
     session.set(label, value)
     session.until(lambda: session.taken)
     assert (session.control.drag is None) == ends
+    name = {'drag': 'dragged', 'object': 'shape'}.get(label, label)
+    assert session.taken == [(name, 0.0 if value is True else value)]
 
 
 def test_a_browser_that_freezes_during_a_drag_loses_control_and_target():

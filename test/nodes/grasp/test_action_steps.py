@@ -101,6 +101,9 @@ def test_a_server_that_sends_no_feedback_ends_the_steps_after_the_timeout(server
     # The clock of the machine.
     monkeypatch.setattr(supervision.time, 'monotonic', lambda: now)
     steps = begun(server, silence=0.2)
+    server.feedback(SimpleNamespace(feedback=0.5))
+    now += 0.9 * supervision.START_TIMEOUT
+    next(steps)
     for _ in range(3):
         now += supervision.START_TIMEOUT
         server.feedback(SimpleNamespace(feedback=0.5))

@@ -5,6 +5,7 @@
 
 import math
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Point, Pose
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_msgs.srv import AnalyzeGrasp
@@ -105,6 +106,18 @@ def check_region(marker, state):
     sides = corners[:, 1:] - corners[:, :1]
     area = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()
     assert area == pytest.approx(width * length, rel=0.05)
+
+
+def test_a_wrinkling_tube_is_a_warning_while_it_lasts():
+    with world(node(friction=0.8)) as w:
+        wrinkled = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.06)
+        for center, code, level in (
+            (wrinkled, GraspCode.WRINKLED, DiagnosticStatus.WARN),
+            (SQUEEZED, GraspCode.OK, DiagnosticStatus.OK),
+        ):
+            w.until_code(code, feed(w, center=center), 'state')
+            w.spin(0.15, feed(w, center=center))
+            assert w.report('grasp_analysis').level == level
 
 
 def test_markers_show_the_grasp_and_leave_nothing_behind():

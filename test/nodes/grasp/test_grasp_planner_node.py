@@ -241,6 +241,7 @@ def test_passes_the_goal_on_and_ends_with_the_answer(planner, outcome, status):
     reported = handle.feedback[-1]
     assert (reported.evaluations, reported.found, reported.best) == (7, 2, 0.5)
     assert (reported.progress, reported.time_left) == (0.25, 1.5)
+    assert planner.detail('grasps found', 'grasp_planner') == '2'
     planner.searcher.reply = Answer(outcome, 'the end')
     end, result = ended(planner, handle)
     assert (end, result.code, result.message) == (status, int(outcome), 'the end')

@@ -10,7 +10,7 @@ from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import DOWN, Manager, moving_world, UP, world
 import numpy as np
-from probe import CENTER, DIAMETER, failed, LATCHED, maker, MODULE, overrides, ROBOT
+from probe import CENTER, DIAMETER, failed, LATCHED, maker, MODULE, N, overrides, ROBOT
 import pytest
 from std_srvs.srv import Trigger
 
@@ -133,6 +133,9 @@ def named(w):
 def test_detected_rollers_persist_while_detection_is_off():
     with world(node(failure_time=0.3)) as w:
         names = until_detected(w)
+        # Rollers that another node commands do not fail, but neither do they recover.
+        w.until_code(Status.HALT_OTHER_COMMANDS, lambda: w.probe.send_command([0.0] * N))
+        assert set(names_in(w)) >= set(names)
         for time in (0.0, 0.3, 5.0):
             w.change(failure_time=time)
             assert set(named(w)) >= set(names)

@@ -125,6 +125,7 @@ def test_a_confirmed_grasp_has_the_deviation_of_a_grip_published_within_the_time
     clock, inputs = [0.0], LatestInputs()
     values = SimpleNamespace(command_timeout=TIMEOUT)
     node = SimpleNamespace(now=lambda: clock[0], values=values)
+    inputs.grasp = StampedInput(GraspState(held=YES, squeeze_deviation=1.0), 0.0)
     steps = ObjectWatch(node, inputs).confirm(True)
     next(steps)
     confirmed = None

@@ -199,9 +199,9 @@ def test_cmd_vel_moves_the_joint_without_an_object_pose():
 def test_the_service_switches_and_halts_first():
     with moving_world(joint='Z') as w:
         assert w.command().any()
-        for wanted, name in ((True, 'joint'), (False, 'object')):
+        for wanted, name, moved in ((True, 'joint', 'joint Z'), (False, 'object', 'object')):
             response = w.call('set_joint_mode', SetBool.Request(data=wanted))
-            assert response.success, response.message
+            assert (response.success, response.message) == (True, f'cmd_vel moves the {moved}')
             assert w.nodes[1].get_parameter('mode').value == name
             assert not w.command().any()
             w.spin(0.05, w.probe.send_joints)

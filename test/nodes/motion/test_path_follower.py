@@ -33,6 +33,7 @@ HOME = (*CENTER, 0.0)
 PROBED = (*CENTER, 0.3)
 
 
+ERROR = 'position error [m]'
 PATIENT = {'command_timeout': 5.0, 'rate': 50.0}
 ROBOT_SETTINGS = {'command_timeout': 0.5, 'rate': 50.0}
 
@@ -196,7 +197,11 @@ def test_bad_goals_are_aborted_with_the_reason_and_move_nothing():
 def test_an_inactive_node_accepts_no_goals_and_ends_the_active_one():
     with listening(node()) as w:
         manager, send = Manager(w, 'path_follower'), fake(w)
-        handle = begin(w, send)
+        replaced, handle = begin(w, send), begin(w, send)
+        preempted = (GoalStatus.STATUS_ABORTED, Result.PREEMPTED)
+        assert until_ended(w, replaced)[:2] == preempted
+        # The object stays behind, at its angle.
+        w.until(lambda: float(w.detail(ERROR, 'path_follower') or 0.0) > 0.002, send)
         assert manager.ask(Transition.TRANSITION_DEACTIVATE)
         status, code, result = until_ended(w, handle)
         assert (status, code) == STOPPED
