@@ -13,7 +13,14 @@ import time
 
 from held_grips import BOX_FILE
 from isotruss_ros.cli import plan_grasps as command
-from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps, read_object
+from isotruss_ros.core import (
+    ConvexObject,
+    GraspRequirements,
+    load_robot,
+    plan_grasps,
+    read_object,
+    Uncertainty,
+)
 from isotruss_ros.core.planning.grasp_plan import path_times
 from isotruss_ros.workers import core_count, WorkerPool
 import numpy as np
@@ -33,7 +40,7 @@ def begun_workers(count, of=None, deadline=20.0):
 
 ROBOT = load_robot('nine_member')
 PLACE, ELLIPSE = (0.716, 0.43), '{shape: ellipse, semi_axes: [0.17, 0.15]}'
-TURNED = (*PLACE, 0.5)
+TURNED, CHANCE = (*PLACE, 0.5), ['--uncertainty', '{friction: 0.3}']
 OBJECT = ['--center', '0.716', '0.43', '--diameter', '0.3']
 #: No grasp is like that: the search for it takes long.
 NEVER = ['--min-slip-margin', '1000']
@@ -43,7 +50,7 @@ DEADLINE = 240.0
 @pytest.mark.parametrize(
     ('number', 'shape', 'body'),
     [
-        ('1', ['--diameter', '0.3'], ConvexObject.disc(PLACE, 0.3)),
+        ('1', ['--diameter', '0.3', *CHANCE], ConvexObject.disc(PLACE, 0.3)),
         ('2', ['--object', ELLIPSE, '--angle', '0.5'], read_object(ELLIPSE).moved_to(TURNED)),
     ],
 )
@@ -53,7 +60,8 @@ def test_plan_is_the_same_as_in_the_core_with_one_process_or_two(
     needs = GraspRequirements(
         friction=0.6, module='north/Z', min_slip_margin=0.5, measure='total_force', count=2
     )
-    expected = plan_grasps(ROBOT.home, body, needs, seed=4)
+    uncertainty = Uncertainty.of(ROBOT, body, CHANCE[1]) if CHANCE[0] in shape else None
+    expected = plan_grasps(ROBOT.home, body, needs, seed=4, uncertainty=uncertainty)
     assert expected.grasps
     options = ['--friction', '0.6', '--min-slip-margin', '0.5', '--measure', 'total_force']
     options += ['--count', '2', '--seed', '4', '--module', 'north/Z', '--center', *map(str, PLACE)]
@@ -68,12 +76,14 @@ def test_plan_is_the_same_as_in_the_core_with_one_process_or_two(
     printed = capsys.readouterr().out
     for one, other in zip(result['grasps'], expected.grasps, strict=True):
         assert one['path'] == other.path.tolist()
-        assert one['score'] == other.score == -other.total_force
+        assert one['score'] == other.score
+        assert other.chance or other.score == -other.total_force
         assert one['touch'] == other.touch
         near = np.arange(len(other.path) - 1) >= other.touch - 2
         times = path_times(other.path, ROBOT.description, near)
         assert one['times'] == times.tolist()
         assert f'{other.total_force:.2f}' in printed
+        assert not other.chance or f'{other.chance.probability:.3f}' in printed
         assert other.members[0] in printed
     assert not workers()
 

@@ -160,11 +160,11 @@ class Probe(Node):
         message.header = make_header(self.past(age), frame)
         self.object_poses.publish(message)
 
-    def send_held(self, held: int, members: Sequence[str] = (), message: str = '') -> None:
+    def send_held(self, held: int, members: Sequence[str] = (), **fields: object) -> None:
         """Publish whether the analysis has the object held, and by which members."""
         if self._states is None:
             self._states = self.create_publisher(GraspState, 'grasp/state', 1)
-        state = GraspState(held=held, grasping_members=list(members), message=message)
+        state = GraspState(held=held, grasping_members=list(members), **fields)
         state.header = make_header(self.past(0.0), 'truss')
         self._states.publish(state)
 

@@ -8,24 +8,25 @@ import math
 from isotruss_msgs.action import (
     FollowObjectPath,
     FollowRollerTrajectory,
+    MoveObject,
     PickObject,
     PlaceObject,
     PlanGrasp,
 )
-from isotruss_msgs.msg import GraspState
+from isotruss_msgs.msg import GraspState, PlannedGrasp
 from isotruss_ros.core import ConvexObject, Pose, tangent_center
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.planning.grasp_plan import NEAR_SPEED_SHARE
 from isotruss_ros.nodes.conversions.messages import read_pose
-from isotruss_ros.nodes.conversions.path_messages import read_duration
+from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.pick_and_place import action_steps
 from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
 from isotruss_ros.nodes.pick_and_place.object_watch import AveragePose, ObjectWatch
-from manual_actions import MotionClient
+from manual_actions import connect, MotionClient
 from manual_world import world
 import numpy as np
-from probe import CENTER, DIAMETER, maker, MODULE, ROBOT
+from probe import CENTER, DIAMETER, maker, manipulation, MODULE, ROBOT
 import pytest
 
 NOISE, DISPLACEMENT = 1e-3, 8e-3
@@ -105,6 +106,9 @@ def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_
             w.probe.send_held(GraspState.HELD_YES, ['north/P-Z', 'north/Z-R'])
 
         w.spin(0.1, send)
+        goal = w.send_goal(PlaceObject.Goal(max_rotation=1e-9))
+        w.until(lambda: goal.ended, send)
+        assert 'turns the object by' in goal.result()[1].message
         goal = w.send_goal(PlaceObject.Goal(clearance=0.05))
         w.until(lambda: client.goal is not None, send)
 
@@ -127,6 +131,53 @@ def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_
     fastest = ROBOT.description.max_speed
     assert speeds[0] < 1.001 * NEAR_SPEED_SHARE * fastest
     assert speeds.max() > 2.0 * NEAR_SPEED_SHARE * fastest
+
+
+BAD, FAILED = FollowObjectPath.Result.BAD_GOAL, FollowObjectPath.Result.STOPPED
+
+
+@pytest.mark.parametrize(
+    ('ended', 'code'), [(BAD, MoveObject.Result.BAD_GOAL), (FAILED, MoveObject.Result.STOPPED)]
+)
+def test_a_pick_sets_the_grip_and_reports_the_mean_squeeze_and_a_move_its_failure(
+    monkeypatch, ended, code
+):
+    module, members = 'south/Q', ['south/P-Q', 'south/Q-R']
+    path = to_trajectory_message(ROBOT, [[0.0] * 6, [0.01] * 6], [0.0, 1.0])
+    grasp = PlannedGrasp(module=module, squeeze=14.0, path=path)
+    results = {
+        PlanGrasp: PlanGrasp.Result(grasps=[grasp]),
+        FollowRollerTrajectory: FollowRollerTrajectory.Result(),
+        FollowObjectPath: FollowObjectPath.Result(code=ended),
+    }
+
+    def enter(w):
+        connect(w, monkeypatch)
+        clients = {kind: MotionClient(result) for kind, result in results.items()}
+        monkeypatch.setattr(action_steps, 'ActionClient', lambda _, kind, __: clients[kind])
+
+    makers = maker(PickAndPlace, command_timeout=1.0)(), manipulation()
+    with world(*makers, enter=enter) as w:
+        grip = w.nodes[2].values
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_pose()
+            held = GraspState.HELD_YES if grip.squeeze_force else GraspState.HELD_NO
+            w.probe.send_held(held, members, squeeze=[10.0, 20.0], squeeze_deviation=2.0)
+
+        def result_of(goal):
+            w.spin(0.1, send)
+            handle = w.send_goal(goal)
+            w.until(lambda: handle.ended, send)
+            return handle.result()[1]
+
+        picked, again = result_of(PickObject.Goal()), result_of(PickObject.Goal())
+        assert (grip.squeeze_force, grip.grip_module) == (14.0, module)
+        assert (picked.code, picked.squeeze, picked.module) == (0, 15.0, module)
+        assert (again.code, again.held) == (again.BAD_GOAL, GraspState.HELD_YES)
+        assert again.message.startswith('the object is already held by south/P-Q, south/Q-R')
+        assert result_of(MoveObject.Goal()).code == code
 
 
 def test_a_pick_searches_as_its_goal_requires_and_reports_the_violated_requirement(monkeypatch):
