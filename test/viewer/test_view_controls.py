@@ -266,20 +266,6 @@ def test_a_page_without_an_area_is_served(session, width, height):
     session.until(lambda: session.control.wrench[0] == 3.0)
 
 
-def test_a_drag_of_an_unknown_joint_is_ignored(session):
-    session.set('drag', 'nowhere')
-    session.until(lambda: session.refused)
-    assert session.controls.dragged == 'object'
-    assert not session.taken
-
-
-@pytest.mark.parametrize('place', [(math.nan, 0.0), (0.0, math.inf), (1e9, 0.0)])
-def test_a_drag_to_a_position_that_is_not_finite_is_ignored(session, place):
-    session.browser.drag('handle', 'start', *place)
-    session.until(lambda: session.refused)
-    assert session.control.drag is None
-
-
 @pytest.mark.parametrize(
     ('name', 'value'),
     [
@@ -288,7 +274,10 @@ def test_a_drag_to_a_position_that_is_not_finite_is_ignored(session, place):
         ('diameter', 0.0),
         ('plant', 'other'),
         ('plant', ['mujoco']),
+        ('dragged', 'nowhere'),
         ('target', (True, (0.0,), (0.0, 0.0))),
+        ('target', (True, (0.0, 0.0), (0.0, math.inf))),
+        ('target', (True, (0.0, 0.0), (1e9, 0.0))),
         ('turn', (True, 'ab', (0.0, 0.0))),
         ('shutdown', 0.0),
     ],
