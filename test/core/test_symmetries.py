@@ -9,15 +9,7 @@ from pathlib import Path
 import re
 
 from hypothesis import example, given, strategies
-from isotruss_ros.core import (
-    ConvexObject,
-    deform,
-    Ellipse,
-    Polygon,
-    Robot,
-    settle_grasp,
-    solve_twist,
-)
+from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.robot_file import describe_robot
@@ -51,10 +43,10 @@ class Case:
 
     def build(self):
         """Return configuration, object and external wrench about the origin of its frame."""
-        robot = Robot(describe_robot(Path('random.yaml'), copy.deepcopy(self.document)))
+        robot = core.Robot(describe_robot(Path('random.yaml'), copy.deepcopy(self.document)))
         config = robot.configuration([self.travel[name] for name in robot.roller_names])
         place, angle = self.pose
-        body = ConvexObject(self.shape).moved_to((place.real, place.imag, angle))
+        body = core.ConvexObject(self.shape).moved_to((place.real, place.imag, angle))
         force, moment = self.wrench
         arm = body.middle - body.center
         return config, body, (force.real, force.imag, moment + (arm.conjugate() * force).imag)
@@ -81,7 +73,7 @@ def random_case(seed):
     if rng.random() < 0.7:
         document['tube']['stiffness'] = {'model': 'inflatable_beam', **FABRIC}
     # Upright, so that quarter turns and mirrors have the same supports.
-    robot = Robot(describe_robot(Path('random.yaml'), copy.deepcopy(document)))
+    robot = core.Robot(describe_robot(Path('random.yaml'), copy.deepcopy(document)))
     kind, count = (('module', 2), ('tubes', 2), ('tube', 2), ('module', 3))[rng.integers(4)]
     flat = rng.random() < 0.3
     try:
@@ -148,8 +140,8 @@ def mirrored(case, _rng):
     place, angle = case.pose
     force, moment = case.wrench
     shape = case.shape
-    if isinstance(shape, Polygon):
-        shape = Polygon([(x, -y) for x, y in shape.vertices], shape.corner_radius)
+    if isinstance(shape, core.Polygon):
+        shape = core.Polygon([(x, -y) for x, y in shape.vertices], shape.corner_radius)
     return _placed(
         case,
         lambda z: z.conjugate(),
@@ -163,13 +155,13 @@ def mirrored(case, _rng):
 
 def reframed(case, rng):
     """Return a grasp of the same object in another frame, from another corner or axis on."""
-    if isinstance(case.shape, Ellipse):
+    if isinstance(case.shape, core.Ellipse):
         quarters, (place, angle) = int(rng.integers(1, 4)), case.pose
         semi_axes = case.shape.semi_axes[:: -1 if quarters % 2 else 1]
         return replace(
-            case, shape=Ellipse(semi_axes), pose=(place, angle + 0.5 * np.pi * quarters)
+            case, shape=core.Ellipse(semi_axes), pose=(place, angle + 0.5 * np.pi * quarters)
         )
-    if not isinstance(case.shape, Polygon) or case.wrench[0]:
+    if not isinstance(case.shape, core.Polygon) or case.wrench[0]:
         return case
     angle, away = rng.uniform(-3.0, 3.0), 0.2 * complex(*rng.uniform(-1.0, 1.0, 2))
     turn = np.exp(1j * angle)
@@ -177,7 +169,7 @@ def reframed(case, rng):
     first = int(rng.integers(len(corners)))
     radii = np.roll(case.shape.radii, -first)
     place, before = case.pose
-    shape = Polygon(np.roll(corners, -first).view(float).reshape(-1, 2), tuple(radii))
+    shape = core.Polygon(np.roll(corners, -first).view(float).reshape(-1, 2), tuple(radii))
     return replace(
         case,
         shape=shape,
@@ -302,7 +294,7 @@ def in_order(case, values, factor=1.0):
 def settled(case):
     """Return how an object settles, in terms of the first grasp."""
     config, body, wrench = case.build()
-    grasp = settle_grasp(config, body, FRICTION, wrench, members=case.members)
+    grasp = core.settle_grasp(config, body, FRICTION, wrench, members=case.members)
     # Without the sizes, which change with the unit.
     values = {'verdict': re.split('[:;]', grasp.reason)[0]}
     if grasp.equilibrium is not None:
@@ -325,7 +317,7 @@ def deflected(case):
     config, _, _ = case.build()
     joints = sorted(case.document['joints'])
     load = np.linalg.solve(axes(case)[:2, :2], [3.0, 1.0]) * case.force
-    bent = deform(config, {joints[0]: load})
+    bent = core.deform(config, {joints[0]: load})
     moved = np.array([bent.displacement(name) for name in joints])
     return {
         'verdict': '',
@@ -343,7 +335,7 @@ def driven(case):
         1.0,
     )
     origin = complex(x, y) - 1j * turn * (body.middle - body.center)
-    command = solve_twist(config, Grip(case.members, body), (origin.real, origin.imag, turn))
+    command = core.solve_twist(config, Grip(case.members, body), (origin.real, origin.imag, turn))
     names = config.robot.roller_names
     speeds = dict(zip(names, command.roller_velocities / case.length, strict=True))
     return {

@@ -412,14 +412,14 @@ def test_deviations_of_offsets_with_wrong_markers_are_bounded():
 def test_the_errors_of_the_model_add_to_the_covariances_of_pose_and_joints():
     size, drawn, estimates = 2e-3, estimated((), duration=0.2), []
     for error in (0.0, size):
-        drawn.estimator.settings = replace(EXACT, pose_error=error, joint_error=error)
+        drawn.estimator.settings = replace(EXACT, pose_error=error, joint_error=2.0 * error)
         estimates.append(drawn.estimator.estimate())
     exact, wrong = estimates
     expected = np.diag([size, size, size / drawn.grip.arm]) ** 2  # the object turns by its arm
     added = wrong.pose_covariance - exact.pose_covariance
     assert added == pytest.approx(expected, rel=1e-6, abs=1e-12)
     added = wrong.joint_covariance - exact.joint_covariance
-    assert added == pytest.approx(size**2 * np.eye(len(added)), abs=1e-12)
+    assert added == pytest.approx((2.0 * size) ** 2 * np.eye(len(added)), abs=1e-12)
 
 
 def test_late_markers_are_compared_with_the_past_configuration():

@@ -5,15 +5,7 @@
 
 from dataclasses import replace
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Ellipse,
-    HoldStatus,
-    place_between,
-    Polygon,
-    settle_grasp,
-)
+from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.robot import Robot
 from nightly import some_now
@@ -31,7 +23,7 @@ PARAMETERS = ('stiffness_scale', 'friction', 'depth', 'x', 'angle')
 def box(width, height):
     """Return a rectangle about its origin."""
     x, y = 0.5 * width, 0.5 * height
-    return Polygon([(-x, -y), (x, -y), (x, y), (-x, y)])
+    return core.Polygon([(-x, -y), (x, -y), (x, y), (-x, y)])
 
 
 def random_shape(rng):
@@ -39,10 +31,10 @@ def random_shape(rng):
     size = rng.uniform(0.1, 0.35)
     sixths = 0.5 * size * np.exp(1j * np.pi / 3.0 * np.arange(6))
     shapes = (
-        Disc(size),
+        core.Disc(size),
         box(size, size * rng.uniform(0.5, 1.0)),
-        Polygon([(z.real, z.imag) for z in sixths]),
-        Ellipse((size, size * rng.uniform(0.6, 1.0))),
+        core.Polygon([(z.real, z.imag) for z in sixths]),
+        core.Ellipse((size, size * rng.uniform(0.6, 1.0))),
         random_polygon(rng, 0.5 * size),
     )
     return shapes[rng.integers(len(shapes))]
@@ -52,7 +44,7 @@ def holds(robot, travel, members, shape, place, parameter, shares, friction=1.3)
     """Return the hold statuses of a grasp (angle, depth), a parameter of which is varied."""
     angle, depth = place
     config = robot.configuration(travel)
-    body = place_between(config, members, shape, angle, depth).body
+    body = core.place_between(config, members, shape, angle, depth).body
     x, y, _ = body.pose
     kinds = []
     for share in shares.tolist():
@@ -63,12 +55,12 @@ def holds(robot, travel, members, shape, place, parameter, shares, friction=1.3)
         elif parameter == 'friction':
             coefficient = friction * (1.0 + share)
         elif parameter == 'depth':
-            varied = place_between(config, members, shape, angle, depth * (1.0 + share)).body
+            varied = core.place_between(config, members, shape, angle, depth * (1.0 + share)).body
         elif parameter == 'x':
-            varied = ConvexObject(shape, (x + 0.05 * share, y, angle))
+            varied = core.ConvexObject(shape, (x + 0.05 * share, y, angle))
         else:
-            varied = ConvexObject(shape, (x, y, angle + share))
-        kinds.append(settle_grasp(config_then, varied, coefficient, members=members).hold)
+            varied = core.ConvexObject(shape, (x, y, angle + share))
+        kinds.append(core.settle_grasp(config_then, varied, coefficient, members=members).hold)
     return kinds
 
 
@@ -76,7 +68,7 @@ def count_holes(kinds):
     """Return the number of grasps without an equilibrium between grasps at rest."""
     at_rest = np.flatnonzero([hold.at_rest for hold in kinds])
     between = kinds[at_rest[0] : at_rest[-1]] if len(at_rest) else []  # noqa: E203
-    return between.count(HoldStatus.NO_BALANCE)
+    return between.count(core.HoldStatus.NO_BALANCE)
 
 
 def test_a_box_whose_corner_crosses_a_guide_ring_is_held():
@@ -86,7 +78,7 @@ def test_a_box_whose_corner_crosses_a_guide_ring_is_held():
     members, shares = ('left/A-B', 'left/B-E'), np.linspace(0.2, 0.45, 16)
     place = -0.3920863517142519, 0.013
     kinds = holds(ROBOTS[2], travel, members, box(0.169, 0.135), place, 'stiffness_scale', shares)
-    assert set(kinds) == {HoldStatus.HELD}
+    assert set(kinds) == {core.HoldStatus.HELD}
 
 
 @pytest.mark.parametrize('seed', some_now(range(200), 0))

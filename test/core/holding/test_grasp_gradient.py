@@ -11,18 +11,7 @@ from typing import NamedTuple
 
 from carries import GRASPS, make_robot, place
 from held_grips import numbers
-from isotruss_ros.core import (
-    Configuration,
-    ConvexObject,
-    Disc,
-    Ellipse,
-    grasp_gradient,
-    place_between,
-    Polygon,
-    Robot,
-    settle_grasp,
-    tangent_center,
-)
+from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import ContactSet
@@ -50,9 +39,9 @@ SECTION = {
     'shear_rigidity': 1.9e3,
 }
 ROBOTS = [
-    Robot(FILE),
-    Robot(replace(FILE, stiffness=SECTION, stiffness_scale=1.2)),
-    Robot(replace(FILE, stiffness=LAWS)),
+    core.Robot(FILE),
+    core.Robot(replace(FILE, stiffness=SECTION, stiffness_scale=1.2)),
+    core.Robot(replace(FILE, stiffness=LAWS)),
 ]
 SPREAD = 2.0 * np.pi / 5.0 * np.arange(5)
 BOX = np.array([(-1.0, -0.8), (1.0, -0.8), (1.0, 0.8), (-1.0, 0.8)])
@@ -73,8 +62,8 @@ OTHERS = {'rollers': 5e-5, 'place': 5e-5, 'friction': 1e-3, 'wrench': 5e-3, 'sti
 class Grasp(NamedTuple):
     """The parameters of a grasp."""
 
-    config: Configuration
-    body: ConvexObject
+    config: core.Configuration
+    body: core.ConvexObject
     members: tuple[str, ...]
     wrench: np.ndarray
     pressures: np.ndarray
@@ -84,7 +73,7 @@ class Grasp(NamedTuple):
         """Return the grasp with changed parameters."""
         config, body, members, wrench, pressures, friction = self
         scale = config.robot.description.stiffness_scale * (1.0 + change[parameters.stiffness])
-        robot = Robot(replace(config.robot.description, stiffness_scale=scale))
+        robot = core.Robot(replace(config.robot.description, stiffness_scale=scale))
         return Grasp(
             robot.configuration(config.roller_positions + change[parameters.rollers]),
             body.moved_to(np.add(body.pose, change[parameters.place])),
@@ -97,7 +86,7 @@ class Grasp(NamedTuple):
     def settle(self):
         """Return the equilibrium."""
         config, body, members, wrench, pressures, friction = self
-        return settle_grasp(config, body, friction, wrench, pressures, members)
+        return core.settle_grasp(config, body, friction, wrench, pressures, members)
 
 
 def random_grasp(number):
@@ -115,13 +104,13 @@ def random_grasp(number):
     while grip is None or member_depths(config, grip.body)[numbers(members)].min() < 0.003:
         size *= 1.01
         shape = (
-            Disc(2.0 * size),
-            Ellipse((size, narrow * size)),
-            Polygon(size * corners.view(float).reshape(-1, 2) + AWAY),
-            Polygon(size * BOX + AWAY, corner_radius=0.02),
+            core.Disc(2.0 * size),
+            core.Ellipse((size, narrow * size)),
+            core.Polygon(size * corners.view(float).reshape(-1, 2) + AWAY),
+            core.Polygon(size * BOX + AWAY, corner_radius=0.02),
         )[number % 4]
         try:
-            grip = place_between(config, members, shape, angle, depth)
+            grip = core.place_between(config, members, shape, angle, depth)
         except GraspError:
             continue  # too small for these members
     wrench = rng.uniform(-0.5, 0.5, 3) * (1.0, 1.0, 0.1)
@@ -189,7 +178,7 @@ def error(number, sizes):
     grasp, rng, settled = settled_grasp(number)
     if settled.equilibrium is None:
         return None
-    gradient, rng = grasp_gradient(settled), copy.deepcopy(rng)
+    gradient, rng = core.grasp_gradient(settled), copy.deepcopy(rng)
     parameters, step = gradient.parameters, np.zeros(gradient.parameters.size)
     for name, size in sizes.items():
         columns = getattr(parameters, name)
@@ -229,12 +218,14 @@ def test_gradients_of_special_grasps_agree_with_central_differences(number):
 
 def test_slip_margin_of_a_symmetric_grasp_has_the_derivative_of_one_member():
     config = preset('nine_member').home
-    body = ConvexObject.disc(tangent_center(config, 'north/Z', 0.3, 0.02), 0.3, friction=0.8)
-    gradient = grasp_gradient(settle_grasp(config, body))
+    body = core.ConvexObject.disc(
+        core.tangent_center(config, 'north/Z', 0.3, 0.02), 0.3, friction=0.8
+    )
+    gradient = core.grasp_gradient(core.settle_grasp(config, body))
     sideways = gradient.slip_margin[gradient.parameters.wrench.start]
     # Both members are alike to 1e-5 only: the pull is much larger.
     toward, away = (
-        settle_grasp(config, body, external_wrench=(pull, 0.0, 0.0)).slip_margin
+        core.settle_grasp(config, body, external_wrench=(pull, 0.0, 0.0)).slip_margin
         - gradient.settled.slip_margin
         for pull in (-1e-2 * np.sign(sideways), 1e-2 * np.sign(sideways))
     )

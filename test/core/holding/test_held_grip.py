@@ -6,16 +6,7 @@
 import math
 
 from held_grips import APART, BOX, held, HOME, LOOP, NINE, numbers
-from isotruss_ros.core import (
-    Disc,
-    Ellipse,
-    Grip,
-    HoldStatus,
-    place_between,
-    Polygon,
-    settle_grasp,
-    solve_twist,
-)
+from isotruss_ros import core
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -26,14 +17,14 @@ import pytest
 from scipy.optimize import brentq
 from skin_depths import bent_line
 
-SHARP = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+SHARP = core.Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
 CORNER = ('north/P-Z', 'north/Z-R')
 CASES = [
     (BOX, 0.2, APART, 2),
     (BOX, 0.0, APART, 3),
     (SHARP, 0.5236, CORNER, 3),
-    (Ellipse((0.25, 0.2)), 0.4, APART, 2),
-    (Disc(0.4), 0.4, APART, 2),
+    (core.Ellipse((0.25, 0.2)), 0.4, APART, 2),
+    (core.Disc(0.4), 0.4, APART, 2),
 ]
 
 
@@ -74,7 +65,7 @@ def test_face_ends_close_and_open_as_the_object_rolls():
         seen = [tuple(grip.contacts.corners.tolist())]
         for number in range(14):
             if turn < 0.0:
-                command = solve_twist(configs[-1], Grip(CORNER, grip.body), [0, 0, turn])
+                command = core.solve_twist(configs[-1], core.Grip(CORNER, grip.body), [0, 0, turn])
                 travel = configs[-1].roller_positions + command.roller_velocities
                 configs.append(configs[-1].moved_to(travel))
             before = grip
@@ -126,14 +117,14 @@ def test_squeeze_stiffness_is_the_change_of_the_squeeze_by_opening_the_members(
             (BOX, 1.0, 0.8, 24),
             (BOX, 0.0, 5.0, 24),
             (BOX, 0.0, 0.8, 24),
-            (Disc(0.4), 0.4, 5.0, 24),
+            (core.Disc(0.4), 0.4, 5.0, 24),
         ],
         2,
     ),
 )
 def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction, directions):
     grip = held(shape, angle)
-    assert grip.hold(friction) is HoldStatus.HELD
+    assert grip.hold(friction) is core.HoldStatus.HELD
     margin = grip.slip_margin(friction)
     assert margin > 0.0
     sticking = []
@@ -143,9 +134,9 @@ def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction, direct
             unit = np.append(along, across * grip.body.arm)
             loaded = roll_grip(grip, HOME, 0.9 * margin * unit)
             assert loaded is not None
-            assert loaded.hold(friction) is HoldStatus.HELD
+            assert loaded.hold(friction) is core.HoldStatus.HELD
             more = roll_grip(grip, HOME, 1.3 * margin * unit)
-            sticking.append(more is not None and more.hold(friction) is HoldStatus.HELD)
+            sticking.append(more is not None and more.hold(friction) is core.HoldStatus.HELD)
     # Beyond it holds in some directions only.
     assert not all(sticking)
     assert any(sticking)
@@ -153,7 +144,7 @@ def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction, direct
 
 @pytest.mark.parametrize('share', [0.7, 1.3])
 def test_with_pressures_agrees_with_attaching_at_these_pressures(share):
-    filed = held(Ellipse((0.25, 0.2)), 0.0)
+    filed = held(core.Ellipse((0.25, 0.2)), 0.0)
     pressures = tuple(share * each for each in NINE.description.pressures.values())
     changed = roll_grip(with_pressures(filed, pressures), HOME)
     anew = attach_grip(HOME, changed.body, filed.members, pressure=pressures)
@@ -163,38 +154,38 @@ def test_with_pressures_agrees_with_attaching_at_these_pressures(share):
 
 
 def test_three_members_hold_a_disc_by_equal_friction():
-    shape = Disc(0.65)
-    grip = place_between(HOME, LOOP, shape, indentation=0.01)
-    settled = settle_grasp(HOME, grip.body, 0.5, (0.0, 0.0, 1.0), members=LOOP)
-    assert settled.hold is HoldStatus.HELD
+    shape = core.Disc(0.65)
+    grip = core.place_between(HOME, LOOP, shape, indentation=0.01)
+    settled = core.settle_grasp(HOME, grip.body, 0.5, (0.0, 0.0, 1.0), members=LOOP)
+    assert settled.hold is core.HoldStatus.HELD
     assert set(settled.normal_forces) == set(LOOP)
     rubs = np.array(list(settled.friction_forces.values()))
     assert rubs == pytest.approx([rubs.mean()] * 3, rel=1e-6)
     assert rubs.sum() * 0.325 == pytest.approx(-1.0, rel=1e-9)
     assert settled.slip_margin > 1.0
     # Found without their names too, where it presses into three.
-    ellipse = place_between(HOME, LOOP, Ellipse((0.33, 0.32)), indentation=0.012)
-    assert set(settle_grasp(HOME, ellipse.body, 0.5).normal_forces) == set(LOOP)
+    ellipse = core.place_between(HOME, LOOP, core.Ellipse((0.33, 0.32)), indentation=0.012)
+    assert set(core.settle_grasp(HOME, ellipse.body, 0.5).normal_forces) == set(LOOP)
 
 
 def gap_of_third(diameter):
     """Return a disc between two sides of a loop, and how far the third side is from it [m]."""
-    body = place_between(HOME, LOOP[:2], Disc(diameter), indentation=0.012).body
+    body = core.place_between(HOME, LOOP[:2], core.Disc(diameter), indentation=0.012).body
     return body, -float(member_depths(HOME, body)[numbers(LOOP[2:])[0]])
 
 
 @pytest.mark.parametrize(
-    ('diameter', 'hold'), [(0.638, HoldStatus.HELD), (0.639, HoldStatus.OTHER_CONTACT)]
+    ('diameter', 'hold'), [(0.638, core.HoldStatus.HELD), (0.639, core.HoldStatus.OTHER_CONTACT)]
 )
 def test_a_third_member_touches_where_its_bent_line_does(diameter, hold):
     body, gap = gap_of_third(diameter)
     assert gap > 0.003  # of the straight member
-    settled = settle_grasp(HOME, body, 0.9, members=LOOP[:2])
+    settled = core.settle_grasp(HOME, body, 0.9, members=LOOP[:2])
     assert settled.hold is hold
-    assert (LOOP[2] in settled.reason) == (hold is HoldStatus.OTHER_CONTACT)
+    assert (LOOP[2] in settled.reason) == (hold is core.HoldStatus.OTHER_CONTACT)
     grip, places = settled.equilibrium, np.linspace(0.3, 0.9, 61)
     gaps = grip.body.nearest(bent_line(grip, LOOP[2], places.tolist())).gaps
-    assert (gaps.min() < grip.statics.tube_radius) == (hold is HoldStatus.OTHER_CONTACT)
+    assert (gaps.min() < grip.statics.tube_radius) == (hold is core.HoldStatus.OTHER_CONTACT)
 
 
 def test_third_member_comes_into_contact_by_bending():

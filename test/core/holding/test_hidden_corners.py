@@ -7,16 +7,7 @@ from functools import cache
 from itertools import product
 
 from held_grips import NINE
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Ellipse,
-    GraspRequirements,
-    HoldStatus,
-    place_between,
-    Polygon,
-    settle_grasp,
-)
+from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
@@ -38,8 +29,8 @@ FRICTION = 1.3
 TOLERANCE = 1e-4
 OPEN_CHAIN = ROBOTS[2].configuration([0.094, -0.015, -0.044, -0.089, 0.020, -0.094])
 CORNERS = [(-15, 186), (-120, 143), (-187, -3), (-168, -82), (33, -184), (185, -26)]
-HEXAGON = Polygon(1e-3 * np.array(CORNERS))
-DEEP = place_between(OPEN_CHAIN, ('middle/F-B', 'middle/C-F'), HEXAGON, -1.183, 0.0205)
+HEXAGON = core.Polygon(1e-3 * np.array(CORNERS))
+DEEP = core.place_between(OPEN_CHAIN, ('middle/F-B', 'middle/C-F'), HEXAGON, -1.183, 0.0205)
 #: Seeds of random grasps and their numbers. In the first ones, corners are added in all tests.
 SEEDS = some_now([(103, 6), *((seed, 24) for seed in range(100, 114))])
 
@@ -55,14 +46,14 @@ def random_grasps(seed, count):
         place = rng.uniform(-3.0, 3.0), rng.uniform(0.003, 0.025)
         try:
             config = robot.configuration(travel)
-            yield config, place_between(config, names, shape, *place)
+            yield config, core.place_between(config, names, shape, *place)
         except (ConfigurationError, GraspError):
             continue
         count -= 1
 
 
 def test_a_hexagon_with_a_corner_in_a_tube_rests_on_this_corner():
-    settled = settle_grasp(OPEN_CHAIN, DEEP.body, FRICTION)
+    settled = core.settle_grasp(OPEN_CHAIN, DEEP.body, FRICTION)
     assert settled.held
     assert hidden_depth(settled.equilibrium) < TOLERANCE
 
@@ -71,10 +62,10 @@ def test_a_hexagon_with_a_corner_in_a_tube_rests_on_this_corner():
 def test_settled_and_rolling_polygons_have_no_hidden_corner(seed, count):
     holds, rolled = [], []
     for number, (config, grip) in enumerate(random_grasps(seed, count)):
-        settled = settle_grasp(config, grip.body, FRICTION, members=grip.members)
+        settled = core.settle_grasp(config, grip.body, FRICTION, members=grip.members)
         grasp, hold = settled.equilibrium, settled.hold
         holds.append(hold)
-        if grasp is not None and hold is not HoldStatus.OTHER_CONTACT:
+        if grasp is not None and hold is not core.HoldStatus.OTHER_CONTACT:
             assert hidden_depth(grasp) < TOLERANCE
         rng = np.random.default_rng(seed)
         step = 3e-3 * rng.uniform(-1.0, 1.0, len(config.roller_positions))
@@ -82,10 +73,10 @@ def test_settled_and_rolling_polygons_have_no_hidden_corner(seed, count):
             grasp = roll_grip(grasp, config.moved_to(grasp.config.roller_positions + step))
             rolled.append(grasp is not None)
             assert grasp is None or hidden_depth(grasp) < TOLERANCE
-            if grasp is None or grasp.hold(FRICTION) is not HoldStatus.HELD:
+            if grasp is None or grasp.hold(FRICTION) is not core.HoldStatus.HELD:
                 break
-    assert holds.count(HoldStatus.HELD) > count * 10 / 24
-    assert holds.count(HoldStatus.NO_BALANCE) < count * 3 / 24
+    assert holds.count(core.HoldStatus.HELD) > count * 10 / 24
+    assert holds.count(core.HoldStatus.NO_BALANCE) < count * 3 / 24
     assert np.mean(rolled) > 0.9
 
 
@@ -94,7 +85,7 @@ def test_polygons_that_are_squeezed_in_place_have_no_hidden_corner(seed, count):
     squeezed = 0
     for config, grip in random_grasps(seed, count // 2):
         members = np.array([config.robot.member_names.index(name) for name in grip.members])
-        needs = GraspRequirements(min_rigidity=0.0)
+        needs = core.GraspRequirements(min_rigidity=0.0)
         closing = Closing(grip.body, members, MemberLengthLimit(0.3, 3.0), needs)
         try:
             grasp = hold_between(config, closing)
@@ -109,7 +100,7 @@ def test_polygons_that_are_squeezed_in_place_have_no_hidden_corner(seed, count):
 
 SAMPLED_FRICTION = 0.9
 MEMBERS = [('north/P-Z', 'north/Z-R'), ('south/P-Q', 'north/R-P'), ('east/R-Y', 'east/Q-R')]
-SMOOTH = [Disc(0.3), Ellipse((0.15, 0.1)), Ellipse((0.1, 0.14))]
+SMOOTH = [core.Disc(0.3), core.Ellipse((0.15, 0.1)), core.Ellipse((0.1, 0.14))]
 SQUEEZES = (0.003, 0.006, 0.012, 0.02)
 #: Shift of the polygon's frame in the object [m].
 AWAY = 0.05 - 0.02j
@@ -124,10 +115,10 @@ def held(seed, shape):
         members = MEMBERS[random.integers(len(MEMBERS))]
         angle, depth = random.uniform(0.0, 2.0 * np.pi), SQUEEZES[seed % len(SQUEEZES)]
         try:
-            body = place_between(config, members, shape, angle, depth).body
+            body = core.place_between(config, members, shape, angle, depth).body
         except GraspError:
             continue
-        grasp = settle_grasp(config, body, SAMPLED_FRICTION, members=members)
+        grasp = core.settle_grasp(config, body, SAMPLED_FRICTION, members=members)
         if grasp.equilibrium is not None and abs(grasp.slip_margin) > 0.1:
             return config, body, members, grasp, random.uniform(0.0, 2.0 * np.pi)
 
@@ -144,8 +135,8 @@ def test_slip_margin_is_that_of_the_smooth_shape_within_one_percent(count, seed,
     config, body, members, smooth, begin = held(seed, shape)
     polygon = sampled(shape, count, begin, AWAY)
     center = body.center - body.turn * AWAY
-    there = ConvexObject(polygon, (center.real, center.imag, body.pose.angle))
-    grasp = settle_grasp(config, there, SAMPLED_FRICTION, members=members)
+    there = core.ConvexObject(polygon, (center.real, center.imag, body.pose.angle))
+    grasp = core.settle_grasp(config, there, SAMPLED_FRICTION, members=members)
     assert grasp.hold is smooth.hold
     assert grasp.slip_margin == pytest.approx(smooth.slip_margin, rel=0.01)
     for name, force in smooth.normal_forces.items():

@@ -8,17 +8,7 @@ import math
 from grips import apart, disc_grip, drive, surface
 from held_grips import APART, NINE, PENTAGON
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import (
-    ConvexObject,
-    Ellipse,
-    Grip,
-    load_robot,
-    Polygon,
-    Pose,
-    reachable_twists,
-    RollingGrip,
-    solve_twist,
-)
+from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import contact_rows
 import numpy as np
@@ -30,9 +20,9 @@ import robots
 KINDS = (('module', 2), ('tube', 2), ('tubes', 2), ('tubes', 3))
 #: Where a disc of half a metre touches both, in the hole between the three tubes.
 CENTER = 0.4180504 - 0.2413615j
-DISC = ConvexObject.disc((CENTER.real, CENTER.imag), 0.5)
+DISC = core.ConvexObject.disc((CENTER.real, CENTER.imag), 0.5)
 #: About as large as a disc of half a metre.
-ROUNDED = Polygon(PENTAGON.vertices, 0.02)
+ROUNDED = core.Polygon(PENTAGON.vertices, 0.02)
 
 
 @pytest.mark.parametrize(
@@ -40,14 +30,14 @@ ROUNDED = Polygon(PENTAGON.vertices, 0.02)
     [
         # At this angle a normal passes half a turn in the object's frame.
         DISC.moved_to((CENTER.real, CENTER.imag, 0.47)),
-        ConvexObject(Ellipse((0.25, 0.24)), Pose(CENTER.real, CENTER.imag, 0.3)),
-        ConvexObject(ROUNDED, Pose(CENTER.real, CENTER.imag, 0.1)),
+        core.ConvexObject(core.Ellipse((0.25, 0.24)), core.Pose(CENTER.real, CENTER.imag, 0.3)),
+        core.ConvexObject(ROUNDED, core.Pose(CENTER.real, CENTER.imag, 0.1)),
     ],
     ids=['disc', 'ellipse', 'rounded pentagon'],
 )
 def test_carries_and_turns_an_object_between_sides_that_do_not_meet(body):
-    start = rolling = RollingGrip.attach(NINE.home, Grip(APART, body))
-    assert len(reachable_twists(NINE.home, rolling.grip)) == 3
+    start = rolling = core.RollingGrip.attach(NINE.home, core.Grip(APART, body))
+    assert len(core.reachable_twists(NINE.home, rolling.grip)) == 3
     wanted = np.array(start.pose)
     legs = [(0.02, 0.0, 0.0), (0.0, 0.02, 0.0), (0.0, 0.0, 0.1)]
     for twist in [*legs, *(-np.array(legs))]:
@@ -65,11 +55,11 @@ def test_the_object_moves_with_the_achieved_twist(kind, count, data, rng, flat):
     robot = data.draw(random_grips.robots_with(kind))
     config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
     assume(grip is not None)
-    rolling = RollingGrip.attach(config, grip)
+    rolling = core.RollingGrip.attach(config, grip)
     assert apart(rolling.pose, grip.body.pose) == pytest.approx((0.0, 0.0), abs=1e-12)
     _, rigid = contact_rows(config, grip)
     assume(np.linalg.svd(rigid / surface(grip), compute_uv=False)[-1] > 0.02)
-    command = solve_twist(config, grip, rng.standard_normal(3), limits=())
+    command = core.solve_twist(config, grip, rng.standard_normal(3), limits=())
     size = np.abs(command.roller_velocities).max()
     assume(size > 1e-3)
     # One-sided differences: an object that rolls off a face does not roll back into it.
@@ -87,13 +77,15 @@ def test_the_object_moves_with_the_achieved_twist(kind, count, data, rng, flat):
 
 @pytest.mark.parametrize('angle', [3.3, -9.0])
 def test_the_angle_of_a_rolling_object_is_within_half_a_turn(angle):
-    pose = RollingGrip.attach(NINE.home, Grip(APART, DISC.moved_to((*DISC.pose[:2], angle)))).pose
+    pose = core.RollingGrip.attach(
+        NINE.home, core.Grip(APART, DISC.moved_to((*DISC.pose[:2], angle)))
+    ).pose
     assert pose.angle == pytest.approx(math.remainder(angle, 2.0 * math.pi), abs=1e-12)
 
 
 def test_rollers_that_do_not_keep_the_contacts_show_as_a_misfit():
-    rolling = RollingGrip.attach(NINE.home, Grip(APART, DISC))
-    command = solve_twist(NINE.home, rolling.grip, np.zeros(3), opening_rate=0.01)
+    rolling = core.RollingGrip.attach(NINE.home, core.Grip(APART, DISC))
+    command = core.solve_twist(NINE.home, rolling.grip, np.zeros(3), opening_rate=0.01)
     assert np.abs(command.achieved_twist).max() < 1e-9
     opened = rolling.moved_to(NINE.home.moved_to(command.roller_velocities))
     # Either contact is off by half of what the members moved apart, along the line between them.
@@ -102,15 +94,15 @@ def test_rollers_that_do_not_keep_the_contacts_show_as_a_misfit():
 
 
 def test_an_object_that_left_the_members_is_refused():
-    rolling = RollingGrip.attach(NINE.home, Grip(APART, DISC))
+    rolling = core.RollingGrip.attach(NINE.home, core.Grip(APART, DISC))
     far = NINE.home.moved_to([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
     with pytest.raises(GraspError, match='no pose of the object keeps its contacts'):
         rolling.moved_to(far)
 
 
-HOME = load_robot('nine_member').home
+HOME = core.load_robot('nine_member').home
 MODULE = 'east/Q'
-START = RollingGrip.attach(HOME, disc_grip(HOME, MODULE))
+START = core.RollingGrip.attach(HOME, disc_grip(HOME, MODULE))
 TWIST = np.array([0.02, 0.04, 0.15])
 
 

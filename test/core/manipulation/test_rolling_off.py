@@ -5,16 +5,7 @@
 
 from held_grips import APART, inclined_grip, NEAR, NINE, OFF, PENTAGON, sides
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    Polygon,
-    Pose,
-    reachable_twists,
-    RollingGrip,
-    solve_twist,
-    Status,
-)
+from isotruss_ros import core
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
@@ -70,8 +61,8 @@ def test_faces_on_both_members_keep_the_angle_between_them():
     feet = normals * (((starts - NEAR) * normals.conj()).real - OFF)
     corners = np.concatenate([feet - 0.1 * axes, feet + 0.1 * axes])
     corners = corners[np.argsort(np.angle(corners))]
-    shape = Polygon(corners.view(float).reshape(-1, 2))
-    grip = Grip(APART, ConvexObject(shape, Pose(NEAR.real, NEAR.imag, 0.0)))
+    shape = core.Polygon(corners.view(float).reshape(-1, 2))
+    grip = core.Grip(APART, core.ConvexObject(shape, core.Pose(NEAR.real, NEAR.imag, 0.0)))
     assert contacts_of(NINE.home, grip).owners.tolist() == [0, 0, 1, 1]
     jacobian, (hand, rigid) = grip_jacobian(NINE.home, grip), contact_rows(NINE.home, grip)
     # Motions with zero in the last three rows keep all contacts, and there are no others.
@@ -88,40 +79,40 @@ def lifting(grip, command):
 @pytest.mark.parametrize(('friction', 'rolls'), [(0.0, False), (0.5, False), (1.0, True)])
 def test_a_face_lifts_at_one_end_where_forces_at_the_other_balance(friction, rolls):
     grip = inclined_grip(0.0, friction)
-    assert len(reachable_twists(NINE.home, grip, FAILED)) == 2
-    command = solve_twist(NINE.home, grip, [0.0, 0.0, 0.02], FAILED)
+    assert len(core.reachable_twists(NINE.home, grip, FAILED)) == 2
+    command = core.solve_twist(NINE.home, grip, [0.0, 0.0, 0.02], FAILED)
     off = lifting(grip, command)
     if rolls:
-        assert command.status is Status.OK
+        assert command.status is core.Status.OK
         assert command.achieved_twist == pytest.approx([0.0, 0.0, 0.02], abs=1e-9)
         assert sorted(np.abs(off) > 1e-3) == [False, False, True]
         assert off.max() > 1e-3
     else:
-        assert command.status is Status.UNREACHABLE
+        assert command.status is core.Status.UNREACHABLE
         assert off == pytest.approx(0.0, abs=1e-9)
     assert command.reachable_dof == (3 if rolls else 2)
     # The other way around it would have to roll over the other end, for which there is none.
-    command = solve_twist(NINE.home, grip, [0.0, 0.0, -0.02], FAILED)
-    assert command.status is Status.UNREACHABLE
+    command = core.solve_twist(NINE.home, grip, [0.0, 0.0, -0.02], FAILED)
+    assert command.status is core.Status.UNREACHABLE
     assert lifting(grip, command) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(('friction', 'rolls'), [(0.0, False), (1.0, True)])
 def test_a_polygon_rolls_across_a_face_or_stops_on_it(friction, rolls):
-    rolling = RollingGrip.attach(NINE.home, inclined_grip(-0.01, friction))
+    rolling = core.RollingGrip.attach(NINE.home, inclined_grip(-0.01, friction))
     before = inclination(rolling)
     for _ in range(100):
-        command = solve_twist(rolling.config, rolling.grip, [0.0, 0.0, 0.05], FAILED)
+        command = core.solve_twist(rolling.config, rolling.grip, [0.0, 0.0, 0.05], FAILED)
         travel = rolling.config.roller_positions + 0.02 * command.roller_velocities
         rolling = rolling.moved_to(rolling.config.moved_to(travel))
     assert before == pytest.approx(0.01, abs=1e-9)
     # In the planned indentation either end of the face may be the last.
     assert rolling.misfit < 1.1e-3
     if rolls:
-        assert command.status < Status.UNREACHABLE
+        assert command.status < core.Status.UNREACHABLE
         assert inclination(rolling) < -0.02
     else:
-        assert command.status is Status.UNREACHABLE
+        assert command.status is core.Status.UNREACHABLE
         assert 0.0 < inclination(rolling) < 4e-3
 
 
@@ -150,7 +141,7 @@ def test_a_polygon_that_rolls_penetrates_its_members_by_no_more_than_its_misfit(
     config, grip = random_grips.random_convex_grip(NINE, rng, kind, 2, flat=True)
     members = [NINE.member_names.index(name) for name in grip.members]
     travel = config.roller_positions + 0.02 * rng.standard_normal(len(NINE.roller_names))
-    rolled = RollingGrip.attach(config, grip).moved_to(config.moved_to(travel))
+    rolled = core.RollingGrip.attach(config, grip).moved_to(config.moved_to(travel))
     before, after = (
         member_depths(at, body)[members]
         for at, body in ((config, grip.body), (rolled.config, rolled.grip.body))

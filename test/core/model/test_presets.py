@@ -3,16 +3,7 @@
 
 """The robots that come with the package."""
 
-from isotruss_ros.core import (
-    ConvexObject,
-    deform,
-    Grip,
-    load_robot,
-    reachable_twists,
-    solve_twist,
-    Status,
-    tangent_center,
-)
+from isotruss_ros import core
 from isotruss_ros.core.model.presets import preset_names
 import numpy as np
 import pytest
@@ -33,19 +24,19 @@ def test_all_presets_are_tested():
 
 @pytest.mark.parametrize('name', PRESETS)
 def test_a_preset_is_rigid_and_each_roller_moves_it(name):
-    robot = load_robot(name)
+    robot = core.load_robot(name)
     rollers, _, _ = PRESETS[name]
     assert np.linalg.matrix_rank(robot.home.node_jacobian) == len(robot.roller_names) == rollers
     top = robot.topology.joint_names[-1]
-    assert np.isfinite(deform(robot.home, {top: (1.0, -1.0)}).displacement(top)).all()
+    assert np.isfinite(core.deform(robot.home, {top: (1.0, -1.0)}).displacement(top)).all()
 
 
 @pytest.mark.parametrize('name', PRESETS)
 def test_a_preset_moves_an_object(name):
-    robot = load_robot(name)
+    robot = core.load_robot(name)
     _, module, directions = PRESETS[name]
-    body = ConvexObject.disc(tangent_center(robot.home, module, 0.3), 0.3)
-    grip = Grip.at_module(robot, module, body)
-    twists = reachable_twists(robot.home, grip)
+    body = core.ConvexObject.disc(core.tangent_center(robot.home, module, 0.3), 0.3)
+    grip = core.Grip.at_module(robot, module, body)
+    twists = core.reachable_twists(robot.home, grip)
     assert len(twists) == directions
-    assert solve_twist(robot.home, grip, 0.01 * twists[0]).status is Status.OK
+    assert core.solve_twist(robot.home, grip, 0.01 * twists[0]).status is core.Status.OK

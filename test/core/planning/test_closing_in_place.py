@@ -8,29 +8,21 @@ import itertools
 import math
 
 import closings
-from isotruss_ros.core import (
-    ConvexObject,
-    ElasticObject,
-    GraspRequirements,
-    plan_grasps,
-    RollerFaults,
-    settle_grasp,
-    SimulatedRobot,
-)
+from isotruss_ros import core
 from nightly import some_now
 import pytest
 from robots import preset
 
 HOME = preset('nine_member').home
 MODULE, FRICTION = 'north/Z', 0.5
-BODY = ConvexObject.disc((0.6, 0.3), 0.3)
+BODY = core.ConvexObject.disc((0.6, 0.3), 0.3)
 
 
 @functools.lru_cache(maxsize=8)
 def planned(**values):
     """Return a planned grasp."""
-    needs = GraspRequirements(friction=FRICTION, module=MODULE, count=1, **values)
-    return plan_grasps(HOME, BODY, needs, thorough=False)[0]
+    needs = core.GraspRequirements(friction=FRICTION, module=MODULE, count=1, **values)
+    return core.plan_grasps(HOME, BODY, needs, thorough=False)[0]
 
 
 @pytest.mark.parametrize(
@@ -40,8 +32,8 @@ def test_a_free_object_stays_at_its_pose_while_the_planned_grip_closes(squeeze, 
     grasp = planned(squeeze=squeeze)
     if squeeze is not None:
         assert grasp.squeeze == pytest.approx(squeeze, rel=2e-3)
-    simulated, held = ElasticObject(BODY, FRICTION), []
-    robot = SimulatedRobot(HOME, simulated, RollerFaults())
+    simulated, held = core.ElasticObject(BODY, FRICTION), []
+    robot = core.SimulatedRobot(HOME, simulated, core.RollerFaults())
     for piece in itertools.pairwise(grasp.path):
         closings.drive(robot, piece, parts)
         held.append(simulated.grasp is not None)
@@ -54,12 +46,12 @@ def test_a_free_object_stays_at_its_pose_while_the_planned_grip_closes(squeeze, 
 
 
 def test_a_robot_with_two_rollers_displaces_the_object_by_little():
-    home, body = preset('triangle').home, ConvexObject.disc((0.716, 0.5), 0.4)
-    needs = GraspRequirements(module='main/T', count=1)
-    (grasp,) = plan_grasps(home, body, needs, thorough=False)
+    home, body = preset('triangle').home, core.ConvexObject.disc((0.716, 0.5), 0.4)
+    needs = core.GraspRequirements(module='main/T', count=1)
+    (grasp,) = core.plan_grasps(home, body, needs, thorough=False)
     away = abs(grasp.grip.center - body.center)
     assert 1e-4 < away < 0.25 * home.robot.description.tube_diameter
     config = preset('triangle').configuration(grasp.path[-1])
-    settled = settle_grasp(config, grasp.grip.body, FRICTION)
+    settled = core.settle_grasp(config, grasp.grip.body, FRICTION)
     assert settled.held
     assert settled.slip_margin == pytest.approx(grasp.slip_margin, rel=1e-3)

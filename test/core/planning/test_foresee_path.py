@@ -8,15 +8,7 @@ import math
 
 from carries import FRICTION, make_robot, place
 from held_grips import APART, inclined_grip, NINE, numbers
-from isotruss_ros.core import (
-    ConvexObject,
-    ElasticObject,
-    Grip,
-    RollerFaults,
-    SimulatedRobot,
-    tangent_center,
-    TwistServo,
-)
+from isotruss_ros import core
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import MIN_RELATIVE_MARGIN
@@ -99,15 +91,15 @@ def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
 
 def follow_in_loop(robot, body, members, displacement, period=0.04):
     """Return the fraction of a straight path that the loop executes on the elastic plant."""
-    held = ElasticObject(body, FRICTION)
-    plant = SimulatedRobot(robot.home, held, RollerFaults())
+    held = core.ElasticObject(body, FRICTION)
+    plant = core.SimulatedRobot(robot.home, held, core.RollerFaults())
     plant.advance(0.0)
     start = np.array(plant.object_pose)
     path = ObjectPath([start, start + displacement], SPEED, TURN_RATE)
     tracker, scale = PathTracker(path, TrackingSettings(), period), 1.0
     squeeze = SqueezeSettings(held.grasp.squeeze, pose_gain=3.0, max_utilisation=math.inf)
-    settings = ServoSettings(Grip(members, body, FRICTION), period, 0.2, squeeze=squeeze)
-    servo = TwistServo(robot, settings)
+    settings = ServoSettings(core.Grip(members, body, FRICTION), period, 0.2, squeeze=squeeze)
+    servo = core.TwistServo(robot, settings)
     for now in period * np.arange(1000):
         pose = plant.object_pose
         tracking = tracker.update(pose, 0.0, period if now else 0.0, scale)
@@ -159,10 +151,10 @@ def test_random_robots_execute_paths_as_far_as_foreseen(seed):
     module = robot.module_names[rng.integers(len(robot.module_names))]
     diameter = rng.uniform(0.15, 0.4)
     center, members = (
-        tangent_center(robot.home, module, diameter, 0.015),
+        core.tangent_center(robot.home, module, diameter, 0.015),
         members_at(robot, module),
     )
-    body = replace(ConvexObject.disc(center, diameter), mass=0.5, friction=FRICTION)
+    body = replace(core.ConvexObject.disc(center, diameter), mass=0.5, friction=FRICTION)
     indices = np.array([robot.member_names.index(name) for name in members])
     grip = attach_grip(robot.home, body, indices)
     heading, length = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.03, 0.2)

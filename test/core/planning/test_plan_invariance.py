@@ -6,15 +6,7 @@
 import copy
 from pathlib import Path
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Ellipse,
-    GraspRequirements,
-    plan_grasps,
-    Polygon,
-    Robot,
-)
+from isotruss_ros import core
 from isotruss_ros.core.model.presets import config_directory
 from isotruss_ros.core.model.robot_file import describe_robot
 from nightly import some_now
@@ -24,17 +16,17 @@ from ruamel.yaml import YAML
 
 DOCUMENT = YAML(typ='safe').load((config_directory() / 'nine_member.yaml').read_text('utf-8'))
 MIDDLE = complex(*np.mean(list(DOCUMENT['joints'].values()), axis=0))
-BOX = Polygon([(0.15, 0.1), (-0.15, 0.1), (-0.15, -0.1), (0.15, -0.1)])
+BOX = core.Polygon([(0.15, 0.1), (-0.15, 0.1), (-0.15, -0.1), (0.15, -0.1)])
 NAMES = dict(zip('PQRXYZ', ('last', 'B', 'm', 'a', 'zz', 'c'), strict=True))
 NAMES |= {'south': 'u', 'east': 'Z', 'north': 'b'}
 #: Shapes with the places of their centres. From the first two, members are equally far; faces of
 #: the first box are parallel to a member.
 OBJECTS = [
-    (Disc(0.3), 0.2j),
-    (Disc(0.5), 0.1 + 0.05j),
+    (core.Disc(0.3), 0.2j),
+    (core.Disc(0.5), 0.1 + 0.05j),
     (BOX, 0.2j),
     (BOX, 0.12 + 0.03j),
-    (Ellipse((0.2, 0.14)), 0.1j),
+    (core.Ellipse((0.2, 0.14)), 0.1j),
 ]
 
 
@@ -58,10 +50,12 @@ def plan(shape, away, shift=0j, quarters=0, names=None):
         }
         for tube, block in document['tubes'].items()
     }
-    robot = Robot(describe_robot(Path('other.yaml'), document))
+    robot = core.Robot(describe_robot(Path('other.yaml'), document))
     place = turn * (MIDDLE + away) + shift
-    body = ConvexObject(shape, (place.real, place.imag, 0.5 * np.pi * quarters))
-    grasps = plan_grasps(robot.home, body, GraspRequirements(friction=0.6), max_rounds=1).grasps
+    body = core.ConvexObject(shape, (place.real, place.imag, 0.5 * np.pi * quarters))
+    grasps = core.plan_grasps(
+        robot.home, body, core.GraspRequirements(friction=0.6), max_rounds=1
+    ).grasps
     order = robot.member_names
     members = [[order.index(name) for name in grasp.members] for grasp in grasps]
     return np.array([(grasp.score, grasp.squeeze, grasp.travel) for grasp in grasps]), members

@@ -8,16 +8,7 @@ import itertools
 import re
 
 import closings
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    ElasticObject,
-    GraspRequirements,
-    plan_grasps,
-    Polygon,
-    RollerFaults,
-    SimulatedRobot,
-)
+from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.manipulation.grip import members_at
@@ -33,44 +24,46 @@ CLEARANCE, CENTER = 0.05, (0.6, 0.3)
 MEMBERS = members_at(HOME.robot, 'north/Z')
 #: Of different tubes, around the hole between them.
 THREE = ('south/P-Q', 'east/Q-R', 'north/R-P')
-BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
-SMALL_BOX = Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], corner_radius=0.02)
+BOX = core.Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
+SMALL_BOX = core.Polygon(
+    [(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], corner_radius=0.02
+)
 #: Angles count at an arm [m].
 ARMS = np.array([1.0, 1.0, 0.2])
-SMALL = ConvexObject.disc(CENTER, 0.2)
+SMALL = core.ConvexObject.disc(CENTER, 0.2)
 
 
 @functools.lru_cache(maxsize=8)
 def grasped(body, members=MEMBERS):
     """Return a planned grasp."""
-    needs = GraspRequirements(members=members, squeeze=8.0, count=1)
-    return plan_grasps(HOME, body, needs, max_rounds=1, thorough=False)[0]
+    needs = core.GraspRequirements(members=members, squeeze=8.0, count=1)
+    return core.plan_grasps(HOME, body, needs, max_rounds=1, thorough=False)[0]
 
 
 def disc(diameter, angle):
     """Return a disc that lies at an angle."""
-    return ConvexObject(Disc(diameter), (*CENTER, angle))
+    return core.ConvexObject(core.Disc(diameter), (*CENTER, angle))
 
 
 @pytest.mark.parametrize(
     ('body', 'members', 'moved', 'parts'),
     some_now(
         [
-            (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 5),
-            (ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 30),
+            (core.ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 5),
+            (core.ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 30),
             (disc(0.2, 0.0), MEMBERS, 3e-4, 30),
             (disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 3e-4, 30),
             (disc(0.3, 2.5), MEMBERS, 3e-4, 30),
             (disc(0.2, -3.1), members_at(HOME.robot, 'north/P'), 3e-4, 30),
-            (ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2)), THREE, 3e-3, 30),
+            (core.ConvexObject(core.Disc(0.6), (0.716, -0.4134, 0.2)), THREE, 3e-3, 30),
         ]
     ),
 )
 def test_a_released_object_stays_at_its_pose(body, members, moved, parts):
     """A simulated robot follows the path in so many parts of each of its steps."""
-    grasp, thing = grasped(body, members), ElasticObject(body, 0.5)
+    grasp, thing = grasped(body, members), core.ElasticObject(body, 0.5)
     drive = functools.partial(closings.drive, parts=parts)
-    robot = SimulatedRobot(HOME, thing, RollerFaults())
+    robot = core.SimulatedRobot(HOME, thing, core.RollerFaults())
     drive(robot, grasp.path)
     assert set(thing.grasp.member_names) == set(grasp.grip.members)
     assert thing.grasp.squeeze == pytest.approx(8.0, rel=0.25)
@@ -99,11 +92,11 @@ def test_a_released_object_stays_at_its_pose(body, members, moved, parts):
 
 
 def test_contacts_that_share_a_face_do_not_slip_in_the_release():
-    body = ConvexObject(SMALL_BOX, (0.629, 0.276, -1.671), friction=0.8)
-    needs = GraspRequirements(members=MEMBERS, squeeze=15.0, count=1)
-    plan = plan_grasps(HOME, body, needs, max_rounds=1, thorough=False)
-    grasp, thing = plan[0], ElasticObject(body, 0.8)
-    robot = SimulatedRobot(HOME, thing, RollerFaults())
+    body = core.ConvexObject(SMALL_BOX, (0.629, 0.276, -1.671), friction=0.8)
+    needs = core.GraspRequirements(members=MEMBERS, squeeze=15.0, count=1)
+    plan = core.plan_grasps(HOME, body, needs, max_rounds=1, thorough=False)
+    grasp, thing = plan[0], core.ElasticObject(body, 0.8)
+    robot = core.SimulatedRobot(HOME, thing, core.RollerFaults())
     closings.drive(robot, grasp.path, 3)
     held, friction = robot.object_pose, thing.grasp.required_friction
     record = GripRecord.of(thing.grasp)
@@ -118,7 +111,7 @@ def test_contacts_that_share_a_face_do_not_slip_in_the_release():
 
 
 def test_a_release_that_turns_the_object_by_more_than_allowed_is_no_path():
-    body = ConvexObject(BOX, (0.716, 0.5, 0.2))
+    body = core.ConvexObject(BOX, (0.716, 0.5, 0.2))
     grasp = grasped(body, None)
     config = HOME.robot.configuration(grasp.path[-1])
     names = grasp.grip.members

@@ -6,15 +6,7 @@
 import os
 
 from grips import rolled
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    IsotrussError,
-    RollingGrip,
-    Status,
-    tangent_center,
-    TwistServo,
-)
+from isotruss_ros import core
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from nightly import some_now
@@ -38,11 +30,11 @@ def begin_beyond(rng):
         try:
             config = ROBOT.configuration(rng.uniform(-0.8, 0.8, len(ROBOT.roller_names)))
             diameter, module = float(rng.uniform(0.1, 0.4)), modules[rng.integers(len(modules))]
-            body = ConvexObject.disc(tangent_center(config, module, diameter), diameter)
-            held = RollingGrip.attach(config, Grip.at_module(ROBOT, module, body))
+            body = core.ConvexObject.disc(core.tangent_center(config, module, diameter), diameter)
+            held = core.RollingGrip.attach(config, core.Grip.at_module(ROBOT, module, body))
             if margins(held).min() < 0.0:
                 return held
-        except IsotrussError:
+        except core.IsotrussError:
             continue
 
 
@@ -53,7 +45,7 @@ def come_back(seed, steps=40):
     period = float(rng.choice([0.02, 0.01, 0.005, 0.002]))
     slide = bool(seed % 3 == 2)
     settings = ServoSettings(held.grip, period, timeout=0.2, slide_along_limits=slide)
-    servo = TwistServo(ROBOT, settings)
+    servo = core.TwistServo(ROBOT, settings)
     twist = rng.standard_normal(3) * rng.choice([0.03, 0.1])
     first = margins(held)
     commands, lost = [np.zeros(len(ROBOT.roller_names))], np.zeros(3)
@@ -82,13 +74,13 @@ def reversals(commands):
 
 #: Seeds of walks that come to the bounds, with their steps, and what each of them must show.
 WALKS = {
-    15: (220, Status.SLOWED_OBJECT),
-    0: (600, Status.SLOWED_SELF_COLLISION),
-    13: (600, Status.SLOWED_RIGIDITY),
-    2: (600, Status.SLIDING),
-    17: (600, Status.SLIDING),
+    15: (220, core.Status.SLOWED_OBJECT),
+    0: (600, core.Status.SLOWED_SELF_COLLISION),
+    13: (600, core.Status.SLOWED_RIGIDITY),
+    2: (600, core.Status.SLIDING),
+    17: (600, core.Status.SLIDING),
     # Its commands at 20 Hz go to and fro beside the bound for seconds.
-    30: (280, Status.ACCELERATING),
+    30: (280, core.Status.ACCELERATING),
 }
 
 

@@ -5,32 +5,19 @@
 
 import dataclasses
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    load_robot,
-    Pose,
-    RigidObject,
-    Robot,
-    RollerFaults,
-    RollingGrip,
-    SimulatedRobot,
-    Status,
-    tangent_center,
-    TwistServo,
-)
+from isotruss_ros import core
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 import pytest
 
-FILE = load_robot('nine_member').description
-ROBOT = Robot(dataclasses.replace(FILE, max_acceleration=np.inf))
+FILE = core.load_robot('nine_member').description
+ROBOT = core.Robot(dataclasses.replace(FILE, max_acceleration=np.inf))
 MODULE, DIAMETER = 'north/Z', 0.3
-CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
-GRIP = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
-POSE = Pose(*CENTER, 0.0)
+CENTER = core.tangent_center(ROBOT.home, MODULE, DIAMETER)
+GRIP = core.Grip.at_module(ROBOT, MODULE, core.ConvexObject.disc(CENTER, DIAMETER))
+POSE = core.Pose(*CENTER, 0.0)
 HOME = np.zeros(len(ROBOT.roller_names))
 NOW, TWIST = 1000.0, [0.0, 0.02, 0.1]
 
@@ -43,7 +30,7 @@ def at(positions, velocities=0.0 * HOME):
 def servo(settings=None, robot=ROBOT, **given):
     """Return a servo with good inputs at NOW, or those given."""
     settings = {'period': 0.005, 'timeout': 0.2} | (settings or {})
-    made = TwistServo(robot, ServoSettings(GRIP, **settings))
+    made = core.TwistServo(robot, ServoSettings(GRIP, **settings))
     made.receive(
         twist=StampedInput(TWIST, NOW),
         rollers=StampedInput(at(HOME), NOW),
@@ -54,11 +41,11 @@ def servo(settings=None, robot=ROBOT, **given):
 
 
 def test_a_roller_that_fails_in_motion_is_commanded_zero_at_once():
-    made = servo(robot=Robot(dataclasses.replace(FILE, max_acceleration=1.0)))
+    made = servo(robot=core.Robot(dataclasses.replace(FILE, max_acceleration=1.0)))
     made.command(np.full(len(HOME), 0.01), NOW - 0.01)
     made.receive(failed={ROBOT.roller_names[1]})
     command = made.decide(NOW).command
-    assert command.status is Status.ACCELERATING
+    assert command.status is core.Status.ACCELERATING
     assert command.roller_velocities[1] == 0.0
 
 
@@ -75,7 +62,7 @@ def test_halts_with_the_status_of_each_input_fault(name, stated):
         (good._replace(time=NOW + 0.011), 'INVALID'),
     ):
         decision = servo(**{name: given}).decide(NOW)
-        assert decision.command.status is Status[f'HALT_{fault}_{stated}']
+        assert decision.command.status is core.Status[f'HALT_{fault}_{stated}']
         assert decision.message
         assert not decision.command.roller_velocities.any()
         assert decision.command.achieved_twist.tolist() == [0.0, 0.0, 0.0]
@@ -89,14 +76,14 @@ def test_decision_is_independent_of_earlier_states():
     """A servo that has been elsewhere decides as a new one does."""
     there = np.linspace(-0.1, 0.12, len(HOME))
     config = ROBOT.configuration(there)
-    center = tangent_center(config, MODULE, DIAMETER)
+    center = core.tangent_center(config, MODULE, DIAMETER)
     travelled = servo()
     travelled.decide(NOW)
     travelled.receive(rollers=StampedInput(at([9.0, 0, 0, 0, 0, 0]), NOW))
     travelled.decide(NOW)
     for made in (travelled, fresh := servo()):
         made.receive(
-            rollers=StampedInput(at(there), NOW), pose=StampedInput(Pose(*center, 0.0), NOW)
+            rollers=StampedInput(at(there), NOW), pose=StampedInput(core.Pose(*center, 0.0), NOW)
         )
     assert travelled.decide(NOW).command.roller_velocities == pytest.approx(
         fresh.decide(NOW).command.roller_velocities, abs=1e-10
@@ -106,7 +93,7 @@ def test_decision_is_independent_of_earlier_states():
 def moved(positions):
     """Return the servo's inputs of now, for a robot that has taken the object along."""
     there = ROBOT.configuration(positions)
-    held = RollingGrip.attach(ROBOT.home, GRIP)
+    held = core.RollingGrip.attach(ROBOT.home, GRIP)
     return {
         'rollers': StampedInput(at(there.roller_positions), NOW),
         'pose': StampedInput(held.moved_to(there).pose, NOW),
@@ -193,7 +180,7 @@ def test_failed_rollers_are_commanded_zero_and_reported():
 
 def test_idle_status_reports_the_mobility():
     idle = servo(twist=StampedInput((0.0, 0.0, 0.0), NOW)).decide(NOW)
-    assert idle.command.status is Status.IDLE
+    assert idle.command.status is core.Status.IDLE
     assert idle.command.reachable_dof == 3
     made = servo(twist=StampedInput((0.0, 0.0, 0.0), NOW))
     made.receive(failed=ROBOT.roller_names)
@@ -217,9 +204,9 @@ def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
 
 
 def simulated(*stuck):
-    held = RollingGrip.attach(ROBOT.home, GRIP)
-    return SimulatedRobot(
-        ROBOT.home, RigidObject.in_grip(held), RollerFaults(stuck=frozenset(stuck))
+    held = core.RollingGrip.attach(ROBOT.home, GRIP)
+    return core.SimulatedRobot(
+        ROBOT.home, core.RigidObject.in_grip(held), core.RollerFaults(stuck=frozenset(stuck))
     )
 
 
@@ -247,7 +234,7 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
 
 def test_rollers_that_are_held_by_a_halt_are_not_flagged():
     made, robot = servo({'failure_time': 0.5, 'period': 0.02}), simulated(*ROBOT.roller_names)
-    made.receive(halt=(Status.HALT_EMERGENCY_STOP, 'stopped'))
+    made.receive(halt=(core.Status.HALT_EMERGENCY_STOP, 'stopped'))
     assert not any(decision.failed for decision in run(made, robot, 1.2))
     made.receive(halt=None)
     assert run(made, robot, 1.2, begin=NOW + 1.2)[-1].failed

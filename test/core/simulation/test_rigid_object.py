@@ -5,16 +5,7 @@
 
 from grips import backed_off, closed_to, gripped
 from held_grips import APART, box_between
-from isotruss_ros.core import (
-    ConvexObject,
-    ElasticObject,
-    Pose,
-    RigidObject,
-    RollerFaults,
-    RollingGrip,
-    settle_grasp,
-    SimulatedRobot,
-)
+from isotruss_ros import core
 import numpy as np
 import pytest
 
@@ -22,7 +13,7 @@ CLOSED, CYLINDER = gripped(35.0, squeeze=0.06)
 ROBOT = CLOSED.robot
 FRICTION, ANGLE = 0.5, 0.7
 N = len(ROBOT.roller_names)
-LIES = Pose(*CYLINDER.pose[:2], ANGLE)
+LIES = core.Pose(*CYLINDER.pose[:2], ANGLE)
 GRASPING = {'north/P-Z', 'north/Z-R'}
 
 
@@ -34,8 +25,8 @@ class Scene:
     """A simulated robot and an object beside it."""
 
     def __init__(self, start):
-        self.object = RigidObject(CYLINDER.moved_to(LIES), FRICTION)
-        self.robot = SimulatedRobot(start, self.object, RollerFaults())
+        self.object = core.RigidObject(CYLINDER.moved_to(LIES), FRICTION)
+        self.robot = core.SimulatedRobot(start, self.object, core.RollerFaults())
 
     def go(self, place, duration=1.0, steps=5):
         """Bring the rollers somewhere, and do not stop."""
@@ -64,8 +55,8 @@ class Scene:
 def test_an_object_is_held_in_equilibrium_when_the_rollers_stop():
     scene = Scene(APPROACH[0])
     scene.grip()
-    body = ConvexObject.disc(scene.robot.object_pose[:2], CYLINDER.shape.diameter)
-    settled = settle_grasp(scene.robot.config, body, FRICTION)
+    body = core.ConvexObject.disc(scene.robot.object_pose[:2], CYLINDER.shape.diameter)
+    settled = core.settle_grasp(scene.robot.config, body, FRICTION)
     assert settled.held
     assert settled.displacement == pytest.approx(0.0, abs=1e-9)
     assert scene.robot.object_pose == pytest.approx(LIES, abs=0.01)
@@ -92,7 +83,7 @@ def test_an_object_is_held_until_the_grip_opens():
     assert scene.robot.object_pose == left
 
 
-@pytest.mark.parametrize('kind', [RigidObject, ElasticObject])
+@pytest.mark.parametrize('kind', [core.RigidObject, core.ElasticObject])
 @pytest.mark.parametrize(('angle', 'kept'), [(0.0, 0.0), (-3.0, -3.0), (4.0, 4.0 - 2.0 * np.pi)])
 def test_angle_is_preserved_and_within_half_a_turn(kind, angle, kept):
     thing = kind(CYLINDER.moved_to((*CYLINDER.pose[:2], angle)), FRICTION)
@@ -102,7 +93,7 @@ def test_angle_is_preserved_and_within_half_a_turn(kind, angle, kept):
 
 
 def test_an_object_that_leaves_its_grip_stays_at_its_last_pose():
-    thing = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, box_between()))
+    thing = core.RigidObject.in_grip(core.RollingGrip.attach(ROBOT.home, box_between()))
     apart = np.array([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
     near, far = (ROBOT.home.moved_to(share * apart) for share in (0.1, 1.0))
     thing.follow(near)
@@ -125,9 +116,9 @@ def test_an_object_that_leaves_its_grip_stays_at_its_last_pose():
 )
 def test_pressing_members_hold_the_object_if_friction_suffices(depth, own, friction, held):
     body = box_between(depth=depth).body
-    body = ConvexObject(body.shape, body.pose, friction=own)
-    free = RigidObject(body, friction)
-    robot = SimulatedRobot(ROBOT.home, free, RollerFaults())
+    body = core.ConvexObject(body.shape, body.pose, friction=own)
+    free = core.RigidObject(body, friction)
+    robot = core.SimulatedRobot(ROBOT.home, free, core.RollerFaults())
     robot.advance(0.0)
     assert (free.rolling is not None) is held
     assert not held or set(free.rolling.grip.members) == set(APART)

@@ -5,17 +5,7 @@
 
 from dataclasses import dataclass, replace
 
-from isotruss_ros.core import (
-    ConvexObject,
-    deform,
-    grasp_gradient,
-    GraspRequirements,
-    Grip,
-    load_robot,
-    plan_grasps,
-    settle_grasp,
-    tangent_center,
-)
+from isotruss_ros import core
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.statics import tube_stiffness
@@ -23,7 +13,7 @@ from isotruss_ros.core.statics.section import broadcast_members, SectionStiffnes
 import numpy as np
 import pytest
 
-ROBOT = load_robot('nine_member')
+ROBOT = core.load_robot('nine_member')
 
 
 @dataclass(frozen=True)
@@ -60,7 +50,7 @@ def listed(monkeypatch):
 def moved(robot):
     """Return how the loaded joint moves."""
     joint = next(iter(robot.topology.joint_names))
-    return deform(robot.home, {joint: (3.0, -8.0)}).state.displacements
+    return core.deform(robot.home, {joint: (3.0, -8.0)}).state.displacements
 
 
 def test_without_its_exponent_it_is_the_model_of_three_numbers(listed):
@@ -72,13 +62,13 @@ def test_without_its_exponent_it_is_the_model_of_three_numbers(listed):
 
 def test_user_defined_stiffness_supports_gradient_planner_and_estimator(listed):
     robot = robot_with(model='softer', flexural=30.0, exponent=0.5)
-    body = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3, 0.02), 0.3)
-    gradient = grasp_gradient(settle_grasp(robot.home, body, 0.8))
+    body = core.ConvexObject.disc(core.tangent_center(robot.home, 'north/Z', 0.3, 0.02), 0.3)
+    gradient = core.grasp_gradient(core.settle_grasp(robot.home, body, 0.8))
     assert (gradient.normal_forces[:, gradient.parameters.rollers] != 0.0).any()
-    free = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3, -0.1), 0.3)
-    assert plan_grasps(robot.home, free, GraspRequirements(count=1, friction=0.8))
+    free = core.ConvexObject.disc(core.tangent_center(robot.home, 'north/Z', 0.3, -0.1), 0.3)
+    assert core.plan_grasps(robot.home, free, core.GraspRequirements(count=1, friction=0.8))
     estimator = StateEstimator(robot)
-    estimator.set_grip(Grip.at_module(robot, 'north/Z', body, 0.8))
+    estimator.set_grip(core.Grip.at_module(robot, 'north/Z', body, 0.8))
     estimator.take_encoders(0.0, np.zeros(len(robot.roller_names)))
     estimator.take_pose(0.0, body.pose, np.array([1e-3, 1e-3, 0.01]))
     assert np.isfinite(estimator.estimate().squeeze)

@@ -11,16 +11,7 @@ from geometry_msgs.msg import Point, PoseStamped, Vector3, Wrench
 from held_grips import BOX_FILE
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    GraspRequirements,
-    IsotrussError,
-    plan_grasps,
-    Pose,
-    read_object,
-    Uncertainty,
-)
+from isotruss_ros import core
 from isotruss_ros.core.planning.grasp_plan import export_path, Progress
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
@@ -42,21 +33,21 @@ Result = PlanGrasp.Result
 
 
 def test_the_object_of_a_goal_goes_before_that_of_the_parameter():
-    lying = PoseStamped(pose=to_pose_message(Pose(0.5, -0.3, -0.5)))
-    box = read_object(BOX_FILE).moved_to((0.5, -0.3, -0.5))
+    lying = PoseStamped(pose=to_pose_message(core.Pose(0.5, -0.3, -0.5)))
+    box = core.read_object(BOX_FILE).moved_to((0.5, -0.3, -0.5))
     request = goal(object_pose=lying, object_diameter=0.0, object=to_object_message(box))
-    for described in (None, ConvexObject(Disc(0.1))):
+    for described in (None, core.ConvexObject(core.Disc(0.1))):
         body = read_goal(request, ROBOT, described).body
         assert body.moved_to(box.pose) == box
         assert body.pose == pytest.approx(box.pose)
-        assert read_goal(goal(), ROBOT, described).body == ConvexObject.disc(CENTER, DIAMETER)
+        assert read_goal(goal(), ROBOT, described).body == core.ConvexObject.disc(CENTER, DIAMETER)
 
 
 def test_the_parameter_describes_the_object():
     with world(idle(workers=2, object=BOX_FILE)) as w:
         w.spin(0.05, w.probe.send_joints)
         w.send_goal(goal(object_diameter=0.0))
-        assert w.nodes[1].searcher.begun[1].shape == read_object(BOX_FILE).shape
+        assert w.nodes[1].searcher.begun[1].shape == core.read_object(BOX_FILE).shape
     check_refused(node(object='{shape: star}'), 'must be one of')
 
 
@@ -71,7 +62,7 @@ UNTURNED.pose.orientation.w = 0.0
 
 def path(*poses):
     """Return poses (x, y, angle) as messages."""
-    return [to_pose_message(Pose(*pose)) for pose in poses]
+    return [to_pose_message(core.Pose(*pose)) for pose in poses]
 
 
 @pytest.mark.parametrize(
@@ -106,7 +97,7 @@ def path(*poses):
 def test_rejects_goals(fields, words):
     if 'object' in fields:
         fields = {'object_diameter': 0.0} | fields
-    with pytest.raises(IsotrussError, match=words) as error:
+    with pytest.raises(core.IsotrussError, match=words) as error:
         read_goal(goal(**fields), ROBOT)
     assert len(str(error.value)) < 1000
 
@@ -127,8 +118,8 @@ def test_reads_every_requirement():
     arguments = read_goal(
         goal(**about, **scalars, external_wrench=wrench, direction=np.array(direction)), ROBOT
     )
-    assert arguments.body == ConvexObject.disc((0.52, 0.31), 0.25)
-    assert arguments.requirements == GraspRequirements(
+    assert arguments.body == core.ConvexObject.disc((0.52, 0.31), 0.25)
+    assert arguments.requirements == core.GraspRequirements(
         **scalars, external_wrench=(0.01, 0.0, 0.001), direction=direction
     )
     assert (arguments.seed, arguments.time_limit) == (5, 3.0)
@@ -136,7 +127,7 @@ def test_reads_every_requirement():
     assert (squeezed.squeeze, squeezed.min_slip_margin) == (14.0, 2.0)
     assert read_goal(goal(uncertainty='{friction: 0.2}'), ROBOT).uncertainty.friction == 0.2
     default = read_goal(goal(), ROBOT)
-    assert (default.requirements, default.uncertainty) == (GraspRequirements(count=3), None)
+    assert (default.requirements, default.uncertainty) == (core.GraspRequirements(count=3), None)
 
 
 def test_the_path_of_a_carry_turns_the_shorter_way():
@@ -150,8 +141,8 @@ def seconds(duration):
 
 
 def test_the_result_has_the_planned_grasps_and_trajectories():
-    body = ConvexObject.disc(CENTER, DIAMETER)
-    plan = plan_grasps(ROBOT.home, body, thorough=False, uncertainty=Uncertainty())
+    body = core.ConvexObject.disc(CENTER, DIAMETER)
+    plan = core.plan_grasps(ROBOT.home, body, thorough=False, uncertainty=core.Uncertainty())
     result = to_result_message(Answer(SearchOutcome.FOUND, 'found', plan), ROBOT)
     assert (result.code, result.message) == (Result.FOUND, 'found')
     for name in ('evaluations', 'analyses', 'computing_time'):
