@@ -88,6 +88,14 @@ def test_errors_decay_at_the_rate_of_the_gains():
     assert thing.pose[2] == pytest.approx(0.04 * math.exp(-2.0), rel=0.03)
 
 
+def test_feedback_is_at_most_half_of_the_limits_of_the_path():
+    settings = TrackingSettings(position_gain=20.0, angle_gain=20.0)
+    tracker = PathTracker(LINE, settings, PERIOD)
+    twist = tracker.update(Pose(0.0, 0.0054, -0.19), 0.0, PERIOD).twist
+    assert twist[:2] == pytest.approx([0.0, -0.5 * SPEED], abs=0.05 * SPEED)
+    assert twist[2] == pytest.approx(0.5 * TURN_RATE)
+
+
 def gain_at(age, period, wanted):
     """Return the gain that the tracker uses when the pose is this old [1/s]."""
     small = 1e-6
