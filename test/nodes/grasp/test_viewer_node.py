@@ -7,7 +7,6 @@ import contextlib
 from functools import partial
 import io
 import itertools
-import time
 
 from geometry_msgs.msg import Point, Twist, WrenchStamped
 from isotruss_msgs.msg import ManipulationStatus
@@ -116,34 +115,29 @@ def test_requests_of_a_browser_set_parameters_and_release_the_stop():
         w.until(lambda: w.probe.last('stop') == Bool(data=False))
 
 
-def test_a_drag_under_a_stop_publishes_no_twist_that_moves():
+@pytest.mark.parametrize('is_in_status', [True, False], ids=['status', 'topic'])
+def test_a_drag_moves_nothing_from_a_stop_to_its_release(is_in_status):
     with viewed() as (w, _, browser):
+
+        def send(stopped):
+            w.probe.send_pose()
+            if is_in_status:
+                status = ManipulationStatus.HALT_EMERGENCY_STOP if stopped else 0
+                w.statuses.publish(ManipulationStatus(code=status))
+            else:
+                w.probe.stops.publish(Bool(data=stopped))
+
         browser.drag('handle', 'start', 0.5, 0.5)
-        w.until(lambda: moves(w), w.probe.send_pose)
-        w.probe.stops.publish(Bool(data=True))
-        w.until(lambda: w.probe.last('twist') == Twist(), w.probe.send_pose)
+        w.until(lambda: moves(w), lambda: send(False))
+        w.until(lambda: w.probe.last('twist') == Twist(), lambda: send(True))
         count = len(w.probe.seen['twist'])
         browser.drag('handle', 'start', 0.6, 0.5)
         browser.set('force x [N]', 5.0)  # taken after the drag
-        w.until(lambda: pulls(w), w.probe.send_pose)
+        w.until(lambda: pulls(w), lambda: send(True))
         assert w.probe.last('pull').header.frame_id == 'truss_object_aligned'
         assert len(w.probe.seen['twist']) == count
-
-
-def test_a_stop_in_the_status_prevents_drags_until_its_release():
-    with viewed() as (w, node, browser):
-
-        def stopped():
-            return node.picture.is_stopped(time.monotonic())
-
-        def tell(code):
-            w.statuses.publish(ManipulationStatus(code=code))
-            w.probe.send_pose()
-
-        w.until(stopped, lambda: tell(ManipulationStatus.HALT_EMERGENCY_STOP))
-        w.until(lambda: not stopped(), lambda: tell(ManipulationStatus.HALT_NO_TWIST))
-        browser.drag('handle', 'start', 0.5, 0.5)
-        w.until(lambda: moves(w), w.probe.send_pose)
+        drag = partial(browser.drag, 'handle', 'start', 0.6, 0.5)
+        w.until(lambda: moves(w), lambda: (send(False), drag()), 0.1)
 
 
 def test_a_viewer_goes_on_after_messages_that_cannot_be_shown():
