@@ -7,6 +7,7 @@ First: `ros2 launch isotruss_ros simulation.launch.py`, or your robot and `grasp
 """
 
 import math
+import sys
 
 from isotruss_ros.extras import explained_imports
 
@@ -16,6 +17,7 @@ with explained_imports():
     from isotruss_msgs.srv import AnalyzeGrasp
     import rclpy
 
+TIMEOUT = 20.0  # of each wait [s]
 rclpy.init()
 node = rclpy.create_node('ros_analyze_box')
 corners = ((-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2))  # in the box's own frame [m]
@@ -28,10 +30,15 @@ pose.position.x, pose.position.y = 0.49, -0.28
 pose.orientation.z, pose.orientation.w = math.sin(0.5 * angle), math.cos(0.5 * angle)
 
 client = node.create_client(AnalyzeGrasp, 'analyze_grasp')
-client.wait_for_service()
+if not client.wait_for_service(TIMEOUT):
+    sys.exit(f'no node offers analyze_grasp in {TIMEOUT:g} s: does grasp_analysis run?')
 asked = client.call_async(request)
-rclpy.spin_until_future_complete(node, asked)
+rclpy.spin_until_future_complete(node, asked, timeout_sec=TIMEOUT)
+if not asked.done():
+    sys.exit(f'analyze_grasp has not responded in {TIMEOUT:g} s')
 answer = asked.result()
+if not answer.success:
+    sys.exit(f'no result: {answer.message}')
 for member, force in zip(answer.state.grasping_members, answer.state.squeeze, strict=True):
     print(f'{member} would press with {force:.1f} N')
 held = answer.state.held == answer.state.HELD_YES

@@ -16,18 +16,17 @@ with explained_imports():
     import rclpy
     from rclpy.wait_for_message import wait_for_message
 
+TIMEOUT = 20.0  # [s]
 rclpy.init()
 node = rclpy.create_node('ros_grasp_state')
-received, state = wait_for_message(GraspState, node, 'grasp/state', time_to_wait=20.0)
+received, state = wait_for_message(GraspState, node, 'grasp/state', time_to_wait=TIMEOUT)
 if not received:
-    print('nothing on grasp/state: is grasp_analysis active?')
-elif state.code != GraspState.OK:
-    print('no result:', state.message)
-else:
-    for contact in state.contacts:
-        at = contact.position
-        print(f'{contact.normal_force:.2f} N at x {at.x:.3f} m, y {at.y:.3f} m')
-    print('held:', state.held == state.HELD_YES, '- force closure:', state.force_closure)
+    sys.exit(f'nothing on grasp/state in {TIMEOUT:g} s: is grasp_analysis active?')
+if state.code > GraspState.WRINKLED:
+    sys.exit(f'no result: {state.message}')
+for contact in state.contacts:
+    at = contact.position
+    print(f'{contact.normal_force:.2f} N at x {at.x:.3f} m, y {at.y:.3f} m')
+print('held:', state.held == state.HELD_YES, '- force closure:', state.force_closure)
 node.destroy_node()
 rclpy.shutdown()
-sys.exit(not received)

@@ -18,6 +18,8 @@ with explained_imports():
     import rclpy
     from rclpy.action import ActionClient
 
+TIMEOUT = 20.0  # of the waits for a server and for its response [s]
+DURATION = 300.0  # longest duration of a goal [s]
 rclpy.init()
 node = rclpy.create_node('ros_pick_and_place')
 there = PoseStamped()
@@ -28,11 +30,17 @@ for kind, name, goal in (
     (PlaceObject, 'place_object', PlaceObject.Goal()),
 ):
     client = ActionClient(node, kind, name)
-    client.wait_for_server()
+    if not client.wait_for_server(TIMEOUT):
+        sys.exit(f'no node offers {name} in {TIMEOUT:g} s: does pick_and_place run?')
     sent = client.send_goal_async(goal)
-    rclpy.spin_until_future_complete(node, sent)
+    rclpy.spin_until_future_complete(node, sent, timeout_sec=TIMEOUT)
+    if not (sent.done() and sent.result().accepted):
+        sys.exit(f'{name} was not accepted in {TIMEOUT:g} s: is pick_and_place active?')
     ended = sent.result().get_result_async()
-    rclpy.spin_until_future_complete(node, ended)
+    rclpy.spin_until_future_complete(node, ended, timeout_sec=DURATION)
+    if not ended.done():
+        sent.result().cancel_goal_async()
+        sys.exit(f'{name} has not ended in {DURATION:g} s')
     result = ended.result().result
     print(f'{name}: {result.message}')
     if result.code != kind.Result.SUCCEEDED:

@@ -19,6 +19,13 @@ PRINTED = {
     'ros_grasp_state': 'held: ',
     'ros_twist': 'the object moved up by',
 }
+#: Reason with which each ends without nodes.
+REASONS = {
+    'ros_analyze_box': 'no node offers analyze_grasp in 20 s',
+    'ros_grasp_state': 'nothing on grasp/state in 20 s',
+    'ros_pick_and_place': 'no node offers pick_object in 20 s',
+    'ros_twist': 'object pose: unknown in 20 s',
+}
 PATIENT = {'command_timeout': 5.0}
 
 
@@ -38,3 +45,15 @@ def test_an_example_runs_beside_the_nodes(name):
     command = [sys.executable, EXAMPLES / f'{name}.py']
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     assert PRINTED[name] in done.stdout
+
+
+def test_examples_without_nodes_fail_after_20_s_with_a_reason():
+    commands = {name: [sys.executable, EXAMPLES / f'{name}.py'] for name in REASONS}
+    runs = {
+        name: subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        for name, command in commands.items()
+    }
+    for name, run in runs.items():
+        _, reason = run.communicate(timeout=300)
+        assert run.returncode == 1, name
+        assert REASONS[name] in reason
