@@ -333,6 +333,10 @@ def test_swapped_markers_are_rejected_and_named():
     drawn.estimator.take_markers(drawn.time, swapped, MARKER)
     found = drawn.estimator.estimate()
     assert found.left_out == found.swapped == ('P', 'Q')
+    for _ in range(6):  # alone, they do not make the offsets unknown
+        drawn.estimator.take_markers(drawn.time, {'P': swapped['P'], 'Q': swapped['Q']}, MARKER)
+    later = drawn.estimator.estimate().offset_covariance
+    assert later == pytest.approx(found.offset_covariance, rel=1e-9)
 
 
 def _turn(drawn, seconds, slips):

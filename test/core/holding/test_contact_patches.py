@@ -31,6 +31,9 @@ def test_mean_pressure_times_area_is_the_normal_force(shape, angle):
         widest = grasp.contact_widths[name]
         assert widest <= np.pi * RADIUS
         assert grasp.contact_areas[name] <= widest * grasp.contact_lengths[name]
+    if shape is not BOX:  # one dent on each member
+        patches = grasp.equilibrium.patches
+        assert np.ptp(patches.spans, axis=1) == pytest.approx(patches.lengths)
 
 
 @pytest.mark.parametrize('depth', [0.004, 0.012])
