@@ -71,7 +71,7 @@ def steady(speeds, duration):
 @pytest.mark.parametrize('speed', [0.1, -0.1, 0.03])
 @pytest.mark.parametrize('time', [0.5, 1.0, 3.0])
 def test_a_stuck_roller_is_detected_after_its_failure_time(speed, time):
-    rollers = Rollers()
+    rollers = Rollers(noise=1e-4)
     rollers.works[1] = 0.0
     detected = run(Watched(failure_time=time), rollers, steady([speed] * 4, 5.0))
     assert set(detected) == {'b'}
