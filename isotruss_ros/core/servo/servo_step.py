@@ -54,13 +54,7 @@ DETECTION_PERIOD = 0.02
 def step(
     setup: ServoSetup, memory: ServoMemory, inputs: LatestInputs, now: float
 ) -> tuple[ServoMemory, Decision]:
-    """
-    Return the memory after the cycle that begins now, and its decision.
-
-    A fault of an input raises no error; it results in a halt with a status and a message.
-
-    :param now: current time on the clock of the inputs [s].
-    """
+    """Return the memory after the cycle that begins now, and what `TwistServo.decide` returns."""
     settings, names = setup.settings, setup.robot.roller_names
     memory = begin_cycle(memory, inputs, settings, now)
     failed = inputs.failed | memory.detector.failed
@@ -82,8 +76,7 @@ def step(
         memory = measure(memory, rollers)
         predicted = predict(setup, memory, failed, rollers, pose, now)
         if memory.squeeze is not None and predicted.grip is not None:
-            memory = take_inputs(memory, inputs, settings, rollers, now)
-            memory, hold = follow(memory, settings, predicted, (rollers, pose), now, gripped=True)
+            memory, hold = follow(memory, inputs, settings, predicted, rollers, pose, now, True)
             if isinstance(hold, IsotrussError):
                 raise hold
             if memory.squeeze.belief is None:
@@ -136,11 +129,7 @@ def _decide(
 def step_command(
     setup: ServoSetup, memory: ServoMemory, inputs: LatestInputs, velocities: Array, now: float
 ) -> tuple[ServoMemory, Array]:
-    """
-    Return the memory after a cycle with commanded roller velocities (r,), and the limited ones.
-
-    It takes the place of `step` in a cycle in which the client commands roller velocities [m/s].
-    """
+    """Return the memory after a cycle of `TwistServo.command`, and the limited velocities (r,)."""
     memory = begin_cycle(memory, inputs, setup.settings, now)
     last = np.zeros(len(velocities)) if memory.history.last is None else memory.history.last
     if velocities.any():
@@ -183,36 +172,27 @@ def measure(memory: ServoMemory, rollers: StampedInput) -> ServoMemory:
     return replace(memory, config=config)
 
 
-def take_inputs(
+def follow(
     memory: ServoMemory,
     inputs: LatestInputs,
     settings: ServoSettings,
-    rollers: StampedInput,
-    now: float,
-) -> ServoMemory:
-    """Update offsets and pressures in the model of the grip."""
-    squeeze, estimate = memory.squeeze, inputs.estimate
-    covariance, stamp = None, None
-    if isinstance(estimate, StampedInput):
-        covariance, stamp = estimate.value.covariance, estimate.time
-    tracker = squeeze.tracker.with_offsets(rollers.value.offsets, covariance, stamp)
-    pressures = fresh_pressures(now, settings.pressure_timeout, inputs.pressures)
-    tracker = tracker.with_pressures(pressures)
-    return replace(memory, squeeze=replace(squeeze, tracker=tracker))
-
-
-def follow(
-    memory: ServoMemory,
-    settings: ServoSettings,
     predicted: Prediction,
-    inputs: tuple[StampedInput, StampedInput],
+    rollers: StampedInput,
+    pose: StampedInput,
     now: float,
     gripped: bool = False,
 ) -> tuple[ServoMemory, HoldStatus | IsotrussError]:
-    """Propagate the belief to mid-cycle by inputs (rollers, pose); return the hold status."""
-    rollers, pose = inputs
+    """Propagate the belief to mid-cycle by the inputs; return the hold status."""
+    # Offsets and pressures in the model of the grip.
+    covariance, stamp = None, None
+    if isinstance(inputs.estimate, StampedInput):
+        covariance, stamp = inputs.estimate.value.covariance, inputs.estimate.time
+    squeeze, offsets = memory.squeeze, rollers.value.offsets
+    tracker = squeeze.tracker.with_offsets(offsets, covariance, stamp)
+    pressures = fresh_pressures(now, settings.pressure_timeout, inputs.pressures)
+    squeeze = replace(squeeze, tracker=tracker.with_pressures(pressures))
     # In a late loop, commands are valid for longer than the period.
-    before, squeeze = memory.followed_at, memory.squeeze
+    before = memory.followed_at
     elapsed = 0.0 if before is None else min(now - before, settings.timeout)
     # The sample is the last pose up to the time of the rollers; later poses are stored until the
     # travel up to them is measured.
@@ -249,8 +229,7 @@ def halt(
         memory = measure(memory, rollers)
         predicted = predict(setup, memory, failed, rollers, pose, now)
         had_fault = memory.squeeze.fault is not None
-        memory = take_inputs(memory, inputs, settings, rollers, now)
-        memory, hold = follow(memory, settings, predicted, (rollers, pose), now)
+        memory, hold = follow(memory, inputs, settings, predicted, rollers, pose, now)
         if isinstance(hold, IsotrussError):
             raise hold
         if memory.squeeze.fault is not None and not had_fault:  # the object was removed at rest
