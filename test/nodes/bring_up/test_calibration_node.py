@@ -90,7 +90,7 @@ HELD = {'object_diameter': 0.2, 'friction': 0.8}
 
 
 def mujoco_plant():
-    return Simulator(overrides(mujoco_plant='mujoco', indentation=0.01, **HELD))
+    return Simulator(overrides(plant='mujoco', indentation=0.01, **HELD))
 
 
 manipulation = maker(Manipulation, **HELD)
