@@ -11,7 +11,8 @@ squeeze.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 from isotruss_ros.core.holding.attach_grip import attach_grip, lay_faces
 from isotruss_ros.core.holding.held_gradient import held_gradient
@@ -90,28 +91,27 @@ def state_rates(held: HeldGrip, by_shifts: Array) -> Array:
     return np.column_stack([outputs[:, :3], np.eye(4, 3), np.zeros(4), outputs[:, 3:]])
 
 
-class OffsetRates(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class OffsetRates:
     """Derivatives by r roller offsets, whose contacts rest on members, and natural frequency."""
 
     held: HeldGrip  #: equilibrium of the object
     outputs: Array  #: (4, r) derivatives of the scaled outputs
     joints: Array  #: (2j, r) derivatives of the joint positions (x0, y0, x1, y1, ...)
     joints_by_shifts: Array  #: (2j, m) derivatives of the joint positions by the members' shifts
-    frequency: float | None  #: lowest natural frequency [rad/s], see `lowest_frequency`
 
     @classmethod
     def of(cls, held: HeldGrip) -> OffsetRates:
-        """Return the derivatives by roller offsets, and the frequency, at an equilibrium."""
+        """Return the derivatives by roller offsets at an equilibrium."""
         gradient, rollers = held_gradient(held), len(held.config.roller_positions)
         outputs = np.vstack([gradient.pose, gradient.normal_forces.mean(axis=0)])
         rates = np.vstack([output_scale(held)[:, None] * outputs, gradient.joints])
         by_rollers, by_anchors = np.split(rates, [rollers], axis=1)
         by_offsets = by_rollers + by_anchors @ held.statics.anchor_rates
         shifts_of_contacts = np.eye(len(held.members))[held.contacts.owners]
-        return cls(
-            held,
-            by_offsets[:4],
-            by_offsets[4:],
-            by_anchors[4:] @ shifts_of_contacts,
-            lowest_frequency(held),
-        )
+        return cls(held, by_offsets[:4], by_offsets[4:], by_anchors[4:] @ shifts_of_contacts)
+
+    @cached_property
+    def frequency(self) -> float | None:
+        """Return the lowest natural frequency [rad/s], see `lowest_frequency`."""
+        return lowest_frequency(self.held)
