@@ -144,6 +144,11 @@ def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
     return _add_third_member(grip) if rolls else []
 
 
+def skin_tolerance(grip: HeldGrip) -> float:
+    """Return the largest depth without contact in the skin of a grip's tubes [m]."""
+    return SKIN_TOLERANCE * grip.statics.tube_radius
+
+
 def find_free_corners(grip: HeldGrip, gap: float | None = None) -> list[FreeCorner]:
     """
     Return the corners without contact that penetrate a grasping member, or are within a gap [m].
@@ -152,7 +157,7 @@ def find_free_corners(grip: HeldGrip, gap: float | None = None) -> list[FreeCorn
     penetrates the tube if it is higher than the corner in contact.
     """
     body, radius = grip.body, grip.statics.tube_radius
-    tolerance = SKIN_TOLERANCE * radius
+    tolerance = skin_tolerance(grip)
     least_depth = tolerance if gap is None else -gap
     free_corners: list[FreeCorner] = []
     *positions, circumference = _corner_positions(body.shape)
@@ -293,7 +298,7 @@ def _add_third_member(grip: HeldGrip) -> list[ContactSet]:
     if len(grip.members) >= GRIP_SIZES[-1]:
         return []
     members, depths = depths_in_others(grip)
-    if depths.max(initial=0.0) <= SKIN_TOLERANCE * grip.statics.tube_radius:
+    if depths.max(initial=0.0) <= skin_tolerance(grip):
         return []
     deepest = int(depths.argmax())
     member = int(members[deepest])

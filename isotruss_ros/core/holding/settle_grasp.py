@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_search import depths_in_others, SKIN_TOLERANCE
+from isotruss_ros.core.holding.contact_search import depths_in_others, skin_tolerance
 from isotruss_ros.core.holding.held_grip import (
     GraspInputs,
     HeldGrip,
@@ -98,7 +98,7 @@ def _judge(grip: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, st
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
         return HoldStatus.FAR, f'{1e3 * shift:.3g} mm'
     others, depths = depths_in_others(grip)
-    if depths.max(initial=0.0) > SKIN_TOLERANCE * grip.statics.tube_radius:
+    if depths.max(initial=0.0) > skin_tolerance(grip):
         return HoldStatus.OTHER_CONTACT, robot.member_names[others[depths.argmax()]]
     if hold is HoldStatus.SLIPS:
         return hold, f'coefficient {grip.required_friction:.3g} against {friction:.3g}'
