@@ -59,8 +59,12 @@ class GripTracker:
 
     def discarded(self) -> GripTracker:
         """Return the tracker without a belief; a new measured pose starts the next one."""
-        inputs = self.pressures, self.offsets, self.offset_covariance, self.readings
-        return GripTracker(None, None, False, False, PRIOR.zero_deviation, *inputs)
+        return GripTracker(
+            pressures=self.pressures,
+            offsets=self.offsets,
+            offset_covariance=self.offset_covariance,
+            readings=self.readings,
+        )
 
     def with_pressures(self, pressures: Pressures) -> GripTracker:
         """Return the tracker with measured gauge pressures [Pa], see `steady_pressures`."""
