@@ -13,7 +13,7 @@ log=$venv/messages.log
 installed=$venv/messages.installed
 export PATH="$venv/bin:$PATH"
 
-echo 'Generating isotruss_msgs'
+echo 'Generating isotruss_msgs (a minute; longer on a busy machine)'
 # What is installed serves until the new ones are built, which takes minutes on a busy machine.
 [ ! -f "$build/install_manifest.txt" ] || cp "$build/install_manifest.txt" "$installed"
 rm -rf "$build"
