@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import faulthandler
 import gc
 import importlib
 import signal
@@ -37,6 +38,8 @@ from std_srvs.srv import Trigger
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: Longest wait of the executor [s], because a signal does not interrupt a wait.
 WAKE_PERIOD = 1.0
+#: Longest time from a signal to the end of the process [s]; the middleware once did not return.
+END_TIMEOUT = 20.0
 
 
 class StoppableNode(Node):
@@ -181,6 +184,7 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
         finally:
             for which in STOP_SIGNALS:
                 signal.signal(which, signal.SIG_IGN)
+            faulthandler.dump_traceback_later(END_TIMEOUT, exit=True)
             if node is not None:
                 node.stop()
                 node.reasons.end(0.0)
