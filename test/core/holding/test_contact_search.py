@@ -6,16 +6,7 @@
 from functools import cache
 
 from held_grips import APART, BOX, held, HOME, NINE
-from isotruss_ros.core import (
-    ConvexObject,
-    deform,
-    Disc,
-    Ellipse,
-    Grip,
-    place_between,
-    Polygon,
-    settle_grasp,
-)
+from isotruss_ros import core
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.contact_patches import find_patches
 from nightly import some_now
@@ -33,9 +24,9 @@ FRICTION, ANGLE = 0.9, 0.5733
 def face_turned_by(milliradians):
     """Return the settled grasp of a polygon whose face turns toward a tube."""
     corners = [(0.068, -0.12), (0.011, 0.281), (-0.235, 0.176), (-0.19, -0.083), (-0.079, -0.192)]
-    shape = Polygon(corners, (0.0, 0.09, 0.14, 0.0, 0.09))
-    body = ConvexObject(shape, (0.8462, 0.7344, ANGLE + 1e-3 * milliradians))
-    return settle_grasp(TURNED, body, FRICTION, members=ROBOT.member_names[1:])
+    shape = core.Polygon(corners, (0.0, 0.09, 0.14, 0.0, 0.09))
+    body = core.ConvexObject(shape, (0.8462, 0.7344, ANGLE + 1e-3 * milliradians))
+    return core.settle_grasp(TURNED, body, FRICTION, members=ROBOT.member_names[1:])
 
 
 def test_stiffness_and_slip_margin_are_continuous_where_an_end_of_a_face_touches():
@@ -83,7 +74,7 @@ OFFSETS = 0.01 * np.random.default_rng(0).normal(size=(7, 6))[[5, 6]]
 @pytest.mark.parametrize('offsets', OFFSETS)
 def test_wrong_offsets_do_not_lift_a_box_off_its_face(offsets):
     held_box = held(BOX, 0.0)
-    grip = Grip(held_box.member_names, held_box.body, FACE_FRICTION)
+    grip = core.Grip(held_box.member_names, held_box.body, FACE_FRICTION)
     config = HOME.moved_to(offsets)
     exact, unsure = attach_model(config, grip), attach_model(config, grip, None, 0.01)
     assert exact.required_friction > FACE_FRICTION > unsure.required_friction
@@ -97,11 +88,11 @@ GAUGE = 34500.0
 
 def settled(shape, angle=0.4, depth=0.01):
     """Return an object that is pressed into two sides."""
-    body = place_between(HOME, APART, shape, angle, depth).body
-    return settle_grasp(HOME, body, 5.0, members=APART)
+    body = core.place_between(HOME, APART, shape, angle, depth).body
+    return core.settle_grasp(HOME, body, 5.0, members=APART)
 
 
-@pytest.mark.parametrize('shape', [Disc(0.4), Ellipse((0.25, 0.2)), BOX])
+@pytest.mark.parametrize('shape', [core.Disc(0.4), core.Ellipse((0.25, 0.2)), BOX])
 @pytest.mark.parametrize('angle', [0.0, 0.4])
 def test_mean_pressure_times_area_is_the_normal_force(shape, angle):
     grasp = settled(shape, angle)
@@ -119,9 +110,9 @@ def test_mean_pressure_times_area_is_the_normal_force(shape, angle):
 
 @pytest.mark.parametrize('depth', [0.004, 0.012])
 def test_pressure_of_a_disc_is_gas_pressure_plus_wall_tension_over_its_radius(depth):
-    grasp = settled(Disc(0.4), depth=depth)
+    grasp = settled(core.Disc(0.4), depth=depth)
     grip = grasp.equilibrium
-    bent = deform(HOME, {}, tube_loads=contact_loads(grip))
+    bent = core.deform(HOME, {}, tube_loads=contact_loads(grip))
     ends, layout = bent.state.end_forces, bent.frame.layout
     for number, name in enumerate(grip.member_names):
         before, behind = ends[layout.before[number]], ends[layout.behind[number]]
@@ -134,7 +125,7 @@ def test_pressure_of_a_disc_is_gas_pressure_plus_wall_tension_over_its_radius(de
 
 
 def test_a_section_is_flat_where_the_contact_is_as_wide_as_half_of_the_circumference():
-    grasp = settled(Disc(0.4))
+    grasp = settled(core.Disc(0.4))
     assert not grasp.flattened
     grip = grasp.equilibrium
     skins = grip.statics.dents.press(300.0 * grip.state.normal_forces, grip.angles)

@@ -5,15 +5,7 @@
 
 import math
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    IsotrussError,
-    load_robot,
-    Pose,
-    RollerFaults,
-    TwistServo,
-)
+from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, EstimatorSettings
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
@@ -23,7 +15,7 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSetting
 import numpy as np
 import pytest
 
-ROBOT = load_robot('nine_member')
+ROBOT = core.load_robot('nine_member')
 NONE = np.zeros(len(ROBOT.roller_names))
 
 
@@ -32,7 +24,11 @@ NAN = np.full(COUNT, math.nan)
 #: Input, valid value, invalid values with a word of the reason.
 INPUTS = [
     ('twist', (0.0, 0.1, 0.2), [((0.0, 0.1), 'twist'), ((0.0, 0.1, math.inf), 'twist')]),
-    ('pose', Pose(0.0, 0.1, 0.2), [((0.0, 0.1, 0.2, 0.3), 'pose'), ((math.nan,) * 3, 'pose')]),
+    (
+        'pose',
+        core.Pose(0.0, 0.1, 0.2),
+        [((0.0, 0.1, 0.2, 0.3), 'pose'), ((math.nan,) * 3, 'pose')],
+    ),
     ('wrench', (1.0, 2.0, 0.1), [((1.0, 2.0), 'wrench'), ((1e7, 0.0, 0.0), 'wrench')]),
     ('pressures', (3e4,) * 3, [((3e4,) * 2, 'pressure'), ((-1.0, 3e4, 3e4), 'pressure')]),
     (
@@ -57,12 +53,12 @@ INPUTS = [
 ]
 
 
-GRIP = Grip(('north/P-Z', 'north/Z-R'), ConvexObject.disc((0.7, 0.8), 0.3))
+GRIP = core.Grip(('north/P-Z', 'north/Z-R'), core.ConvexObject.disc((0.7, 0.8), 0.3))
 
 
 def receive(name, value, time=1.0):
     """Return an input of a servo that has received a value."""
-    servo = TwistServo(ROBOT, ServoSettings(GRIP, 0.01, 0.2))
+    servo = core.TwistServo(ROBOT, ServoSettings(GRIP, 0.01, 0.2))
     servo.receive(**{name: StampedInput(value, time)})
     return getattr(servo.inputs, name)
 
@@ -86,7 +82,7 @@ WRONG_SETTINGS = [
     (EstimatorSettings, dict.fromkeys(vars(EstimatorSettings()), 100.0) | {'load': -1.0}),
     (ShapeBounds, dict.fromkeys(vars(ShapeBounds()), -1.0)),
     (TrackingSettings, dict.fromkeys(vars(TrackingSettings()), -1.0)),
-    (RollerFaults, {'slip': 0.6, 'noise': -1.0, 'speed_limit': -1.0}),
+    (core.RollerFaults, {'slip': 0.6, 'noise': -1.0, 'speed_limit': -1.0}),
 ]
 GOOD_SETTINGS = {
     ServoSettings: {'grip': GRIP, 'period': 0.01, 'timeout': 0.2},
@@ -100,7 +96,7 @@ GOOD_SETTINGS = {
 )
 def test_settings_out_of_range_are_refused_with_their_name_and_range(kind, name, value):
     for wrong in {value, math.nan, 'x'} if isinstance(value, float) else (value,):
-        with pytest.raises(IsotrussError, match=f'{name}.*: must be '):
+        with pytest.raises(core.IsotrussError, match=f'{name}.*: must be '):
             kind(**GOOD_SETTINGS.get(kind, {}) | {name: wrong})
 
 
