@@ -17,12 +17,7 @@ from robots import preset
 
 HOME = preset('nine_member').home
 #: What may be wrong with an object that forces within the friction balance.
-WRONG = {
-    HoldStatus.FAR,
-    HoldStatus.OTHER_CONTACT,
-    HoldStatus.UNSTABLE,
-    HoldStatus.WRINKLES,
-}
+WRONG = {HoldStatus.FAR, HoldStatus.OTHER_CONTACT, HoldStatus.UNSTABLE, HoldStatus.WRINKLES}
 
 
 @given(

@@ -53,8 +53,7 @@ def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
 @pytest.mark.parametrize(
     ('degrees', 'squeeze'),
     some_now(
-        dict.fromkeys([(31.0, 2e-3), (60.0, 5e-4), *product([31.0, 40.0, 60.0], [5e-4, 2e-3])]),
-        2,
+        dict.fromkeys([(31.0, 2e-3), (60.0, 5e-4), *product([31.0, 40.0, 60.0], [5e-4, 2e-3])]), 2
     ),
 )
 def test_settled_grasp_without_friction_agrees_with_analyze_grasp(degrees, squeeze):

@@ -21,10 +21,7 @@ def modules_of(document):
         (tube, joint, after, before, joint != block['passive'])
         for tube, block in document['tubes'].items()
         for before, joint, after in zip(
-            np.roll(block['joints'], 1),
-            block['joints'],
-            np.roll(block['joints'], -1),
-            strict=True,
+            np.roll(block['joints'], 1), block['joints'], np.roll(block['joints'], -1), strict=True
         )
     ]
 
@@ -125,10 +122,7 @@ def slender_example():
     ('supports', 'message'),
     [
         ({'P': ['x', 'y']}, 'supports: too few: 2 grounded coordinates; must be 3'),
-        (
-            {'P': ['x', 'y'], 'Q': ['x', 'y']},
-            'supports: too many: 4 grounded coordinates',
-        ),
+        ({'P': ['x', 'y'], 'Q': ['x', 'y']}, 'supports: too many: 4 grounded coordinates'),
         ({'P': ['y'], 'Q': ['y'], 'X': ['y']}, 'these joints can still move: P, Q, X'),
         # Q can only move at a right angle to PQ: along y, which grounding its x does not stop.
         ({'P': ['x', 'y'], 'Q': ['x']}, 'rollers locked: these joints can still move: Q, X'),
