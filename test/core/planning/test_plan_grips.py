@@ -7,7 +7,6 @@ import copy
 from pathlib import Path
 import re
 
-from carries import BRICK
 from held_grips import APART, BOX, HOME
 from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
@@ -19,16 +18,11 @@ from nightly import some_now
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
+from shapes import BRICK, SHAPES
 
 HOLE = (0.716, -0.4134)  # between the three tubes
 #: Of the tubes [m].
 RADIUS = 0.5 * HOME.robot.description.tube_diameter
-SHAPES = [
-    BRICK,
-    core.Ellipse((0.2, 0.12)),
-    core.Disc(0.3),
-    core.Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)]),
-]
 
 
 @pytest.fixture(scope='module')

@@ -9,6 +9,7 @@ import math
 import re
 
 import closings
+from held_grips import AROUND, HOME
 from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_record import GripRecord
@@ -19,13 +20,10 @@ from nightly import some_now
 import numpy as np
 import pytest
 from robots import preset
+from shapes import BRICK
 
-HOME = preset('nine_member').home
 CLEARANCE, CENTER = 0.05, (0.6, 0.3)
 MEMBERS = members_at(HOME.robot, 'north/Z')
-#: Of different tubes, around the hole between them.
-THREE = ('south/P-Q', 'east/Q-R', 'north/R-P')
-BOX = core.Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
 SMALL_BOX = core.Polygon(
     [(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], corner_radius=0.02
 )
@@ -50,13 +48,13 @@ def disc(diameter, angle):
     ('body', 'members', 'moved', 'parts'),
     some_now(
         [
-            (core.ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 5),
-            (core.ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 30),
+            (core.ConvexObject(BRICK, (0.716, 0.5, 0.2)), None, 3e-3, 5),
+            (core.ConvexObject(BRICK, (0.716, 0.5, 0.2)), None, 3e-3, 30),
             (disc(0.2, 0.0), MEMBERS, 3e-4, 30),
             (disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 3e-4, 30),
             (disc(0.3, 2.5), MEMBERS, 3e-4, 30),
             (disc(0.2, -3.1), members_at(HOME.robot, 'north/P'), 3e-4, 30),
-            (core.ConvexObject(core.Disc(0.6), (0.716, -0.4134, 0.2)), THREE, 3e-3, 30),
+            (core.ConvexObject(core.Disc(0.6), (0.716, -0.4134, 0.2)), AROUND, 3e-3, 30),
         ]
     ),
 )
@@ -112,7 +110,7 @@ def test_contacts_that_share_a_face_do_not_slip_in_the_release():
 
 
 def test_a_release_that_turns_the_object_by_more_than_allowed_is_no_path():
-    body = core.ConvexObject(BOX, (0.716, 0.5, 0.2))
+    body = core.ConvexObject(BRICK, (0.716, 0.5, 0.2))
     grasp = grasped(body, None)
     config = HOME.robot.configuration(grasp.path[-1])
     names = grasp.grip.members

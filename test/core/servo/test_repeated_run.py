@@ -6,7 +6,7 @@
 import pickle
 
 from grips import gripped
-from held_grips import HOME
+from held_grips import CORNER, HOME
 from isotruss_ros.core import Disc, Grip, place_between, Status, TwistServo
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -18,11 +18,10 @@ import pytest
 from squeeze_loop import SqueezeLoop
 
 CONFIG, BODY = gripped(35.0, squeeze=0.1)
-MEMBERS = ('north/P-Z', 'north/Z-R')
-DISC = place_between(HOME, MEMBERS, Disc(0.2), indentation=0.01).body
+DISC = place_between(HOME, CORNER, Disc(0.2), indentation=0.01).body
 GRIPS = {
     'wedge': (CONFIG, Grip.at_module(CONFIG.robot, 'north/Z', BODY, 0.5)),
-    'home': (HOME, Grip(MEMBERS, attach_grip(HOME, DISC).body, 0.8)),
+    'home': (HOME, Grip(CORNER, attach_grip(HOME, DISC).body, 0.8)),
 }
 CYCLES = 60
 
