@@ -3,13 +3,14 @@
 
 """Contact of tubes with convex objects: points, complementarity, relaxation, small objects."""
 
-from held_grips import HOME, NINE
+from held_grips import HOME, LOOP, NINE, numbers
 from hypothesis import given, strategies
+from isotruss_ros import core
 from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import find_contact_points, Surface
-from isotruss_ros.core.kinematics.depths import member_lines
+from isotruss_ros.core.kinematics.depths import member_depths, member_lines
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.equilibrium import solve, unloaded
 from isotruss_ros.core.statics.structure import structure_of
@@ -179,3 +180,9 @@ def test_closure_is_independent_of_the_frame_of_the_object():
     assert one.closure_residual > 1.0
     assert other.closure_residual == pytest.approx(one.closure_residual, rel=1e-6)
     assert other.required_friction == pytest.approx(one.required_friction, rel=1e-6)
+
+
+def test_a_member_that_the_others_bend_toward_the_object_touches_it():
+    body = core.place_between(HOME, LOOP[:2], Disc(0.639), indentation=0.012).body
+    assert member_depths(HOME, body)[numbers(LOOP[2:])] < -3e-3
+    assert analyze_grasp(HOME, body).contact_forces[LOOP[2]] > 2.0

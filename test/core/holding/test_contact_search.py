@@ -5,7 +5,7 @@
 
 from functools import cache
 
-from held_grips import APART, BOX, held, HOME, NINE
+from held_grips import APART, BOX, CORNER, held, HOME, NINE
 from isotruss_ros import core
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.contact_patches import find_patches
@@ -122,6 +122,13 @@ def test_pressure_of_a_disc_is_gas_pressure_plus_wall_tension_over_its_radius(de
         pull -= max(-before[3], behind[0])
         pressure = GAUGE + pull / (2.0 * np.pi * RADIUS) / 0.2
         assert grasp.contact_pressures[name] == pytest.approx(pressure, rel=2e-3)
+
+
+def test_pressures_within_the_guide_rings_at_either_end_of_a_member_are_equal():
+    body = core.place_between(HOME, CORNER, core.Disc(0.08), indentation=0.006).body
+    grasp = core.settle_grasp(HOME, body, 5.0, members=CORNER)
+    one, other = grasp.contact_pressures.values()
+    assert one == pytest.approx(other, rel=1e-9)
 
 
 def test_a_section_is_flat_where_the_contact_is_as_wide_as_half_of_the_circumference():

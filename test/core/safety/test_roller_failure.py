@@ -109,6 +109,8 @@ def test_a_roller_that_is_not_commanded_is_never_flagged():
     assert rollers.run(steady([0.0015] * 4, 20.0)) == {}
     trembling = [[0.1 * (-1.0) ** k] * 4 for k in range(1000)]
     assert rollers.run(trembling) == {}
+    swing = 0.1 * np.sin(16.0 * np.pi * np.arange(5 * RATE) / RATE)  # faster than drives follow
+    assert rollers.run([[speed] * 4 for speed in swing.tolist()]) == {}
     assert set(rollers.run(steady([0.1, 0.0, 0.0, 0.0], 5.0))) == {'a'}
 
 
