@@ -50,7 +50,8 @@ def test_a_roller_that_fails_in_motion_is_commanded_zero_at_once():
 
 
 @pytest.mark.parametrize(
-    ('name', 'stated'), [('twist', 'TWIST'), ('rollers', 'JOINT_STATES'), ('pose', 'OBJECT_POSE')]
+    ('name', 'stated'),
+    [('twist', 'TWIST'), ('rollers', 'JOINT_STATES'), ('pose', 'OBJECT_POSE')],
 )
 def test_halts_with_the_status_of_each_input_fault(name, stated):
     good = getattr(servo().inputs, name)
