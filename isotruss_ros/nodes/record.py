@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `record`, which writes the topics shown by the viewer into an MCAP file."""
+"""Node `record`, which writes shown topics and the cycles of control into an MCAP file."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from isotruss_ros.extras import MissingPackageError
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST_MESSAGES
+from isotruss_ros.nodes.framework.topics import EVENTS, LATCHED, NEWEST_MESSAGES
 from isotruss_ros.nodes.framework.transforms import TFMessage
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64MultiArray
+from std_msgs.msg import Bool, Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
 if TYPE_CHECKING:
@@ -36,11 +36,14 @@ TOPICS = {
     'cmd_vel': Twist,
     'emergency_stop': Bool,
     'roller_velocity_controller/commands': Float64MultiArray,
+    'manipulation/cycle': String,
     'manipulation/status': ManipulationStatus,
     'grasp/state': GraspState,
     'grasp/markers': MarkerArray,
     '/diagnostics': DiagnosticArray,
 } | ({} if TFMessage is None else {'/tf': TFMessage})
+#: Profiles of topics of which every message is recorded.
+PROFILES = {'emergency_stop': EVENTS, 'manipulation/cycle': LATCHED}
 #: Sequence number written for all messages, because subscribers do not receive the number.
 UNKNOWN_SEQUENCE_NUMBER = 0
 #: Period of writing to the file [s]; messages of one period may be lost if the recorder is killed.
@@ -68,7 +71,7 @@ class Record(StoppableNode):
                 kind,
                 topic,
                 lambda message, name=topic: self._write(name, message),
-                EVENTS if topic == 'emergency_stop' else NEWEST_MESSAGES,
+                PROFILES.get(topic, NEWEST_MESSAGES),
                 raw=True,
             )
         self.create_steady_timer(WRITING_PERIOD, self._flush)

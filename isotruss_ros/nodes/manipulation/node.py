@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 from geometry_msgs.msg import Twist, TwistStamped
-from isotruss_ros.core import Status, TwistServo
+from isotruss_ros.core import Status
 from isotruss_ros.core.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.model.topology import check_names
+from isotruss_ros.core.servo.recorded_servo import RecordedServo
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
 from isotruss_ros.nodes.framework import common_parameters as common
@@ -58,7 +59,7 @@ class Manipulation(ManagedNode):
     specs = SPECS
     awaited = ('joint_states', 'object_pose', 'cmd_vel')
     _report: StatusReport | None = None
-    _servo: TwistServo | None = None
+    _servo: RecordedServo | None = None
     _trajectory: TrajectoryFollowing | None = None
 
     def create(self) -> None:
@@ -74,7 +75,7 @@ class Manipulation(ManagedNode):
         self._described = common.read_described(values)
         self._report = StatusReport(self, self.robot)
         inputs = self.inputs = Inputs(self, self.robot)
-        self._servo = TwistServo(self.robot, self._make_settings(), inputs)
+        self._servo = RecordedServo(self.robot, self._make_settings(), inputs)
         self._trajectory = TrajectoryFollowing(self, self._servo)
         self._commands = RollerCommands(self, len(self.robot.roller_names))
         stamped = values.use_stamped_twist
@@ -263,3 +264,4 @@ class Manipulation(ManagedNode):
         decision = self._trajectory.decide(now)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, self._servo.squeeze, now)
+        self._report.publish_record(self._servo.describe)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 import math
 
@@ -27,6 +28,8 @@ from isotruss_ros.nodes.conversions.state_messages import to_grip_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
+from isotruss_ros.nodes.framework.topics import LATCHED
+from std_msgs.msg import String
 
 #: Statuses that cause no warning.
 NORMAL_STATUSES = frozenset(
@@ -156,9 +159,23 @@ class StatusReport:
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._publisher = node.advertise(ManipulationStatus, 'manipulation/status')
         self._grips = node.advertise(HeldGrip, 'manipulation/grip')
+        self._cycles = node.advertise(String, 'manipulation/cycle', LATCHED)
+        self._recorded = 0  # number of published records
         self._robot, self._frame, self._node = robot, robot.frame, node
         self._told = 0.0
         self.status = Status.OK  #: status of the last cycle
+
+    def publish_record(self, describe: Callable[[], str]) -> None:
+        """
+        Publish the record of a cycle to subscribers, and the first records in any case.
+
+        A subscriber that is discovered after the first cycles receives these, too.
+
+        :param describe: function that returns the text of the record.
+        """
+        if self._recorded < LATCHED.depth or self._cycles.get_subscription_count():
+            self._cycles.publish(String(data=describe()))
+            self._recorded += 1
 
     def publish(self, decision: Decision, control: SqueezeControl | None, now: float) -> None:
         """

@@ -9,7 +9,10 @@ from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core import Status
 from isotruss_ros.core.inputs import find_fresh
+from isotruss_ros.core.servo.recorded_cycle import read_cycle
+from isotruss_ros.core.servo.repeated_run import decide_again, read_robot
 from isotruss_ros.nodes.conversions.messages import read_pose
+from isotruss_ros.nodes.framework.topics import LATCHED
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
@@ -18,6 +21,7 @@ from manual_world import world
 import numpy as np
 from probe import maker, overrides, ROBOT
 import pytest
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectories import AWAY, trajectory
 
@@ -177,3 +181,30 @@ def test_pressures_that_are_old_or_invalid_halt_until_valid_ones_arrive():
         status = w.until_code(Status.HALT_INVALID_TUBE_PRESSURES, lambda: send(-1.0))
         assert 'must be from 1000 to 300000' in status.message
         w.until_code(Status.OK, send)
+
+
+def test_published_records_decide_again_as_the_node_did():
+    with world(plant, squeezing()) as w:
+        w.until_code(Status.OK, still(w))
+        w.probe.create_subscription(
+            String, 'manipulation/cycle', lambda message: texts.append(message.data), LATCHED
+        )
+        texts, move = [], lambda: w.probe.send_twist((0.02, 0.0, 0.0))
+        w.spin(0.5, move)
+        w.nodes[2].set_parameters(overrides(squeeze_force=1.2 * FORCE))
+        w.spin(0.5, move)
+        here = w.travel()
+        path = trajectory(here, here + 0.01 * AWAY)
+        goal = w.send_goal(FollowRollerTrajectory.Goal(trajectory=path))
+        w.until(lambda: goal.ended, still(w))
+        w.spin(0.5)
+    cycles = [read_cycle(text) for text in texts]
+    again = list(decide_again(cycles, read_robot(cycles[0])))
+    # A late subscriber receives the first cycles, too.
+    assert [cycle.recorded.number for cycle in again] == list(range(len(texts)))
+    assert {Status.OK, Status.FOLLOWING_TRAJECTORY, Status.HALT_NO_TWIST} <= {
+        cycle.status for cycle in again
+    }
+    assert [cycle.velocities.tolist() for cycle in again] == [
+        cycle.decision['velocities'].tolist() for cycle in cycles
+    ]
