@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `replay`, which plays a recording in a browser or exports it as a page."""
+"""Executable `replay`, which plays a recording in a browser, exports it, or decides it again."""
 
 from __future__ import annotations
 
@@ -106,7 +106,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Show a recording repeatedly until Ctrl-C, or write a page that plays it.
 
-    :return: 0 after Ctrl-C or after the page was written, 1 if the recording cannot be shown.
+    :return: 0 after Ctrl-C or after the page was written, 1 if the recording cannot be shown, 2 if
+        commands that are decided again differ from the recorded ones.
     """
     parser = argparse.ArgumentParser(prog='isotruss replay', description=__doc__)
     parser.add_argument('file', type=Path, help='MCAP file of the node record')
@@ -118,10 +119,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--port', type=int, default=8080, help='port of the server')
     parser.add_argument('--once', action='store_true', help='play the recording only once')
     parser.add_argument('--page', type=Path, help='HTML file to write instead')
+    parser.add_argument(
+        '--decide',
+        action='store_true',
+        help='compute the run again; print halts, slowings, and differences from the recorded '
+        'commands',
+    )
+    parser.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        metavar='NAME=VALUE',
+        help='with --decide: another value of a setting, such as squeeze.force=40',
+    )
     options = parser.parse_args(arguments)
     try:
         check_range(options.speed, '--speed', '', *SPEED_RANGE)
         check_range(options.diameter, '--diameter', 'm', MIN_DIAMETER, MAX_SIZE)
+        if options.decide:
+            try:
+                from isotruss_ros.cli.decide_again import print_run
+            except ModuleNotFoundError as error:
+                raise MissingPackageError(error) from error
+            robot = load_robot(options.robot)
+            return 0 if print_run(options.file, robot, options.diameter, options.set) else 2
         try:
             from isotruss_ros.viewer.recording import read_recording
             from isotruss_ros.viewer.view import View

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,6 +29,8 @@ RECEIVERS = {
     'grasp/markers': ('visualization_msgs/msg/MarkerArray', Picture.receive_markers),
     'manipulation/status': ('isotruss_msgs/msg/ManipulationStatus', Picture.receive_status),
 }
+#: Types of the messages that a view shows, by the end of the topic's name.
+SHOWN = {name: kind for name, (kind, _) in RECEIVERS.items()}
 #: Values of fields that a recording of another version lacks, by the type of the message.
 UNKNOWN_VALUES: dict[str, dict[str, Any]] = {
     'isotruss_msgs/msg/GraspState': {
@@ -62,12 +64,16 @@ class BrokenRecordingError(RecordingError):
     """Error: a recording is damaged; the part before the damage was read."""
 
 
-def read_recording(path: str | Path) -> Iterator[tuple[float, str, Any]]:
+def read_recording(
+    path: str | Path, kinds: Mapping[str, str] = SHOWN
+) -> Iterator[tuple[float, str, Any]]:
     """
-    Yield (time [s], topic, message) for each message of an MCAP file that a view can display.
+    Yield (time [s], topic, message) for each message of some topics of an MCAP file.
 
     A truncated or damaged file is read up to the damage. The index at the end of the file is not
     used.
+
+    :param kinds: types of the messages by the end of the topic's name.
     """
     count, first, last = 0, 0.0, 0.0
     fault = None
@@ -76,7 +82,7 @@ def read_recording(path: str | Path) -> Iterator[tuple[float, str, Any]]:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise RecordingError(f'{path}: no MCAP file: record one by the node record')
             stream.seek(0)
-            for item in _decode(stream):
+            for item in _decode(stream, kinds):
                 if isinstance(item, str):
                     fault = item
                     break
@@ -88,7 +94,7 @@ def read_recording(path: str | Path) -> Iterator[tuple[float, str, Any]]:
         raise RecordingError(f'{path}: cannot be read: {error.strerror or error}') from error
     if not count:
         raise RecordingError(
-            f'{path}: holds no complete message that a view shows'
+            f'{path}: holds no complete message of {", ".join(kinds)}'
             + (f' ({fault})' if fault else '')
         )
     if fault is not None:
@@ -98,8 +104,8 @@ def read_recording(path: str | Path) -> Iterator[tuple[float, str, Any]]:
         )
 
 
-def _decode(stream: BinaryIO) -> Iterator[tuple[float, str, Any] | str]:
-    """Yield time [s], topic and message for each displayable message; at damage, its cause."""
+def _decode(stream: BinaryIO, kinds: Mapping[str, str]) -> Iterator[tuple[float, str, Any] | str]:
+    """Yield time [s], topic and message for each message of `kinds`; at damage, its cause."""
     types = get_typestore(Stores.EMPTY)
     registered: set[int] = set()
     reader = NonSeekingReader(stream, True, record_size_limit=MAX_RECORD_SIZE)
@@ -107,7 +113,9 @@ def _decode(stream: BinaryIO) -> Iterator[tuple[float, str, Any] | str]:
     while True:
         try:
             schema, channel, record = next(records)
-            if not _is_shown(channel.topic, schema, channel.message_encoding):
+            name = _find_name(channel.topic, kinds)
+            is_read = name is not None and schema is not None and schema.name == kinds[name]
+            if not is_read or channel.message_encoding != 'cdr':
                 continue
             if schema.id not in registered:
                 _register(types, schema.name, schema.data.decode())
@@ -130,7 +138,7 @@ def show_message(picture: Picture, topic: str, message: Any, now: float) -> tupl
 
     The values of these fields are unknown. Fields that a picture does not use are ignored.
     """
-    kind, receive = RECEIVERS[_find_name(topic)]
+    kind, receive = RECEIVERS[_find_name(topic, SHOWN)]
     unknown = UNKNOWN_VALUES.get(kind, {})
     try:
         receive(picture, SimpleNamespace(**unknown | vars(message)), now)
@@ -139,17 +147,10 @@ def show_message(picture: Picture, topic: str, message: Any, now: float) -> tupl
     return tuple(name for name in unknown if not hasattr(message, name))
 
 
-def _find_name(topic: str) -> str | None:
-    """Return the key of a topic in `RECEIVERS`; None if a view does not display the topic."""
-    names = (name for name in RECEIVERS if topic == name or topic.endswith(f'/{name}'))
+def _find_name(topic: str, kinds: Mapping[str, str]) -> str | None:
+    """Return the name at the end of a topic; None if it is none of `kinds`."""
+    names = (name for name in kinds if topic == name or topic.endswith(f'/{name}'))
     return next(names, None)
-
-
-def _is_shown(topic: str, schema: Any, encoding: str) -> bool:
-    name = _find_name(topic)
-    if name is None or schema is None or encoding != 'cdr':
-        return False
-    return schema.name == RECEIVERS[name][0]
 
 
 def _register(types: Any, name: str, text: str) -> None:

@@ -1,0 +1,138 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Comparison of a recorded run with the same run decided again, for `isotruss replay --decide`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+import itertools
+import json
+from pathlib import Path
+import time
+from typing import Any
+
+from isotruss_ros.core import Robot, Status
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.servo.recorded_cycle import RecordedCycle
+from isotruss_ros.core.servo.recorded_servo import find_versions
+from isotruss_ros.core.servo.recorded_values import find_changes
+from isotruss_ros.core.servo.repeated_run import decide_again, read_robot, RepeatedCycle
+from isotruss_ros.core.servo.servo_settings import ServoSettings
+from isotruss_ros.viewer.recorded_cycles import has_cycles, read_cycles, read_older_cycles
+from isotruss_ros.viewer.recording import BrokenRecordingError, RecordingError
+import numpy as np
+
+#: Largest difference of velocities that is rounding [m/s, rad/s].
+ROUNDING = 1e-9
+
+
+def change_setting(settings: Any, name: str, value: Any) -> Any:
+    """Return settings with another value of a setting, named such as `squeeze.force`."""
+    first, _, rest = name.partition('.')
+    if not hasattr(settings, first):
+        raise ConfigurationError(f'--set {name}: no such setting')
+    try:
+        part = change_setting(getattr(settings, first), rest, value) if rest else value
+        return replace(settings, **{first: part})
+    except TypeError as error:
+        raise ConfigurationError(f'--set {name}: {error}') from error
+
+
+def parse_changes(texts: Sequence[str]) -> Callable[[ServoSettings], ServoSettings]:
+    """Return the function that makes the changes given as texts `NAME=VALUE`."""
+    pairs = []
+    for text in texts:
+        name, _, value = text.partition('=')
+        try:
+            pairs.append((name, json.loads(value)))
+        except ValueError as error:
+            raise ConfigurationError(f'--set {text}: must be NAME=NUMBER') from error
+
+    def change(settings: ServoSettings) -> ServoSettings:
+        for name, value in pairs:
+            settings = change_setting(settings, name, value)
+        return settings
+
+    return change
+
+
+def find_difference(cycle: RepeatedCycle) -> float:
+    """Return the largest difference of velocities from those recorded [m/s, rad/s]."""
+    recorded, again = cycle.recorded.decision.get('velocities'), cycle.velocities
+    if recorded is None and cycle.decision is not None:  # an older recording
+        recorded = cycle.recorded.decision.get('achieved')
+        again = cycle.decision.command.achieved_twist
+    if not isinstance(recorded, np.ndarray) or recorded.shape != again.shape:
+        raise RecordingError(f'cycle {cycle.recorded.number}: decision: no velocities')
+    return float(np.abs(again - recorded).max(initial=0.0))
+
+
+def find_hindrance(cycle: RepeatedCycle) -> Status | None:
+    """Return the status of a halt or a slowing; None while the command is executed."""
+    return None if cycle.status < Status.SLOWED_ROLLER_SPEED else cycle.status
+
+
+def find_events(before: RepeatedCycle | None, cycle: RepeatedCycle) -> Iterator[str]:
+    """Yield a text for each change since the cycle before: memory, settings and status."""
+    if cycle.is_anew and (before is not None or cycle.recorded.number):
+        yield 'the cycles before are not recorded: begins with a new memory'
+    if before is not None and cycle.settings is not before.settings:
+        yield from find_changes(before.settings, cycle.settings)
+    hindrance = find_hindrance(cycle)
+    if before is None or hindrance is not find_hindrance(before):
+        yield cycle.status.name if hindrance is None else f'{hindrance.name}: {cycle.message}'
+
+
+def print_setup(first: RecordedCycle, change: Callable[[ServoSettings], ServoSettings]) -> None:
+    """Print what a recording lacks, and what differs from the recorded run before it begins."""
+    if first.absent:
+        print(f'absent in this recording: {", ".join(first.absent)}')
+    if first.left_out:
+        print(f'not recorded: {", ".join(first.left_out)}')
+    versions = find_versions()
+    for name, version in first.versions.items():
+        if version != versions.get(name):
+            print(f'another version: {name} {version} -> {versions.get(name)}')
+    for words in find_changes(first.settings, change(first.settings)):
+        print(f'another setting: {words}')
+
+
+def print_run(path: Path, robot: Robot, diameter: float, changes: Sequence[str]) -> bool:
+    """
+    Print halts and slowings of a run that is decided again, and differences from the recorded one.
+
+    :param robot: robot of recordings without robot file.
+    :param diameter: diameter of the disc of recordings without settings [m].
+    :return: whether no command differs by more than rounding.
+    """
+    cycles = read_cycles(path) if has_cycles(path) else read_older_cycles(path, robot, diameter)
+    try:
+        first = next(cycles)
+    except StopIteration:
+        raise RecordingError(f'{path}: no cycle of manipulation is recorded') from None
+    change = parse_changes(changes)
+    print_setup(first, change)
+    began, last = time.perf_counter(), None
+    differences: list[float] = []
+    run = itertools.chain([first], cycles)
+    try:
+        for cycle in decide_again(run, read_robot(first) or robot, change):
+            where = f'cycle {cycle.recorded.number}, {cycle.recorded.now - first.now:.3f} s'
+            for event in find_events(last, cycle):
+                print(f'{where}: {event}')
+            difference, last = find_difference(cycle), cycle
+            if difference > ROUNDING >= max(differences, default=0.0):
+                statuses = f'{cycle.recorded.decision.get("status")!s} -> {cycle.status!s}'
+                print(f'{where}: first other command: by {difference:.3g}, {statuses}')
+            differences.append(difference)
+    except BrokenRecordingError as error:
+        print(f'replay: {error}')
+    spent = time.perf_counter() - began
+    duration = 0.0 if last is None else last.recorded.now - first.now
+    count = sum(difference > ROUNDING for difference in differences)
+    largest = max(differences, default=0.0)
+    print(f'{len(differences)} cycles of {duration:.1f} s decided in {spent:.1f} s')
+    print(f'{count} commands differ; largest difference {largest:.3g} m/s or rad/s')
+    return not count

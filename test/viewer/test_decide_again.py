@@ -1,0 +1,108 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The option `--decide` of `isotruss replay`."""
+
+import json
+from pathlib import Path
+
+from held_grips import HOME
+from isotruss_ros.core import ConvexObject, Disc, Grip, Status, tangent_center
+from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.servo.recorded_servo import RecordedServo
+from isotruss_ros.core.servo.servo_settings import ServoSettings
+import numpy as np
+import pytest
+
+for package in ('mcap', 'rosbags'):
+    pytest.importorskip(package)
+from isotruss_ros.cli import replay  # noqa: E402,I100
+from mcap.writer import Writer  # noqa: E402
+from rosbags.typesys import get_typestore, Stores  # noqa: E402
+
+SHIPPED = Path(__file__).parents[2] / 'docs' / 'images' / 'carry.mcap'
+KIND, MODULE = 'std_msgs/msg/String', 'north/Z'
+
+
+def record():
+    """Return the records of a motion that ends because the pose is missing."""
+    body = ConvexObject(Disc(0.3)).moved_to((*tangent_center(HOME, MODULE, 0.3), 0.0))
+    grip, texts = Grip(members_at(HOME.robot, MODULE), body), []
+    servo = RecordedServo(HOME.robot, ServoSettings(grip, 0.01, 0.05), LatestInputs())
+    zeros = np.zeros(6)
+    for now in 0.01 * np.arange(20):
+        servo.receive(
+            twist=StampedInput(np.array([0.0, 0.02, 0.0]), now),
+            rollers=StampedInput(RollerState(zeros, zeros, zeros), now),
+        )
+        if now < 0.1:
+            servo.receive(pose=StampedInput(Pose(*body.pose), now))
+        servo.decide(float(now))
+        texts.append(servo.describe())
+    return texts
+
+
+TEXTS = record()
+
+
+def write(path, texts):
+    """Write a recording of records."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2')
+        schema = writer.register_schema(KIND, 'ros2msg', b'string data\n')
+        channel = writer.register_channel('/manipulation/cycle', 'cdr', schema)
+        for number, text in enumerate(texts):
+            data = bytes(store.serialize_cdr(store.types[KIND](text), KIND))
+            writer.add_message(channel, 10**7 * number, data, 0)
+        writer.finish()
+    return str(path)
+
+
+def test_a_recorded_run_has_the_same_commands_and_the_reason_of_its_halt(tmp_path, capsys):
+    assert replay.main([write(tmp_path / 'run.mcap', TEXTS), '--decide']) == 0
+    out = capsys.readouterr().out
+    assert f'{Status.HALT_STALE_OBJECT_POSE.name}: object pose: ' in out
+    assert '20 cycles of 0.2 s' in out
+    assert '0 commands differ; largest difference 0 ' in out
+
+
+def test_another_setting_is_named_with_the_first_other_command(tmp_path, capsys):
+    path = write(tmp_path / 'run.mcap', TEXTS)
+    assert replay.main([path, '--decide', '--set', 'timeout=1.0']) == 2
+    out = capsys.readouterr().out
+    assert 'another setting: timeout: 0.05 -> 1.0' in out
+    assert 'first other command' in out
+
+
+def test_another_version_is_named(tmp_path, capsys):
+    texts = [text.replace('"numpy": "', '"numpy": "0.') for text in TEXTS]
+    assert replay.main([write(tmp_path / 'run.mcap', texts), '--decide']) == 0
+    assert f'another version: numpy 0.{np.__version__} -> {np.__version__}' in (
+        capsys.readouterr().out
+    )
+
+
+def test_a_recording_with_a_broken_field_is_refused(tmp_path, capsys):
+    broken = json.dumps(json.loads(TEXTS[3]) | {'now': 'noon'})
+    path = write(tmp_path / 'run.mcap', [*TEXTS[:3], broken])
+    assert replay.main([path, '--decide']) == 1
+    assert 'now: ' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('change', ['nothing', 'none=1', 'grip.none=1', 'period=-1', 'period=[1]'])
+def test_a_setting_that_does_not_exist_or_is_out_of_range_is_refused(change, tmp_path, capsys):
+    path = write(tmp_path / 'run.mcap', TEXTS)
+    assert replay.main([path, '--decide', '--set', change]) == 1
+    assert capsys.readouterr().err.startswith('replay failed: ')
+
+
+def test_a_recording_without_cycles_decides_from_its_statuses_and_names_what_is_absent(capsys):
+    assert replay.main([str(SHIPPED), '--decide']) == 0
+    out = capsys.readouterr().out
+    assert out.startswith('absent in this recording: settings, ')
+    assert '103 cycles' in out
+    assert '0 commands differ' in out
