@@ -149,6 +149,13 @@ def require_fresh(
     return tuple(inputs.values())  # type: ignore[arg-type]
 
 
+def has_ended(now: float, timeout: float, given: Input) -> bool:
+    """Return whether the last message was valid, and is too old to be merely late. Times in s."""
+    if not isinstance(given, StampedInput) or given.rejected is not None:
+        return False
+    return now - given.time >= ENDED_SHARE * timeout
+
+
 def find_fresh(now: float, timeout: float, given: Input) -> Any:
     """Return the value of an input; None if it is missing, rejected or stale. Times are in s."""
     try:

@@ -18,6 +18,7 @@ from isotruss_ros.core.errors import ConfigurationError, IsotrussError
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.inputs import (
     fresh_pressures,
+    has_ended,
     InputError,
     LatestInputs,
     require_fresh,
@@ -89,6 +90,8 @@ def step(
         message, is_solved = '' if ok else describe(command, settings.joint is None), True
     except IsotrussError as error:
         status, message = halt_for(error), str(error)
+        if status is Status.HALT_NO_TWIST and has_ended(now, settings.timeout, inputs.twist):
+            message = 'nothing is commanded: the twists have ended'
         memory = halt(setup, memory, inputs, status, now)
         command = RollerCommand(np.zeros(len(names)), np.zeros(3), 0.0, status)
         # The twist is checked first, so a fault of another input leaves it valid.

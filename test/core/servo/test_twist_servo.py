@@ -72,6 +72,14 @@ def test_halts_with_the_status_of_each_input_fault(name, stated):
         assert decision.twist.tolist() == ([0.0, 0.0, 0.0] if name == 'twist' else TWIST)
 
 
+def test_the_status_states_the_age_of_a_late_twist_but_not_of_the_last_twist():
+    last = servo().inputs.twist
+    late, ended = (servo(twist=last._replace(time=NOW - age)).decide(NOW) for age in (0.3, 0.7))
+    assert late.message.startswith('twist: 0.300 s old; must be at most 0.2 s')
+    assert ended.message == 'nothing is commanded: the twists have ended'
+    assert ended.command.status is core.Status.HALT_NO_TWIST
+
+
 def test_decision_is_independent_of_earlier_states():
     """A servo that has been elsewhere decides as a new one does."""
     there = np.linspace(-0.1, 0.12, len(HOME))
