@@ -26,6 +26,7 @@ from isotruss_ros.nodes.framework.command_line import (
     start_ros,
     StartError,
 )
+from isotruss_ros.nodes.framework.supervision import describe_absence
 from isotruss_ros.nodes.framework.topics import LATCHED
 from isotruss_ros.nodes.manipulation.emergency_stop import NAME, RELEASE
 from nav_msgs.msg import Path
@@ -148,10 +149,8 @@ def _await(node: Node, future: Future) -> Any:
 
 
 def _fail_to_find(node: Node, kind: str, name: str, server: str) -> int:
-    return _fail(
-        f'no node offers the {kind} {node.resolve_topic_name(name)} in {DISCOVERY_TIMEOUT:g} s: '
-        f'check that {server} runs, its namespace, and ROS_DOMAIN_ID'
-    )
+    full_name = node.resolve_topic_name(name)
+    return _fail(describe_absence(kind, full_name, server, DISCOVERY_TIMEOUT))
 
 
 def _fail(why: str) -> int:

@@ -120,6 +120,7 @@ def _stop(callers: list[Caller], arguments: Sequence[str], namespace: str) -> in
     if any(caller.was_sent() for caller in callers):
         why = f'the service {service} was called, and has not responded in {TIMEOUT:g} s'
     else:
+        # The words of `describe_absence`.
         why = (
             f'no node offers the service {service} in {TIMEOUT:g} s: check that manipulation '
             'runs, its namespace, and ROS_DOMAIN_ID'

@@ -18,6 +18,7 @@ from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_duration
+from isotruss_ros.nodes.framework.supervision import describe_absence
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.action import ActionClient
@@ -83,7 +84,7 @@ class Gripping:
             if estimated:
                 yield from find_unknown_offsets(record.estimates)
             if not self._planner.server_is_ready():
-                yield 'no node offers the action plan_grasp'
+                yield describe_absence('action', 'plan_grasp', 'grasp_planner')
             if not self._trajectories.get_subscription_count():
                 yield f'no node subscribes to {self._trajectories.topic_name}'
 

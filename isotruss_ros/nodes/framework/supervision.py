@@ -28,6 +28,19 @@ MIN_FEEDBACK_TIMEOUT = 2.0 * FEEDBACK_PERIOD
 START_TIMEOUT = 1.0
 
 
+def describe_absence(kind: str, name: str, server: str, duration: float | None = None) -> str:
+    """
+    Return a text with a remedy for an action or a service that no node offers.
+
+    :param kind: `action` or `service`.
+    :param server: name of the node that offers it.
+    :param duration: duration of the wait for it [s]; None without a wait.
+    """
+    waited = '' if duration is None else f' in {duration:g} s'
+    remedy = f'check that {server} runs, its namespace, and ROS_DOMAIN_ID'
+    return f'no node offers the {kind} {name}{waited}: {remedy}'
+
+
 class ClientWatch:
     """Detector for the loss of a goal's client, from the time of the client's last heartbeat."""
 

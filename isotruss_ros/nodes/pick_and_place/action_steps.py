@@ -20,7 +20,7 @@ from uuid import uuid4
 from action_msgs.msg import GoalInfo, GoalStatus
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.conversions.messages import request_parameters
-from isotruss_ros.nodes.framework.supervision import ServerWatch
+from isotruss_ros.nodes.framework.supervision import describe_absence, ServerWatch
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.client import Client
@@ -162,7 +162,7 @@ class ActionStep:
     def _supervise(self, info: GoalInfo, missing: StepOutcome) -> None:
         """Publish this client's heartbeat if the server supervises its clients."""
         if not self._client.server_is_ready():
-            raise StepError(missing, f'no node offers the action {self._name}: start its node')
+            raise StepError(missing, describe_absence('action', self._name, 'its node'))
         self._beat(info)
 
 
@@ -197,7 +197,7 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
         if not client.service_is_ready():
             raise StepError(
                 StepOutcome.NOT_READY,
-                f'no node offers the service {client.srv_name}: start its node',
+                describe_absence('service', client.srv_name, 'its node'),
             )
 
     request = request_parameters(values)

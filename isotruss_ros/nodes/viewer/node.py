@@ -30,6 +30,7 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
+from isotruss_ros.nodes.framework.supervision import describe_absence
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
 from isotruss_ros.nodes.viewer.view_requests import (
     Calls,
@@ -313,7 +314,7 @@ class Viewer(StoppableNode):
             if response.success or time.monotonic() > end:
                 self.get_logger().info(f'{client.srv_name}: {response.message}')
                 return
-        self.reasons.note('release', f'no node offers {client.srv_name}: start manipulation')
+        self.reasons.note('release', describe_absence('service', client.srv_name, MANIPULATION))
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
         """Set parameters of another node, and log the parameters that it rejects."""

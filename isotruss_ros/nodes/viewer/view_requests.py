@@ -10,6 +10,7 @@ from typing import Any
 
 from isotruss_msgs.action import PickObject, PlaceObject
 from isotruss_ros.nodes.conversions.messages import request_parameters
+from isotruss_ros.nodes.framework.supervision import describe_absence
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter
@@ -70,7 +71,7 @@ class ObjectGoals:
             self._report(f'{name}: sent')
             make_calls(self._send(name, kind.Goal(**values)))
         else:
-            self._report(f'{name}: no node offers the action {action}: start pick_and_place')
+            self._report(f'{name}: {describe_absence("action", action, "pick_and_place")}')
 
     def _send(self, name: str, goal: Any) -> Calls:
         def note(message: Any) -> None:

@@ -121,7 +121,7 @@ def test_a_server_that_sends_no_feedback_ends_the_steps_after_the_timeout(server
 def test_a_server_that_is_missing_ends_the_steps(server, when):
     steps = run(server) if when == 'before' else begun(server, when == 'accepted')
     server.ready = False
-    with pytest.raises(StepError, match='no node offers the action work') as error:
+    with pytest.raises(StepError, match='offers the action work: check that its node') as error:
         next(steps)
     # Under a goal something may have moved.
     expected = StepOutcome.NOT_READY if when == 'before' else StepOutcome.STOPPED
