@@ -21,6 +21,7 @@ class Control:
     drag: Drag | None = None  #: active drag; None without a drag
     wrench: tuple[float, float, float] = ZERO  #: (fx, fy, m) on the object [N, N m]
     stopped: bool = False  #: whether an emergency stop is latched; then drags are ignored
+    ended: str = ''  #: reason why the control was ended; empty once a browser has control
 
     def pass_on(self, wishes: Mapping[int, bool]) -> None:
         """
@@ -32,6 +33,8 @@ class Control:
             self.release()
         if self.browser is None:
             self.browser = next((browser for browser, wish in wishes.items() if wish), None)
+        if self.browser is not None:
+            self.ended = ''
 
     def release(self) -> None:
         """Give up control of the robot, and discard pending commands."""
@@ -61,7 +64,7 @@ class Control:
     def describe(self, browser: int) -> str:
         """Return a sentence, addressed to one browser, that names the browser in control."""
         if self.browser is None:
-            return f'browser {browser}: nobody has control'
+            return ': '.join(filter(None, (f'browser {browser}: nobody has control', self.ended)))
         if self.browser == browser:
             return f'browser {browser}: this one has control'
         return f'browser {browser}: browser {self.browser} has control'

@@ -66,6 +66,8 @@ class Controls:
     :ivar control: browser in control and its commands.
     :param timeout: longest delay of the pictures that the browser in control draws [s]; it is
         longer for a page that draws slowly, see `Heartbeats.timeout`.
+    :param report: function that shows the reason of a refused request.
+    :param log: function that logs the reason why control was ended; the pages show it.
     """
 
     def __init__(
@@ -75,6 +77,7 @@ class Controls:
         friction: float,
         timeout: float,
         report: Callable[[str], None],
+        log: Callable[[str], None],
     ) -> None:
         self.control = Control()
         self._server = server
@@ -93,7 +96,7 @@ class Controls:
         self._choices = list_choices(
             picture.robot.node_names[: len(picture.robot.topology.joint_names)]
         )
-        self._timeout, self._report = timeout, report
+        self._timeout, self._report, self._log = timeout, report, log
         self._heartbeats = Heartbeats(server, self._queue)
         self._at: Pose | None = None
         self._grip = (0.0, 0.0)
@@ -225,10 +228,11 @@ class Controls:
             timeout = self._heartbeats.timeout(holder, self._timeout)
             if self._heartbeats.delay(holder, now) > timeout:
                 alive[holder] = False
-                self._report(
-                    f'control ended: browser {holder} has drawn no new picture for '
-                    f'{timeout:.3g} s; switch control on again'
+                self.control.ended = (
+                    f'browser {holder} has drawn no new picture for {timeout:.3g} s; '
+                    'switch control on again'
                 )
+                self._log(f'control ended: {self.control.ended}')
         self.control.pass_on(alive)
         if self.control.browser not in (holder, None):
             self._heartbeats.begin(self.control.browser, now)

@@ -133,7 +133,8 @@ class FakeBrowser:
         self.scene.setdefault(message.get('name', message['type']), {}).update(fields)
         if 'props' in message and (label := message['props'].get('label')):
             self.controls[label] = message['uuid']
-        content = message.get('updates', {}).get('content')
+        updates = message.get('updates', {})
+        content = updates.get('content', updates.get('_markdown'))
         if isinstance(content, str):
             self._texts[message['uuid']] = content
             if content.startswith(MARK[0]):

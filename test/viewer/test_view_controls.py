@@ -38,9 +38,9 @@ class Session:
 
     def __init__(self, timeout):
         self.view = View(Picture(ROBOT, 0.3), '127.0.0.1', 0)
-        self.refused, self.taken, self.stops = [], [], 0
+        self.refused, self.log, self.taken, self.stops = [], [], [], 0
         self.controls = Controls(
-            self.view.server, self.view.picture, 0.5, timeout, self.refused.append
+            self.view.server, self.view.picture, 0.5, timeout, self.refused.append, self.log.append
         )
         self.control = self.controls.control
         self.browser = FakeBrowser(self.view.address)
@@ -149,12 +149,23 @@ def test_a_browser_that_freezes_during_a_drag_loses_control_and_target():
         session.grab()
         session.browser.frozen = True
         session.until(lambda: session.control.browser is None)
-        assert session.control == Control()
-        assert session.refused[0].endswith('for 2 s; switch control on again')
+        (reason,) = [line.removeprefix('control ended: ') for line in session.log]
+        assert session.control == Control(ended=reason)
+        assert reason.endswith('for 2 s; switch control on again')
         session.browser.frozen = False
         session.browser.drag('handle', 'start', 0.2, 0.0)
         session.press_stop()
-        assert session.control == Control()
+        assert session.control == Control(ended=reason)
+
+
+def test_a_page_shows_the_reason_of_an_ended_control_until_control_is_on_again():
+    with contextlib.closing(Session(2.0)) as session:
+        session.browser.frozen = True
+        session.until(lambda: session.browser.shows('has drawn no new picture'))
+        session.browser.frozen = False
+        session.set('control', True)
+        session.until(lambda: session.control.browser is not None)
+        session.until(lambda: not session.browser.shows('has drawn no new picture'))
 
 
 def test_a_browser_that_leaves_in_mid_drag_loses_control_and_target(session):

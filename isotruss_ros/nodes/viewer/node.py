@@ -140,6 +140,7 @@ class Viewer(StoppableNode):
             self.values.friction,
             self.values.browser_timeout,
             self._report_refusal,
+            partial(self.reasons.note, 'control'),
         )
         print(f'viewer: {self._view.address}', flush=True)
         self.create_steady_timer(1.0 / self.values.rate, self._step)
