@@ -305,6 +305,11 @@ class World(Watched):
         self.deliver()
         return goal
 
+    def finish(self, goal: Goal, each: Callable[[], None] = lambda: None) -> tuple[int, Any]:
+        """Let time go on until a goal has ended; return its status and result."""
+        self.until(lambda: goal.ended, each)
+        return goal.result()
+
     def begin_goal(self, request: Any, *arguments: Any) -> Goal:
         """Send a goal, with arguments of `Goal`, within a turn."""
         (server,) = self.find_servers(type(request))

@@ -194,10 +194,14 @@ class Probe(Node):
     def send_command(self, velocities: Sequence[float]) -> None:
         self.commands.publish(Float64MultiArray(data=list(map(float, velocities))))
 
+    def send_measured(self, **changes: object) -> None:
+        """Publish joint states at home, and a pose of the object, changed as given."""
+        self.send_joints()
+        self.send_pose(**changes)
+
     def send_all(self) -> None:
         """Publish good inputs of the manipulation node."""
-        self.send_joints()
-        self.send_pose()
+        self.send_measured()
         self.send_twist()
 
 

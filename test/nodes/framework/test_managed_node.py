@@ -36,12 +36,10 @@ class Toy(ManagedNode):
     awaited = ('input', 'act')
 
     def __init__(self, failures=None, **values):
-        self.steps = []
         self.failures = failures or {}
         super().__init__(overrides(**values))
 
     def _step(self, name):
-        self.steps.append(name)
         if name in self.failures:
             raise self.failures[name]
 
@@ -70,9 +68,6 @@ class Toy(ManagedNode):
 
     def cleanup(self):
         self._step('cleanup')
-
-    def details(self):
-        return {'steps': len(self.steps)}
 
     def entities(self):
         kinds = (self.timers, self.subscriptions, self.services, self.publishers, self.waitables)

@@ -1,18 +1,28 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Declared parameters and codes of nodes, and refused values."""
+"""Declared parameters and codes of nodes, refused values, and the parameters of the object."""
+
+from types import SimpleNamespace
 
 from interfaces import node_classes
 from isotruss_msgs.action import FollowObjectPath, PlanGrasp
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import Status
+from isotruss_ros.core import place_between, Status
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.paths.path_servo import PathOutcome
+from isotruss_ros.executables import NODES
+from isotruss_ros.nodes.framework.common_parameters import make_body, read_described
 from isotruss_ros.nodes.framework.parameters import ParameterError
+from isotruss_ros.nodes.framework.runner import find_node
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp.searcher import SearchOutcome
+from isotruss_ros.nodes.simulator.node import Simulator
+from isotruss_ros.nodes.viewer.view_requests import OBJECT_NODES
 from manual_world import check_refused, world
-from probe import begin_context, overrides
+import numpy as np
+from probe import begin_context, CENTER, DIAMETER, maker, MODULE, overrides, ROBOT
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
@@ -102,6 +112,9 @@ REFUSED = [
     ('manipulation', {'object': '{shape: star}'}, 'must be one of'),
     ('manipulation', {'failed_rollers': ['nobody']}, 'no such roller'),
     ('manipulation', {'rate': 'fast'}, 'rate'),
+    ('manipulation', {'mode': 'joint'}, 'P, Q, R, X, Y, Z'),
+    ('manipulation', {'mode': 'joints'}, 'must be one of'),
+    ('manipulation', {'joint': 'S'}, 'no such joint'),
     (
         'manipulation',
         {'object_diameter': -1.0},
@@ -125,3 +138,38 @@ REFUSED = [
 )
 def test_bad_parameters_are_refused_at_start(name, values, words):
     check_refused(lambda: node_classes()[name](overrides(**values)), words)
+
+
+#: Parameters of the object that sliders of the viewer set.
+SETTINGS = ('object_diameter', 'friction')
+DISC = f'{{shape: disc, diameter: {DIAMETER}}}'
+
+
+@pytest.mark.parametrize('described', ['', DISC])
+def test_the_indentation_of_a_held_object_is_its_penetration_of_each_member(described):
+    depth = 0.01
+    values = {'object': described, 'object_diameter': DIAMETER, 'grip_module': MODULE}
+    with world(maker(Simulator, indentation=depth, **values)()) as w:
+        w.until(lambda: w.place() is not None)
+        members = members_at(ROBOT, MODULE)
+        body = place_between(ROBOT.home, members, Disc(DIAMETER), indentation=depth).body
+        assert w.place()[:2] == pytest.approx(np.array(body.pose[:2]), abs=1e-9)
+        # In a corner of 60 degrees the object is shifted by twice the depth.
+        assert np.hypot(*(w.place()[:2] - CENTER)) == pytest.approx(2.0 * depth)
+
+
+def test_the_viewer_sets_the_object_of_all_nodes_that_have_its_parameters():
+    specs = {name: find_node(name).specs for name in NODES}
+    names = {node: {spec.name for spec in of_node} for node, of_node in specs.items()}
+    expected = {node for node in names if names[node] >= {'object', *SETTINGS}}
+    assert set(OBJECT_NODES) == expected - {'simulator', 'viewer'}
+
+
+@pytest.mark.parametrize(
+    ('described', 'expected'),
+    [('', 0.8), (DISC, 0.8), (DISC.replace('}', ', friction: 0.6}'), 0.6)],
+)
+def test_friction_is_that_of_the_object_or_of_the_parameter(described, expected):
+    values = SimpleNamespace(object=described, object_diameter=DIAMETER, friction=0.8)
+    body = make_body(values, read_described(values))
+    assert (body.friction, body.shape) == (expected, Disc(DIAMETER))

@@ -35,12 +35,7 @@ node = maker(GraspAnalysisNode)
 
 def feed(w, **pose):
     """Return a call that sends valid joint states and a pose, with changes."""
-
-    def send():
-        w.probe.send_joints()
-        w.probe.send_pose(**({'center': SQUEEZED} | pose))
-
-    return send
+    return lambda: w.probe.send_measured(**({'center': SQUEEZED} | pose))
 
 
 def until_ok(w):
@@ -108,14 +103,16 @@ def check_region(marker, state):
     assert area == pytest.approx(width * length, rel=0.05)
 
 
-def test_a_wrinkling_tube_is_a_warning_while_it_lasts():
+def test_a_wrinkling_tube_is_a_warning_with_its_moment_while_it_lasts():
     with world(node(friction=0.8)) as w:
         wrinkled = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.06)
         for center, code, level in (
             (wrinkled, GraspCode.WRINKLED, DiagnosticStatus.WARN),
             (SQUEEZED, GraspCode.OK, DiagnosticStatus.OK),
         ):
-            w.until_code(code, feed(w, center=center), 'state')
+            state = w.until_code(code, feed(w, center=center), 'state')
+            words = f': bending moment of {max(state.utilisation):.2f}'
+            assert (words in state.message) == (code is GraspCode.WRINKLED)
             w.spin(0.15, feed(w, center=center))
             assert w.report('grasp_analysis').level == level
 

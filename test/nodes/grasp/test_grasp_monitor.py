@@ -127,26 +127,6 @@ def test_computes_only_when_something_has_changed():
         assert live.report(later).grasp is live.report(later).grasp, name
 
 
-def test_an_object_without_contact_has_a_result_with_that_message():
-    report = monitor(pose=StampedInput(Pose(5.0, 5.0, 0.0), NOW), wrench=None).report(NOW)
-    assert report.code is GraspCode.OK
-    assert 'nothing' in report.message
-    # In balance, but not held.
-    assert report.grasp.analysis.closure_residual == 0.0
-    assert not report.force_closure
-
-
-def test_tubes_that_wrinkle_under_the_held_object_are_named():
-    center = tangent_center(ROBOT.home, 'north/Z', DIAMETER, shift=0.06)
-    pose = StampedInput(Pose(*center, 0.0), NOW)
-    report = monitor(question(friction=0.8), pose=pose, wrench=None).report(NOW)
-    worst, used = max(report.grasp.settled.utilisation.items(), key=lambda item: item[1])
-    assert used > 1.0
-    assert report.code is GraspCode.WRINKLED
-    assert f'{worst}: bending moment of {used:.2f}' in report.message
-    assert not report.held
-
-
 def test_an_object_without_equilibrium_is_reported_as_such():
     report = monitor(wrench=StampedInput((0.0, 60.0, 0.0), NOW)).report(NOW)
     assert report.code is GraspCode.OK

@@ -7,7 +7,7 @@ import math
 import re
 
 from action_msgs.msg import GoalStatus
-from geometry_msgs.msg import Point, PoseStamped, Vector3, Wrench
+from geometry_msgs.msg import PoseStamped, Vector3, Wrench
 from held_grips import BOX_FILE
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
@@ -20,9 +20,9 @@ from isotruss_ros.nodes.conversions.trajectory_goals import read_roller_trajecto
 from isotruss_ros.nodes.grasp.searcher import Answer, SearchOutcome
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from lifecycle_msgs.msg import Transition
-from manual_world import check_refused, Manager, world
+from manual_world import Manager, world
 import numpy as np
-from planning import CENTER, DIAMETER, goal, node
+from planning import CENTER, DIAMETER, goal
 from probe import maker, N, ROBOT
 import pytest
 
@@ -48,16 +48,6 @@ def test_the_parameter_describes_the_object():
         w.spin(0.05, w.probe.send_joints)
         w.send_goal(goal(object_diameter=0.0))
         assert w.nodes[1].searcher.begun[1].shape == core.read_object(BOX_FILE).shape
-    check_refused(node(object='{shape: star}'), 'must be one of')
-
-
-#: An object that is none, and a pose that turns nothing.
-BENT = ObjectMessage(
-    shape=ObjectMessage.POLYGON,
-    vertices=[Point(x=x, y=y) for x, y in ((0.1, 0.0), (0.0, 0.1), (0.0, 0.0), (-0.1, -0.1))],
-)
-UNTURNED = PoseStamped()
-UNTURNED.pose.orientation.w = 0.0
 
 
 def path(*poses):
@@ -75,12 +65,8 @@ def path(*poses):
         ({'external_wrench': Wrench(torque=Vector3(z=math.nan))}, 'must be 3 finite numbers'),
         ({'object_pose': PoseStamped()}, 'object_pose: missing'),
         (
-            {'object': BENT, 'object_diameter': 0.3},
+            {'object': ObjectMessage(shape=1, diameter=0.3), 'object_diameter': 0.3},
             'object_diameter 0.3 m, together with an `object`: must be 0',
-        ),
-        (
-            {'object': ObjectMessage(shape=1, diameter=0.3), 'object_pose': UNTURNED},
-            'the quaternion has norm 0.0; must be 1',
         ),
         ({'members': ['north/Z-R']}, "members 'north/Z-R': must be two or three different"),
         (
@@ -95,8 +81,6 @@ def path(*poses):
     ],
 )
 def test_rejects_goals(fields, words):
-    if 'object' in fields:
-        fields = {'object_diameter': 0.0} | fields
     with pytest.raises(core.IsotrussError, match=words) as error:
         read_goal(goal(**fields), ROBOT)
     assert len(str(error.value)) < 1000
@@ -208,11 +192,6 @@ def planner():
         yield w
 
 
-def ended(w, handle):
-    w.until(lambda: handle.ended)
-    return handle.result()
-
-
 @pytest.mark.parametrize(
     ('outcome', 'status'),
     [
@@ -234,7 +213,7 @@ def test_passes_the_goal_on_and_ends_with_the_answer(planner, outcome, status):
     assert (reported.progress, reported.time_left) == (0.25, 1.5)
     assert planner.detail('grasps found', 'grasp_planner') == '2'
     planner.searcher.reply = Answer(outcome, 'the end')
-    end, result = ended(planner, handle)
+    end, result = planner.finish(handle)
     assert (end, result.code, result.message) == (status, int(outcome), 'the end')
     assert planner.nodes[1].details()['searching'] is False
 
@@ -242,7 +221,7 @@ def test_passes_the_goal_on_and_ends_with_the_answer(planner, outcome, status):
 def test_a_cancelled_goal_ends_with_the_result_so_far(planner):
     handle = planner.send_goal(goal())
     assert handle.cancel()
-    status, result = ended(planner, handle)
+    status, result = planner.finish(handle)
     assert (status, result.code) == (GoalStatus.STATUS_CANCELED, Result.CANCELLED)
     assert not handle.cancel()
 
@@ -257,12 +236,12 @@ def test_a_bad_goal_or_a_second_one_is_aborted_with_the_reason(planner):
         if code is None:
             search = handle
             continue
-        status, result = ended(planner, handle)
+        status, result = planner.finish(handle)
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, code)
         assert words in result.message
     assert not search.ended
     planner.searcher.reply = Answer(SearchOutcome.FOUND, '')
-    ended(planner, search)
+    planner.finish(search)
     assert planner.send_goal(goal()).accepted
 
 
@@ -276,7 +255,7 @@ def test_needs_fresh_joint_states():
             (lambda: w.probe.send_joints(position=[5.0] * 6), 'member|length|shape|straight'),
         ):
             w.spin(0.05, send)
-            status, result = ended(w, w.send_goal(goal()))
+            status, result = w.finish(w.send_goal(goal()))
             assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.NO_JOINT_STATES)
             assert re.search(words, result.message)
         assert w.nodes[1].searcher.begun is None
@@ -286,7 +265,7 @@ def test_an_inactive_node_ends_the_search_and_accepts_no_goals(planner):
     manager = Manager(planner, 'grasp_planner')
     handle = planner.send_goal(goal())
     assert manager.ask(Transition.TRANSITION_DEACTIVATE)
-    status, result = ended(planner, handle)
+    status, result = planner.finish(handle)
     assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.FAILED)
     assert result.message == 'the node was deactivated'
     assert planner.searcher.closed

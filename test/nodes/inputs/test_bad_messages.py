@@ -11,6 +11,7 @@ than the rollers' limit, and good inputs move the object again.
 from functools import partial
 import itertools
 import math
+from types import SimpleNamespace
 
 from geometry_msgs.msg import Point, TwistStamped
 from grips import disc_grip
@@ -36,6 +37,7 @@ import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
 import robots
 from sensor_msgs.msg import JointState
 
@@ -147,13 +149,12 @@ def test_every_invalid_input_is_named_until_there_are_valid_ones(node, topic, ca
         w.until_code(codes.OK, send, key)
 
 
-def test_halts_on_invalid_stamps_of_twists():
+def test_halts_on_invalid_stamps_and_on_the_other_type_of_twists(monkeypatch):
     node = manipulation(use_stamped_twist=True)
     with world(node, twist_type=TwistStamped) as w:
 
         def send(age=0.0, frame='truss'):
-            w.probe.send_joints()
-            w.probe.send_pose()
+            w.probe.send_measured()
             header = make_header(w.probe.past(age), frame)
             twist = to_twist_message((0.0, 0.02, 0.0))
             w.probe.twists.publish(TwistStamped(header=header, twist=twist))
@@ -169,6 +170,11 @@ def test_halts_on_invalid_stamps_of_twists():
             assert words in status.message
         w.until_code(Status.OK, send)
         check(w)
+        # DDS admits one type of a topic in a process.
+        other = SimpleNamespace(topic_type='geometry_msgs/msg/Twist')
+        monkeypatch.setattr(Node, 'get_publishers_info_by_topic', lambda *_: [other])
+        status = w.until_code(Status.HALT_INVALID_TWIST, lambda: None)
+        assert 'publish TwistStamped, or set use_stamped_twist to false' in status.message
 
 
 values = st.one_of(

@@ -14,7 +14,7 @@ from geometry_msgs.msg import Point, PoseStamped, Quaternion, Twist, Vector3, Wr
 from geometry_msgs.msg import Pose as PoseMessage
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core import Pose, tangent_center
+from isotruss_ros.core import tangent_center
 from isotruss_ros.core.numerics.arrays import MAX_LOAD
 from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
@@ -25,7 +25,6 @@ from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_stamp,
     read_twist,
-    to_pose_message,
     to_twist_message,
 )
 from isotruss_ros.nodes.conversions.sensor_messages import (
@@ -50,8 +49,6 @@ EXTREME, SMALL = (*BAD, *HUGE), (0.0, 0.5, 5e-324)
 MANY = 10**5
 
 numbers = st.floats(-1e3, 1e3)
-#: Coordinates of objects [m].
-coordinates = st.floats(-100.0, 100.0)
 
 
 def joint_states(**changes):
@@ -174,12 +171,6 @@ def test_selects_the_rollers_in_any_order_among_other_joints(order, travel, spee
 def test_velocities_that_are_not_measured_are_zero(velocity):
     result = read_roller_part(joint_states(velocity=velocity), NAMES)
     assert result == dict.fromkeys(range(N), (0.0, 0.0))
-
-
-@given(coordinates, coordinates, st.floats(-3.0, 3.0))
-def test_poses_survive_a_round_trip(x, y, angle):
-    message = PoseStamped(header=Header(frame_id=FRAME), pose=to_pose_message(Pose(x, y, angle)))
-    assert RobotFrame(ROBOT).read_pose(message) == pytest.approx((x, y, angle), abs=1e-12)
 
 
 @given(st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3))

@@ -63,7 +63,7 @@ def test_is_released_by_the_service_unless_the_last_message_is_true():
         assert_stays_stopped(w)
         assert w.release_stop().success
         # What was commanded before the release is no reason to move.
-        w.until_code(Status.HALT_NO_TWIST, lambda: (w.probe.send_joints(), w.probe.send_pose()))
+        w.until_code(Status.HALT_NO_TWIST, w.probe.send_measured)
         assert 'none received yet' in w.probe.last('status').message
         w.until_code(Status.OK, w.probe.send_all)
         assert w.command().any()

@@ -46,13 +46,8 @@ def others(w):
     w.probe.send_twist()
 
 
-def measured(w):
-    w.probe.send_joints()
-    w.probe.send_pose()
-
-
 def send_gauges(w, tubes):
-    measured(w)
+    w.probe.send_measured()
     for tube in tubes:
         header = make_header(w.probe.past(0.0), tube)
         w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=3e4))
@@ -175,7 +170,7 @@ def test_encoders_whose_clock_was_set_back_end_the_estimate_with_the_reason():
 @pytest.mark.parametrize('age', [-2.0, 3600.0])
 def test_a_rejected_pose_is_a_warning_of_the_estimator(age):
     with estimating() as w:
-        w.spin(1.5, lambda: (w.probe.send_joints(), w.probe.send_pose(age=age)))
+        w.spin(1.5, lambda: w.probe.send_measured(age=age))
         assert 'object pose: ' in w.report('state_estimator').message
 
 

@@ -1,17 +1,24 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages of other publishers: contradicting values of one input, and messages without it."""
+"""Messages of other publishers: contradicting values of an input, none of it, and commands."""
+
+from unittest.mock import Mock
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.framework.commands import RollerCommands, TOPIC
+from isotruss_ros.nodes.framework.cycle import PacedExecutor
+from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import moving_world, world
-from probe import CENTER, maker, manipulation, N, ROBOT
+from probe import begin_context, CENTER, DEADLINE, maker, manipulation, N, ROBOT
 import pytest
+import rclpy
 from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
+from std_msgs.msg import Float64MultiArray
 
 NAMES = list(ROBOT.roller_names)
 MOVING = (Status.OK, Status.ACCELERATING)
@@ -51,12 +58,11 @@ def test_pose_of_another_tracker_is_never_used():
         send, received = second_tracker(w, 0.005, 1000), set()
 
         def turn():
-            w.probe.send_joints()
-            w.probe.send_pose()
+            w.probe.send_measured()
             received.add(w.nodes[1].inputs.pose.value.x)
             send()
 
-        w.spin(0.1, lambda: (w.probe.send_joints(), w.probe.send_pose()))
+        w.spin(0.1, w.probe.send_measured)
         w.spin(0.5, turn)
         assert received == {CENTER[0]}
 
@@ -119,8 +125,7 @@ def test_markers_and_pressures_of_other_bodies_are_not_judged():
         markers = w.probe.create_publisher(MultiDOFJointState, 'joint_markers', 1)
 
         def send():
-            w.probe.send_joints()
-            w.probe.send_pose()
+            w.probe.send_measured()
             w.probe.send_pressures([2e4] * 3)
             send_gripper(w, -0.02, 3600.0)
             for age in (-0.02, 3600.0):
@@ -134,3 +139,57 @@ def test_markers_and_pressures_of_other_bodies_are_not_judged():
         assert inputs.rollers.rejected is None
         assert inputs.pressures.value == (2e4,) * 3
         assert inputs.pressures.rejected is None
+
+
+OWN = [1, 2, 3]
+
+
+class CommandingNode(StoppableNode):
+    """Executes callbacks, one of each subscription in a turn."""
+
+    node_name = 'commanding'
+    specs = ()
+
+
+def find_others(numbers):
+    """Publish three times, receive messages with such numbers, and return who else commands."""
+    commands = RollerCommands(Mock(), N)
+    for _ in OWN:
+        commands.stop()
+    for number in numbers:
+        commands.note({'publication_sequence_number': number})
+    return commands.find_others()
+
+
+@pytest.mark.parametrize('numbers', [[], OWN, [2], [1, 3], [None, None, None, None]])
+def test_own_commands_are_not_those_of_others(numbers):
+    assert find_others(numbers) is None
+
+
+@pytest.mark.parametrize('other', [1, 2, 3, 4, 1000])
+@pytest.mark.parametrize('place', range(4))
+def test_a_command_of_another_node_is_noticed_whatever_its_number(other, place):
+    assert 'another node publishes' in find_others([*OWN[:place], other, *OWN[place:]])
+
+
+def test_commands_of_another_node_are_noticed_behind_own_ones_of_the_same_rate():
+    begin_context()
+    node = CommandingNode()
+    try:
+        commands, other = RollerCommands(node, N), node.advertise(Float64MultiArray, TOPIC)
+        commands.subscribe()
+        executor = PacedExecutor(node)
+        for _ in range(20):
+            commands.stop()
+            other.publish(Float64MultiArray(data=[0.0] * N))
+            executor.spin_once(DEADLINE)
+        assert commands.find_others() is not None
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def test_commands_of_another_publisher_count_until_it_is_quiet():
+    with world(manipulation(rate=50.0)) as w:
+        w.until_code(Status.HALT_OTHER_COMMANDS, lambda: w.probe.send_command([0.0] * N))
+        w.until_code(Status.HALT_NO_TWIST, lambda: None)

@@ -33,12 +33,19 @@ NOISE, DISPLACEMENT = 1e-3, 8e-3
 FIRST = AveragePose(Pose(*CENTER, 0.3), NOISE, 25)
 
 
+def replace_servers(monkeypatch, result):
+    """Return the client whose goals end with a result, in place of those of all actions."""
+    client = MotionClient(result)
+    # The server of another node; the client has no parameter for its type.
+    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
+    return client
+
+
 @pytest.fixture
 def correct(monkeypatch):
     """Return a function that corrects a displacement, and returns its note and goal."""
-    client = MotionClient(FollowObjectPath.Result(code=FollowObjectPath.Result.REACHED))
-    # The server of another node; the client has no parameter for its type.
-    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
+    result = FollowObjectPath.Result(code=FollowObjectPath.Result.REACHED)
+    client = replace_servers(monkeypatch, result)
 
     def run(displacement, noise, seed=0):
         random = np.random.default_rng(seed)
@@ -46,8 +53,8 @@ def correct(monkeypatch):
             node = w.nodes[1]
 
             def send():
-                w.probe.send_joints()
-                w.probe.send_pose(center=CENTER + random.normal((0.0, displacement), noise))
+                center = CENTER + random.normal((0.0, displacement), noise)
+                w.probe.send_measured(center=center)
 
             w.spin(0.1, send)
             steps = GraspSequences(node, ROBOT, ObjectWatch(node, node.inputs)).bring_back(FIRST)
@@ -94,21 +101,25 @@ def test_mean_of_poses_beside_half_a_turn_is_there():
 def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_reported(
     monkeypatch,
 ):
-    client = MotionClient(FollowRollerTrajectory.Result())
-    # The server of another node; the client has no parameter for its type.
-    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
+    client = replace_servers(monkeypatch, FollowRollerTrajectory.Result())
     center = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.01)
     with world(maker(PickAndPlace, command_timeout=1.0, friction=0.8)()) as w:
 
         def send():
-            w.probe.send_joints()
-            w.probe.send_pose(center=center)
+            w.probe.send_measured(center=center)
             w.probe.send_held(GraspState.HELD_YES, ['north/P-Z', 'north/Z-R'])
 
         w.spin(0.1, send)
-        goal = w.send_goal(PlaceObject.Goal(max_rotation=1e-9))
-        w.until(lambda: goal.ended, send)
-        assert 'turns the object by' in goal.result()[1].message
+        refusals = PlaceObject.Result
+        for fields, code, words in (
+            ({'max_rotation': 1e-9}, refusals.NO_MOTION_FOUND, 'turns the object by'),
+            ({'max_rotation': math.nan}, refusals.BAD_GOAL, 'max_rotation'),
+            ({'clearance': math.nan}, refusals.BAD_GOAL, 'clearance'),
+            ({'clearance': -1.0}, refusals.BAD_GOAL, 'clearance'),
+        ):
+            _, refused = w.finish(w.send_goal(PlaceObject.Goal(**fields)), send)
+            assert refused.code == code
+            assert words in refused.message
         goal = w.send_goal(PlaceObject.Goal(clearance=0.05))
         w.until(lambda: client.goal is not None, send)
 
@@ -117,8 +128,7 @@ def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_
             w.probe.send_object((center[0] + 0.003, center[1] - 0.004, 0.3 + 0.1))
             w.probe.send_held(GraspState.HELD_NO)
 
-        w.until(lambda: goal.ended, send_released)
-    result = goal.result()[1]
+        _, result = w.finish(goal, send_released)
     assert result.displacement == pytest.approx(0.005, abs=1e-6)
     assert result.rotation == pytest.approx(0.1, abs=1e-6)
     points = client.goal.trajectory.points
@@ -153,16 +163,13 @@ def test_a_pick_sets_the_grip_and_reports_the_mean_squeeze_and_a_move_its_failur
         grip = w.nodes[2].values
 
         def send():
-            w.probe.send_joints()
-            w.probe.send_pose()
+            w.probe.send_measured()
             held = GraspState.HELD_YES if grip.squeeze_force else GraspState.HELD_NO
             w.probe.send_held(held, members, squeeze=[10.0, 20.0], squeeze_deviation=2.0)
 
         def result_of(goal):
             w.spin(0.1, send)
-            handle = w.send_goal(goal)
-            w.until(lambda: handle.ended, send)
-            return handle.result()[1]
+            return w.finish(w.send_goal(goal), send)[1]
 
         picked, again = result_of(PickObject.Goal()), result_of(PickObject.Goal())
         assert (grip.squeeze_force, grip.grip_module) == (14.0, module)
@@ -175,20 +182,13 @@ def test_a_pick_sets_the_grip_and_reports_the_mean_squeeze_and_a_move_its_failur
 def test_a_pick_searches_as_its_goal_requires_and_reports_the_violated_requirement(monkeypatch):
     violation = {'violated_requirement': 'slip_margin', 'violation_value': 1.0}
     violation |= {'violation_bound': 2.0, 'message': 'none found'}
-    client = MotionClient(PlanGrasp.Result(code=PlanGrasp.Result.NONE_FOUND, **violation))
-    # The server of another node; the client has no parameter for its type.
-    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
+    result = PlanGrasp.Result(code=PlanGrasp.Result.NONE_FOUND, **violation)
+    client = replace_servers(monkeypatch, result)
     fields = {'module': MODULE, 'squeeze': 14.0, 'min_slip_margin': 2.0, 'time_limit': 3.0}
     with world(maker(PickAndPlace, command_timeout=1.0, friction=0.7)()) as w:
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_pose()
-
-        w.spin(0.1, send)
+        w.spin(0.1, w.probe.send_measured)
         goal = w.send_goal(PickObject.Goal(**fields, members=['north/P-Z']))
-        w.until(lambda: goal.ended, send)
-    result, asked = goal.result()[1], client.goal
+        (_, result), asked = w.finish(goal, w.probe.send_measured), client.goal
     assert result.code == PickObject.Result.NO_MOTION_FOUND
     assert {name: getattr(result, name) for name in violation} == violation
     assert {name: getattr(asked, name) for name in fields} == fields

@@ -45,8 +45,7 @@ class Mover:
         """Publish for some time what the analysis and the control loop report."""
 
         def send():
-            self.w.probe.send_joints()
-            self.w.probe.send_pose()
+            self.w.probe.send_measured()
             if analysis is not SILENT:
                 words = 'joint states: stamped 0.1 s in the future'
                 self.w.probe.send_held(analysis, message=words)

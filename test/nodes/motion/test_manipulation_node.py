@@ -26,29 +26,15 @@ from isotruss_ros.nodes.conversions.messages import read_stamp, read_twist
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.manipulation.servo_settings import make_settings, SPECS, StatusReport
 from isotruss_ros.nodes.simulator.node import Simulator
-from manual_world import check_refused, Manager, moving_world, world
+from manual_world import Manager, moving_world, world
 import numpy as np
-from probe import DIAMETER, MODULE, N, overrides, ROBOT, UP
+from probe import DIAMETER, MODULE, N, overrides, ROBOT
 from probe import manipulation as node
 import pytest
 from std_srvs.srv import SetBool
 from walls import Wall
 
 UNIT = np.eye(N)
-
-
-def test_moves_the_object_as_commanded():
-    with world(node()) as w:
-        status = w.until_code(Status.OK, w.probe.send_all)
-        assert status.message == ''
-        assert status.scale == 1.0
-        assert status.commanded.linear.y == UP[1]
-        assert status.achieved.linear.x == pytest.approx(0.0, abs=1e-9)
-        assert status.achieved.linear.y == pytest.approx(UP[1], abs=1e-9)
-        assert status.achieved.angular.z == pytest.approx(0.0, abs=1e-9)
-        assert status.header.frame_id == 'truss'
-        assert np.abs(w.command()).max() > 0.001
-        assert len(w.command()) == N
 
 
 def test_a_slow_loop_is_stated_first_in_the_status():
@@ -207,18 +193,6 @@ def test_the_service_switches_and_halts_first():
             w.spin(0.05, w.probe.send_joints)
             assert w.code() == Status.HALT_NO_TWIST
             w.until_code(Status.OK, w.probe.send_all)
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'mode': 'joint'}, 'P, Q, R, X, Y, Z'),
-        ({'mode': 'joints'}, 'must be one of'),
-        ({'joint': 'S'}, 'no such joint'),
-    ],
-)
-def test_the_mode_needs_a_joint_that_exists(values, words):
-    check_refused(node(**values), words)
 
 
 def test_the_service_refuses_the_joint_mode_without_a_joint():

@@ -51,13 +51,8 @@ def send(w, *rows, kind=FollowRollerTrajectory, stamp=None, times=None, names=NA
     return w.send_goal(kind.Goal(trajectory=message, **fields))
 
 
-def status_and_result(w, goal):
-    w.until(lambda: goal.ended)
-    return goal.result()
-
-
 def ended(w, goal):
-    status, result = status_and_result(w, goal)
+    status, result = w.finish(goal)
     return status, result.error_code
 
 
@@ -101,23 +96,26 @@ def test_the_goal_tolerance_is_kept(make, kind, bound, late, ending):
             assert w.now - began == pytest.approx(0.4 + late, abs=0.1)
 
 
-def test_a_roller_that_does_not_arrive_in_time_violates_the_goal(make):
+@pytest.mark.parametrize(
+    ('fields', 'code', 'longest'),
+    [
+        ({'goal_time_tolerance': lasting(0.3)}, Result.GOAL_TOLERANCE_VIOLATED, 1.0),
+        *(
+            ({'path_tolerance': [bound]}, Result.PATH_TOLERANCE_VIOLATED, 0.4)
+            for bound in (
+                RollerTolerance(name=NAMES[0], position=2e-3),
+                RollerTolerance(name=NAMES[0], velocity=0.02),
+            )
+        ),
+    ],
+)
+def test_a_stuck_roller_violates_the_tolerance_in_time_and_is_named(make, fields, code, longest):
     with make(stuck_roller=NAMES[0]) as w:
-        goal = send(w, HOME, AWAY, goal_time_tolerance=lasting(0.3))
+        goal = send(w, HOME, AWAY, **fields)
         began = w.now
-        assert ended(w, goal) == aborted(Result.GOAL_TOLERANCE_VIOLATED)
-        assert w.now - began < 1.0
-        assert NAMES[0] in goal.result()[1].error_string
-
-
-@pytest.mark.parametrize('bounds', [{'position': 2e-3}, {'velocity': 0.02}])
-def test_the_path_tolerance_is_kept(make, bounds):
-    with make(stuck_roller=NAMES[0]) as w:
-        goal = send(w, HOME, AWAY, path_tolerance=[RollerTolerance(name=NAMES[0], **bounds)])
-        began = w.now
-        assert ended(w, goal) == aborted(Result.PATH_TOLERANCE_VIOLATED)
-        assert w.now - began < 0.4
-        assert f'roller {NAMES[0]} is ' in goal.result()[1].error_string
+        assert ended(w, goal) == aborted(code)
+        assert w.now - began < longest
+        assert f'roller {NAMES[0]} ' in goal.result()[1].error_string
 
 
 def test_a_stamp_in_the_future_begins_then(make):
@@ -191,7 +189,7 @@ def w(make):
 def test_the_rollers_arrive_within_the_path_tolerance_and_the_goal_succeeds(w):
     bounds = [RollerTolerance(name=name, position=2e-3) for name in NAMES]
     goal = send(w, HOME, AWAY, path_tolerance=bounds)
-    status, result = status_and_result(w, goal)
+    status, result = w.finish(goal)
     assert (status, result.error_code) == (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL)
     assert np.array(w.probe.last('joints').position) == pytest.approx(AWAY, abs=1e-4)
     desired = [feedback.desired for feedback in goal.feedback]
@@ -209,7 +207,7 @@ def test_a_cancelled_goal_leaves_the_rollers_at_rest(w):
     w.until(lambda: len(goal.feedback) > 3)
     w.probe.seen['diagnostics'].clear()
     assert goal.cancel()
-    ended, result = status_and_result(w, goal)
+    ended, result = w.finish(goal)
     assert ended == GoalStatus.STATUS_CANCELED
     assert 'cancelled by the client' in result.error_string
     status = w.until_code(Status.HALT_NO_TWIST, lambda: None)
@@ -222,49 +220,45 @@ def test_a_cancelled_goal_leaves_the_rollers_at_rest(w):
     assert {*levels} == {DiagnosticStatus.OK}
 
 
-@pytest.mark.parametrize(
-    'how', ['stop', 'goal', 'topic', 'deactivate', 'empty', 'failed', 'other', 'clock']
-)
+def publish(kind, topic, message):
+    return lambda w: w.probe.create_publisher(kind, topic, 1).publish(message)
+
+
+def deactivate(w):
+    assert Manager(w, 'manipulation').ask(Transition.TRANSITION_DEACTIVATE)
+
+
+#: What ends a trajectory, words of the reason, and whether the rollers go back home then.
+ENDS = {
+    'stop': (publish(Bool, 'emergency_stop', Bool(data=True)), 'emergency', False),
+    'goal': (lambda w: send(w, HOME, times=[0.5]), 'newer', True),
+    'topic': (publish(JointTrajectory, TOPIC, trajectory(HOME, times=[0.5])), 'newer', True),
+    'deactivate': (deactivate, 'deactivated', False),
+    'empty': (publish(JointTrajectory, TOPIC, JointTrajectory()), 'empty', False),
+    'failed': (
+        publish(DiagnosticArray, 'failed_rollers', failed('nobody')),
+        'no such roller',
+        False,
+    ),
+    'other': (lambda w: w.probe.send_command(HOME), 'another node publishes', False),
+    'clock': (lambda w: setattr(w, 'shift', -100.0), 'the clock jumped back', False),
+}
+
+
+@pytest.mark.parametrize('how', ENDS)
 def test_what_ends_a_trajectory_aborts_its_goal(w, how):
-    topic = w.probe.create_publisher(JointTrajectory, TOPIC, 1)
-    stop = w.probe.create_publisher(Bool, 'emergency_stop', 1)
+    end, words, is_replaced = ENDS[how]
     goal = send(w, HOME, AWAY, times=[0.0, 3.0])
     w.until(lambda: len(goal.feedback) > 1)
-    here = np.array(w.probe.last('joints').position)
-    if how == 'stop':
-        stop.publish(Bool(data=True))
-    elif how == 'goal':
-        newer = send(w, here, HOME)
-    elif how == 'topic':
-        topic.publish(trajectory(here, HOME))
-    elif how == 'empty':
-        topic.publish(JointTrajectory())
-    elif how == 'failed':
-        w.probe.create_publisher(DiagnosticArray, 'failed_rollers', 1).publish(failed('nobody'))
-    elif how == 'other':
-        w.probe.send_command(HOME)
-    elif how == 'clock':
-        w.shift = -100.0
-    else:
-        assert Manager(w, 'manipulation').ask(Transition.TRANSITION_DEACTIVATE)
-    status, result = status_and_result(w, goal)
-    assert status == GoalStatus.STATUS_ABORTED
-    assert result.error_code == Result.PATH_TOLERANCE_VIOLATED
-    words = {
-        'stop': 'emergency',
-        'deactivate': 'deactivated',
-        'empty': 'empty',
-        'failed': 'no such roller',
-        'other': 'another node publishes',
-        'clock': 'the clock jumped back',
-    }
-    assert words.get(how, 'newer') in result.error_string
-    if how == 'goal':
-        assert status_and_result(w, newer)[0] == GoalStatus.STATUS_SUCCEEDED
-    if how in ('goal', 'topic'):
+    newer = end(w)
+    status, result = w.finish(goal)
+    assert (status, result.error_code) == aborted(Result.PATH_TOLERANCE_VIOLATED)
+    assert words in result.error_string
+    if is_replaced:
         w.until(lambda: np.abs(w.probe.last('joints').position).max() < 1e-4)
     else:
         w.until(lambda: not w.command().any())
+    assert how != 'goal' or ended(w, newer) == SUCCEEDED
 
 
 def test_a_supervised_goal_ends_with_its_client(w):
@@ -273,7 +267,7 @@ def test_a_supervised_goal_ends_with_its_client(w):
     w.spin(2.0 * TIMEOUT, lambda: supervision.publish(goal.info))
     assert not goal.ended
     silent = w.now
-    status, result = status_and_result(w, goal)
+    status, result = w.finish(goal)
     assert status == GoalStatus.STATUS_ABORTED
     assert 'command_timeout' in result.error_string
     assert w.now - silent < TIMEOUT + 0.1
