@@ -7,7 +7,7 @@ import csv
 from pathlib import Path
 import re
 
-from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
+from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
 from nightly import some_now
 import pytest
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(
     distributed is None, reason='needs the extra sweep: pip install distributed'
 )
 
-TRIANGLE = load_robot('triangle').description
+TRIANGLE = load_robot('triangle').home
 OBJECT = ConvexObject.disc((0.72, 0.45), 0.3)
 NEEDS = GraspRequirements(friction=0.7, count=2)
 
@@ -40,14 +40,16 @@ def client(request):
 def test_writes_a_row_for_every_pair(client, tmp_path, capsys):
     objects, output = tmp_path / 'objects.csv', tmp_path / 'results.csv'
     objects.write_text('diameter,x,y,colour\n0.3,0.72,0.45,red\n0.3,3.0,3.0,blue\n')
-    options = ['--friction', '0.7', '--count', '2', '--scheduler', client.scheduler.address]
+    options = ['--friction', '0.7', '--count', '2', '--seed', '4']
+    options += ['--scheduler', client.scheduler.address]
     arguments = ['triangle', '--objects', str(objects), '--output', str(output)]
     assert sweeps.main([*arguments, *options]) == 0
     with output.open() as file:
         rows = {row['object']: row for row in csv.DictReader(file)}
-    expected = sweeps.evaluate(((0, 0), TRIANGLE, OBJECT), NEEDS, 0)
-    assert float(rows['0']['score']) == expected['score']
-    assert rows['0']['members'].split() == expected['members']
+    plan = plan_grasps(TRIANGLE, OBJECT, NEEDS, 4)
+    assert float(rows['0']['score']) == plan.grasps[0].score
+    assert rows['0']['members'].split() == list(plan.grasps[0].members)
+    assert (rows['0']['evaluations'], rows['0']['diameter']) == (str(plan.evaluations), '0.3')
     assert (rows['1']['found'], rows['1']['violated_requirement']) == ('0', 'enclosed')
     assert '2 pairs: 1 grasped' in capsys.readouterr().out
 

@@ -185,8 +185,9 @@ def test_plots_have_the_mean_squeeze_and_the_error_in_millimetres(panels, pictur
     picture.goal = (0.503, 0.2)
     picture.take_pose(Pose(0.5, 0.204, 0.5), 0.0)
     picture.receive_state(GraspState(squeeze=[10.0, 20.0]), 0.0)
-    for _ in range(panels.PLOT_INTERVAL):
-        shown.update(picture, 0.0)
+    for number in range(panels.PLOT_INTERVAL):
+        shown.update(picture, 0.1 * number)
+    assert all(plot.data[0] == pytest.approx(np.arange(-0.4, 0.1, 0.1)) for plot in plots.values())
     last = {title: plot.data[1][-1] for title, plot in plots.items()}
     assert last == {'squeeze [N]': 15.0, 'pose error [mm]': pytest.approx(5.0)}
     assert 'object at (0.500, 0.204) m, 28.6°' in panels.describe(picture, 0.0)

@@ -3,13 +3,16 @@
 
 """Roller offsets, stiffness and frequency of a simulated robot, measured by nodes."""
 
-from geometry_msgs.msg import Vector3
+import math
+
+from geometry_msgs.msg import Twist, Vector3
+from isotruss_msgs.msg import ManipulationStatus
 from isotruss_msgs.srv import CalibrateStiffness
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.bring_up.calibration import Calibration
-from isotruss_ros.nodes.bring_up.pluck import Pluck
+from isotruss_ros.nodes.bring_up.pluck import Pluck, PUSH_TIME
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
@@ -116,6 +119,27 @@ def test_frequency_is_that_of_the_oscillation_after_a_released_force():
     expected = fit_oscillation(np.array(times), poses, 0.1)
     assert node.oscillation.frequency == pytest.approx(expected.frequency, rel=0.1)
     assert 0.02 < node.oscillation.damping_ratio < 0.5
+
+
+def test_frequency_and_damping_ratio_are_fitted_to_the_poses_after_the_push():
+    frequency, ratio, begun = 12.0, 0.1, []
+    with world(pluck) as w:
+        w.probe.listen(Twist, 'twist', 'cmd_vel')
+        statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
+
+        def send():
+            statuses.publish(ManipulationStatus())
+            if not begun and w.probe.last('twist') not in (None, Twist()):
+                begun.append(w.now)
+            time = w.now - begun[0] - PUSH_TIME if begun else -1.0
+            angle = frequency * math.sqrt(1.0 - ratio**2) * time
+            swing = 2e-3 * math.exp(-ratio * frequency * time) * math.cos(angle)
+            w.probe.send_object((swing if time > 0.0 else 0.05, 0.3, 0.0))
+
+        w.until(lambda: w.nodes[1].done, send)
+        result = w.nodes[1].oscillation
+    assert result.frequency == pytest.approx(frequency, rel=0.01)
+    assert result.damping_ratio == pytest.approx(ratio, rel=0.05)
 
 
 @needs_mujoco

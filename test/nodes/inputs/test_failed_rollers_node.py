@@ -82,7 +82,8 @@ def test_the_topic_names_failed_rollers_to_late_joiners_too():
         assert_held(w, FIRST, SECOND)
         publisher.publish(failed(SECOND))
         until_failed(w, SECOND)
-        publisher.publish(failed())
+        works = DiagnosticStatus(name=SECOND, level=DiagnosticStatus.WARN)
+        publisher.publish(DiagnosticArray(status=[works]))
         until_failed(w)
         w.until_code(Status.OK, w.probe.send_all)
 

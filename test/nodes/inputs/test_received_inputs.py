@@ -105,8 +105,13 @@ class Receiver:
     def receive(self, now, stamp):
         """Return the input that results from a message with a stamp [s]."""
         self.now = now
-        self.gate.receive([(TwistStamped(header=make_header(stamp, 'truss')), None)])
-        return self.passed.pop() if self.passed else None
+        # An older message of the same burst is not used.
+        stamps = stamp - 0.01, stamp
+        headers = [make_header(time, 'truss') for time in stamps]
+        self.gate.receive([(TwistStamped(header=header), None) for header in headers])
+        (received,) = self.passed
+        self.passed.clear()
+        return received
 
 
 @pytest.mark.parametrize(('simulated', 'skew'), [(False, 0.01), (True, 0.1)])

@@ -70,8 +70,7 @@ def moves(w):
 
 def until_ended(w, handle, send=lambda: None):
     """Spin until a goal has ended; return status of the action, code and result."""
-    w.until(lambda: handle.ended, send)
-    status, result = handle.result()
+    status, result = w.finish(handle, send)
     return status, result.code, result
 
 
@@ -91,13 +90,17 @@ def simulated(**values):
         yield w
 
 
-def test_carries_the_object_to_the_end_of_the_path():
+@pytest.mark.parametrize('smooth', [False, True])
+def test_carries_the_object_along_a_straight_or_smooth_path_to_its_end(smooth):
     steps = (0.0, 0.04, 0.0), (0.02, 0.0, 0.3)
-    with simulated(slip=0.05) as w:
+    with simulated(slip=0.05, smooth_path=smooth) as w:
         handle = w.send_goal(goal(*steps, position_tolerance=0.02))
         status, code, result = until_ended(w, handle)
         assert (status, code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
         assert 'off the end of the path' in result.message
+        # A spline swings out by 5 mm before the corner.
+        left = HOME[0] - min(m.pose.position.x for _, m in w.probe.seen['pose'])
+        assert (left > 2.5e-3) == smooth
         off = np.abs(w.place() - np.sum([HOME, *steps], axis=0))
         assert np.hypot(*off[:2]) < 0.01
         assert off[2] < 0.1
@@ -185,6 +188,8 @@ def begin(w, send):
 def test_bad_goals_are_aborted_with_the_reason_and_move_nothing():
     with listening(node()) as w:
         send = fake(w)
+        # Without a pose of the object it is unknown whether a goal is bad.
+        assert until_ended(w, w.send_goal(goal(UP)))[:2] == STOPPED
         w.spin(0.2, send)
         for name, (request, words) in BAD_GOALS.items():
             status, code, result = until_ended(w, w.send_goal(request), send)
