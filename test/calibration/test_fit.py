@@ -86,6 +86,12 @@ def test_constants_of_any_tube_are_recovered_by_the_fit(wall, shear, ends, radiu
     assert max(fitted.misfits.values()) < 1e-7
 
 
+def test_constants_of_a_wider_tube_are_fitted_with_its_diameter(tmp_path, capsys):
+    path = write(tmp_path, points(InflatableBeam(0.08, **CONSTANTS)))
+    _, out, _ = run(capsys, path, '--diameter', 0.16)
+    assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
+
+
 def test_fit_is_the_joint_least_squares_solution_of_all_modes():
     rng = np.random.default_rng(5)
     case = grid()
