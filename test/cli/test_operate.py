@@ -6,9 +6,12 @@
 import math
 from types import SimpleNamespace
 
+from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject
 from isotruss_ros.cli import operate
-from isotruss_ros.nodes.conversions.messages import read_pose
+from isotruss_ros.core import Pose
+from isotruss_ros.nodes.conversions.messages import to_pose_message
+from nav_msgs.msg import Path
 import pytest
 import rclpy
 from rclpy.node import Node
@@ -16,12 +19,8 @@ from rclpy.publisher import Publisher
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-
-@pytest.fixture(autouse=True)
-def no_context():
-    """End the context that other tests may have left, since a command begins its own."""
-    if rclpy.ok():
-        rclpy.shutdown()
+POSE = PoseStamped(pose=to_pose_message(Pose(0.6, 0.35, 0.5 * math.pi)))
+TARGET = MoveObject.Goal(path=Path(poses=[POSE]))
 
 
 def done(value):
@@ -30,24 +29,21 @@ def done(value):
     return future
 
 
-def read_target(goal):
-    return read_pose('target', goal.path.poses[0].pose)
-
-
 @pytest.mark.parametrize(
-    ('words', 'result', 'read', 'sent'),
+    ('words', 'result', 'goal'),
     [
-        ('move 0.6 0.35 --angle 90', MoveObject.Result(), read_target, (0.6, 0.35, 0.5 * math.pi)),
-        ('pick --squeeze 12', PickObject.Result(code=1), lambda goal: goal.squeeze, 12.0),
+        ('move 0.6 0.35 --angle 90', MoveObject.Result(), TARGET),
+        ('pick --squeeze 12', PickObject.Result(code=1), PickObject.Goal(squeeze=12.0)),
     ],
 )
 def test_numbers_are_sent_and_the_code_of_the_result_is_that_of_the_exit(
-    words, result, read, sent, monkeypatch, capsys
+    words, result, goal, monkeypatch, capsys
 ):
+    rclpy.try_shutdown()  # a command begins a context of its own
     goals, result.message = [], 'the end'
 
-    def send(goal):
-        goals.append(goal)
+    def send(request):
+        goals.append(request)
         ended = done(SimpleNamespace(result=result))
         return done(SimpleNamespace(accepted=True, get_result_async=lambda: ended))
 
@@ -56,11 +52,12 @@ def test_numbers_are_sent_and_the_code_of_the_result_is_that_of_the_exit(
     monkeypatch.setattr(operate, 'ActionClient', lambda *_: client)
     assert operate.main(words.split()) == (result.code != 0)
     assert capsys.readouterr().out.endswith('_object: the end\n')
-    assert [read(goal) for goal in goals] == [pytest.approx(sent)]
+    assert goals == [goal]
 
 
 @pytest.mark.parametrize('last_message', [True, False])
 def test_release_publishes_false_only_after_a_refusal(last_message, monkeypatch):
+    rclpy.try_shutdown()
     published = []
 
     def publish(publisher, message):

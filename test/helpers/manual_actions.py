@@ -67,10 +67,11 @@ class MotionClient:
         self.goal: Any = None
         self._result, self._ended = result, Future()
         self._id, self._note = b'', lambda _: None
+        self.desired = JointTrajectoryPoint()  #: desired state in the feedback
 
     def server_is_ready(self) -> bool:
         """Publish feedback; return whether the server is there."""
-        part = SimpleNamespace(progress=0.0, desired=JointTrajectoryPoint())
+        part = SimpleNamespace(progress=0.0, desired=self.desired)
         self._note(SimpleNamespace(feedback=part))
         return True
 

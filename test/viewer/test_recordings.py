@@ -204,11 +204,14 @@ def test_replay_refuses_numbers_out_of_range(option, value, capsys):
     assert capsys.readouterr().err.startswith(f'replay failed: {option}')
 
 
-def test_an_exported_page_names_no_server(tmp_path, capsys):
-    path, page = tmp_path / 'whole.mcap', tmp_path / 'whole.html'
+def test_an_exported_page_plays_at_its_speed_and_names_no_server(tmp_path, capsys, monkeypatch):
+    path, page, pauses = tmp_path / 'whole.mcap', tmp_path / 'whole.html', []
     path.write_bytes(whole())
-    assert replay.main([str(path), '--page', str(page)]) == 0
+    scene = SimpleNamespace(insert_sleep=pauses.append, as_html=str)
+    monkeypatch.setattr('viser.ViserServer.get_scene_serializer', lambda _: scene)
+    assert replay.main([str(path), '--page', str(page), '--speed', '2']) == 0
     assert capsys.readouterr() == (f'written: {page}\n', '')
+    assert sum(pauses) == pytest.approx(0.5 * 0.1 * (COUNT - 1))
 
 
 def test_a_recording_is_played_at_its_speed(tmp_path):

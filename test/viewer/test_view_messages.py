@@ -166,7 +166,7 @@ def test_rods_forces_and_utilisation_are_drawn_as_the_messages_state(view):
     travel, line = [0.05, -0.02, 0.0, 0.03, 0.01, 0.04], [Point(x=0.1, y=0.2), Point(x=0.4)]
     wall = [Point(x=0.1, y=0.2), Point(x=0.1, y=0.2, z=0.1), Point(x=0.4, z=0.1)]
     picture.receive_joint_states(JointState(name=NAMES, position=travel), 0.0)
-    picture.receive_state(GraspState(utilisation=[0.0, 1.0] + 7 * [0.0]), 0.0)
+    picture.receive_state(GraspState(utilisation=[0.0, 1.0, 0.4] + 6 * [0.0]), 0.0)
     for shown in (
         marker('deformed', *line),
         marker('contact_forces', *line),
@@ -189,7 +189,9 @@ def test_rods_forces_and_utilisation_are_drawn_as_the_messages_state(view):
         for name in ('/contact_forces', '/contact_regions'):
             assert points(name) == pytest.approx(np.array([[0.1 + 0.2j, 0.4]]))
         colors = [browser.scene[f'/tubes/{name}']['color'] for name in ROBOT.member_names]
+        # Blue, grey from a utilisation of 0.4, and red at wrinkling.
         assert [red > blue for red, _, blue in colors] == [False, True] + 7 * [False]
+        assert len(set(colors[2])) == 1
         for joint in ROBOT.description.supports:
             place = config.nodes[topology.joint_names.index(joint)]
             assert browser.scene[f'/supports/{joint}']['position'][:2] == pytest.approx(place)

@@ -9,17 +9,15 @@ from geometry_msgs.msg import Twist, Vector3
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_msgs.srv import CalibrateStiffness
 from isotruss_ros.calibration.measurements import MeasurementError
-from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.bring_up.calibration import Calibration
 from isotruss_ros.nodes.bring_up.pluck import Pluck, PUSH_TIME
-from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import maker, overrides, planar, ROBOT
+from probe import maker, overrides, ROBOT
 import pytest
 from std_srvs.srv import Trigger
 
@@ -101,24 +99,6 @@ manipulation = maker(Manipulation, **HELD)
 
 def pluck():
     return Pluck(overrides(object_diameter=0.2))
-
-
-@pytest.mark.nightly
-@needs_mujoco
-def test_frequency_is_that_of_the_oscillation_after_a_released_force():
-    with world(mujoco_plant, manipulation(), pluck) as w:
-        node = w.nodes[3]
-        w.until(lambda: node.done)
-        w.remove(node)
-        w.spin(1.0, lambda: w.probe.send_wrench((0.3, 0.0, 0.0)))
-        w.probe.send_wrench((0.0, 0.0, 0.0))
-        w.probe.seen['pose'].clear()
-        w.spin(1.0)
-        times = [read_stamp(message.header) for _, message in w.probe.seen['pose']]
-        poses = [planar(message) for _, message in w.probe.seen['pose']]
-    expected = fit_oscillation(np.array(times), poses, 0.1)
-    assert node.oscillation.frequency == pytest.approx(expected.frequency, rel=0.1)
-    assert 0.02 < node.oscillation.damping_ratio < 0.5
 
 
 def test_frequency_and_damping_ratio_are_fitted_to_the_poses_after_the_push():

@@ -135,10 +135,6 @@ def test_the_object_is_put_elsewhere(plant):
 mujoco = maker(Simulator, plant='mujoco', friction=0.8, indentation=0.01, rate=100.0)
 
 
-def drive(w, velocities):
-    return lambda: w.probe.send_command(velocities)
-
-
 @needs_mujoco
 def test_a_load_displaces_the_object_and_a_larger_one_removes_it():
     with world(mujoco()) as w:
@@ -154,13 +150,23 @@ def test_a_load_displaces_the_object_and_a_larger_one_removes_it():
 
 
 @needs_mujoco
+def test_a_free_object_moves_only_under_a_load_above_the_friction_of_the_ground():
+    with world(mujoco(object_is_free=True, object_pose=[0.6, 5.0, 0.0], ground_friction=2.0)) as w:
+        w.until(lambda: w.place() is not None)
+        for force, is_above in ((1.5, False), (3.0, True)):
+            start = w.place()[0]
+            w.spin(0.5, lambda force=force: w.probe.send_wrench((force, 0.0, 0.0)))
+            assert (w.place()[0] - start > 1e-2) == is_above
+
+
+@needs_mujoco
 def test_rollers_have_the_faults_of_the_other_plants():
     faults = {'roller_slip': 0.3, 'stuck_roller': ROBOT.roller_names[2]}
     with world(mujoco(**faults)) as w:
         w.probe.listen(MultiDOFJointState, 'truth', 'truth/joint_markers')
         w.until(lambda: w.probe.last('truth') is not None)
         start = read_joint_markers(w.probe.last('truth'), ROBOT)['R']
-        w.until(lambda: w.travel()[1] > 0.01, drive(w, [0.02] * N))
+        w.until(lambda: w.travel()[1] > 0.01, lambda: w.probe.send_command([0.02] * N))
         assert w.travel()[2] == 0.0
         moved = np.subtract(read_joint_markers(w.probe.last('truth'), ROBOT)['R'], start)
         joint = ROBOT.topology.joint_names.index('R')

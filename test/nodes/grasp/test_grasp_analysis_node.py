@@ -143,6 +143,9 @@ def test_markers_show_the_grasp_and_leave_nothing_behind():
         assert all(shown['deformed', i].color.g > 0.5 for i in range(members))
         contacts = w.probe.last('state').contacts
         assert sum(name == 'contact_forces' for name, _ in shown) == len(contacts)
+        tail, tip = ((p.x, p.y) for p in shown['contact_forces', 0].points)
+        squeeze = w.probe.last('state').squeeze[0]
+        assert math.dist(tail, tip) == pytest.approx(0.01 * squeeze, rel=0.3)
         check_region(shown['contact_regions', 0], w.probe.last('state'))
         disc = shown['object', 0]
         assert (disc.pose.position.x, disc.pose.position.y) == pytest.approx(SQUEEZED)

@@ -7,7 +7,6 @@ import contextlib
 import itertools
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.inputs import CLOCK_SKEW
@@ -19,11 +18,9 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.state_messages import read_estimate, to_estimate_message
-from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
-from nightly import some_now
 import numpy as np
 from probe import hang_joints, maker, N, overrides, ROBOT
 import pytest
@@ -101,7 +98,8 @@ def test_estimate_is_robust_to_late_swapped_and_missing_markers():
         w.spin(1.0, lambda: feed(PLACES))
         w.spin(0.2, lambda: feed(PLACES | {'P': PLACES['Q'], 'Q': PLACES['P']}))
         assert last_estimate(w).left_out_joints == ['P', 'Q']
-        assert 'inconsistent markers: P, Q' in w.report('state_estimator').message
+        doubts = w.report('state_estimator').message.split('; ')
+        assert 'inconsistent markers: P, Q' in doubts
         w.spin(0.2, lambda: feed({}))
         w.spin(0.2, lambda: feed(PLACES))
         result = last_estimate(w)
@@ -259,23 +257,3 @@ def test_invalid_estimates_are_refused(changes):
     estimate.header.frame_id = 'truss'
     with pytest.raises(MessageError, match='state estimate'):
         read_estimate(estimate, ROBOT)
-
-
-@pytest.mark.parametrize('estimated', some_now([True, False]))
-def test_squeeze_of_a_robot_with_wrong_offsets_is_controlled_by_the_estimate(estimated):
-    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'object_is_free': False}
-    marked = {'zero_deviation': 0.006, 'tracker_rate': 20.0, 'tracker_noise': 2e-4}
-    marked |= {'marker_joints': ['all'], 'seed': 1}
-    loop = {'squeeze_force': 30.0, 'friction': 0.9, 'rate': 20.0}
-    nodes = [
-        lambda: Simulator(overrides(**plant | marked | {'rate': 20.0})),
-        lambda: Manipulation(overrides(**loop)),
-    ]
-    if estimated:
-        nodes.append(estimator(marker_deviation=2e-4))
-    with world(*nodes) as w:
-        w.probe.listen(WrenchStamped, 'forces', 'truth/contact_forces')
-        w.spin(4.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
-        squeeze = np.mean([m.wrench.force.x for _, m in w.probe.seen['forces'][-2:]])
-    off = abs(squeeze / 30.0 - 1.0)
-    assert off < 0.08 if estimated else off > 0.15

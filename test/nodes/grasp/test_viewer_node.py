@@ -183,4 +183,4 @@ def test_an_error_of_drawing_ends_the_drag_but_not_the_stop_button():
         browser.set('stop', True)
         w.until(lambda: w.probe.last('stop') == Bool(data=True))
         node.picture.shape = None
-        w.until(lambda: not browser.shows('error of the viewer'))
+        w.until(lambda: not browser.shows('error of the viewer:'))

@@ -10,6 +10,7 @@ from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import DOWN, Manager, moving_world, UP, world
 import numpy as np
+import probe
 from probe import CENTER, DIAMETER, failed, LATCHED, maker, MODULE, N, overrides, ROBOT
 import pytest
 from std_srvs.srv import Trigger
@@ -86,6 +87,17 @@ def test_the_topic_names_failed_rollers_to_late_joiners_too():
         publisher.publish(DiagnosticArray(status=[works]))
         until_failed(w)
         w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_the_last_message_of_a_burst_names_the_failed_rollers():
+    with probe.world(node(failure_time=0.0)) as w:
+        publisher = w.probe.create_publisher(DiagnosticArray, 'failed_rollers', 100)
+        w.until(lambda: publisher.get_subscription_count() > 0)
+        for name in 25 * (FIRST, SECOND):
+            publisher.publish(failed(name))
+        until_failed(w, SECOND)
+        w.spin(0.2, w.probe.send_all)
+        assert names_in(w) == (SECOND,)
 
 
 @pytest.mark.parametrize(

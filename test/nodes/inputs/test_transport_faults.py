@@ -112,18 +112,14 @@ def moved(by):
     return distort
 
 
+def delay(received):
+    return received[-101:-100]
+
+
 HARMFUL = {
     'frozen': ('joint_states', lambda received: received[:1], Status.HALT_STALE_JOINT_STATES),
-    'delayed a lot': (
-        'joint_states',
-        lambda received: received[-101:-100],
-        Status.HALT_STALE_JOINT_STATES,
-    ),
-    'pose delayed a lot': (
-        'object_pose',
-        lambda received: received[-101:-100],
-        Status.HALT_STALE_OBJECT_POSE,
-    ),
+    'delayed a lot': ('joint_states', delay, Status.HALT_STALE_JOINT_STATES),
+    'pose delayed a lot': ('object_pose', delay, Status.HALT_STALE_OBJECT_POSE),
     'pose teleported': ('object_pose', moved(1.0), Status.HALT_NO_GRASP),
 }
 

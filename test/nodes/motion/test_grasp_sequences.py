@@ -98,17 +98,42 @@ def test_mean_of_poses_beside_half_a_turn_is_there():
     assert mean.noise == pytest.approx(math.sqrt(2.0))
 
 
+SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.01)
+
+
+def send_held(w):
+    """Return a call that sends measured states, and that the object is held."""
+
+    def send():
+        w.probe.send_measured(center=SQUEEZED)
+        w.probe.send_held(GraspState.HELD_YES, ['north/P-Z', 'north/Z-R'])
+
+    return send
+
+
+def test_stage_and_progress_of_a_release_are_those_of_its_trajectory(monkeypatch):
+    client, reports = replace_servers(monkeypatch, None), []
+    with world(maker(PickAndPlace, command_timeout=1.0)()) as w:
+        w.spin(0.1, send_held(w))
+        goal = w.send_goal(PlaceObject.Goal())
+        w.until(lambda: client.goal is not None, send_held(w))
+        points = client.goal.trajectory.points
+        for client.desired in points:
+            w.spin(0.06, send_held(w))
+            reports.append((goal.feedback[-1].stage, goal.feedback[-1].progress))
+    assert reports == sorted(reports)
+    stages, progress = np.transpose(reports)
+    apart = stages.tolist().index(PlaceObject.Feedback.BACKING_OFF)
+    assert {*stages[:apart]} == {PlaceObject.Feedback.OPENING}
+    assert progress[[0, apart - 1, -1]] == pytest.approx([0.0, 1.0, 1.0])
+
+
 def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_reported(
     monkeypatch,
 ):
     client = replace_servers(monkeypatch, FollowRollerTrajectory.Result())
-    center = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.01)
     with world(maker(PickAndPlace, command_timeout=1.0, friction=0.8)()) as w:
-
-        def send():
-            w.probe.send_measured(center=center)
-            w.probe.send_held(GraspState.HELD_YES, ['north/P-Z', 'north/Z-R'])
-
+        send = send_held(w)
         w.spin(0.1, send)
         refusals = PlaceObject.Result
         for fields, code, words in (
@@ -125,7 +150,7 @@ def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_
 
         def send_released():
             w.probe.send_joints()
-            w.probe.send_object((center[0] + 0.003, center[1] - 0.004, 0.3 + 0.1))
+            w.probe.send_object((SQUEEZED[0] + 0.003, SQUEEZED[1] - 0.004, 0.3 + 0.1))
             w.probe.send_held(GraspState.HELD_NO)
 
         _, result = w.finish(goal, send_released)
@@ -133,7 +158,7 @@ def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_
     assert result.rotation == pytest.approx(0.1, abs=1e-6)
     points = client.goal.trajectory.points
     opened = ROBOT.configuration(points[-1].positions)
-    gap = -member_depths(opened, ConvexObject.disc(center, DIAMETER)).max()
+    gap = -member_depths(opened, ConvexObject.disc(SQUEEZED, DIAMETER)).max()
     assert gap == pytest.approx(0.05, abs=2e-3)
     times = [read_duration(point.time_from_start) for point in points]
     steps = np.diff([point.positions for point in points], axis=0)
@@ -179,17 +204,28 @@ def test_a_pick_sets_the_grip_and_reports_the_mean_squeeze_and_a_move_its_failur
         assert result_of(MoveObject.Goal()).code == MoveObject.Result.BAD_GOAL
 
 
-def test_a_pick_searches_as_its_goal_requires_and_reports_the_violated_requirement(monkeypatch):
+@pytest.mark.parametrize(
+    ('planned', 'code'),
+    [
+        (PlanGrasp.Result.NONE_FOUND, PickObject.Result.NO_MOTION_FOUND),
+        (PlanGrasp.Result.FAILED, PickObject.Result.STOPPED),
+        (PlanGrasp.Result.NO_JOINT_STATES, PickObject.Result.NOT_READY),
+    ],
+)
+def test_a_pick_searches_as_its_goal_requires_and_reports_the_violated_requirement(
+    monkeypatch, planned, code
+):
     violation = {'violated_requirement': 'slip_margin', 'violation_value': 1.0}
     violation |= {'violation_bound': 2.0, 'message': 'none found'}
-    result = PlanGrasp.Result(code=PlanGrasp.Result.NONE_FOUND, **violation)
-    client = replace_servers(monkeypatch, result)
+    client = replace_servers(monkeypatch, PlanGrasp.Result(code=planned, **violation))
     fields = {'module': MODULE, 'squeeze': 14.0, 'min_slip_margin': 2.0, 'time_limit': 3.0}
     with world(maker(PickAndPlace, command_timeout=1.0, friction=0.7)()) as w:
+        _, unready = w.finish(w.send_goal(PickObject.Goal()))
+        assert unready.code == PickObject.Result.NOT_READY
         w.spin(0.1, w.probe.send_measured)
         goal = w.send_goal(PickObject.Goal(**fields, members=['north/P-Z']))
         (_, result), asked = w.finish(goal, w.probe.send_measured), client.goal
-    assert result.code == PickObject.Result.NO_MOTION_FOUND
+    assert result.code == code
     assert {name: getattr(result, name) for name in violation} == violation
     assert {name: getattr(asked, name) for name in fields} == fields
     assert (asked.friction, asked.object_diameter, asked.count) == (0.7, DIAMETER, 1)

@@ -13,7 +13,6 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import FollowObjectPath, MoveObject, PickObject, PlaceObject
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Pose, Status
-from isotruss_ros.demo.view import DIAMETER, FRICTION, list_nodes
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
@@ -23,7 +22,6 @@ from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_actions import connect
 from manual_world import world
-from mujoco_worlds import needs_mujoco
 from nav_msgs.msg import Path
 from nightly import some_now
 import numpy as np
@@ -167,20 +165,6 @@ def check_steps(patch, goals, seed, sim_time, is_held):
 @pytest.mark.parametrize('sim_time', some_now([False, True]))
 def test_a_held_object_is_moved_and_placed_in_spite_of_disturbances(monkeypatch, sim_time):
     check_steps(monkeypatch, (None, PLACE), 1, sim_time, is_held=True)
-
-
-@pytest.mark.nightly
-@needs_mujoco
-def test_the_nodes_of_the_view_place_pick_and_move_in_mujoco(monkeypatch):
-    nodes = list_nodes('mujoco', {'object_diameter': DIAMETER, 'friction': FRICTION})
-    makers = [maker(KINDS[name])(**values) for name, values in nodes]
-    pose = PoseStamped(pose=to_pose_message(Pose(0.75, 0.7, 0.0)))
-    goals = (PLACE, PICK, MoveObject.Goal(path=Path(poses=[pose])), PLACE, PickObject.Goal())
-    with world(*makers, enter=lambda w: connect(w, monkeypatch)) as w:
-        w.spin(1.0)
-        for goal in goals:
-            result = end_of(w, goal)
-            assert result.code == 0, result.message
 
 
 @pytest.mark.nightly
