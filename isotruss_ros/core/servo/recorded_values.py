@@ -48,6 +48,7 @@ KINDS: dict[str, Any] = {
         ShapeBounds,
     )
 }
+PLAIN = {type(None), bool, int, float, str}
 ENUMS: dict[str, Any] = {'Status': Status, 'InputFault': InputFault}
 
 
@@ -57,6 +58,8 @@ class RecordedCycleError(IsotrussError, ValueError):
 
 def encode(value: Any) -> Any:
     """Return a value as dictionaries, lists, texts and numbers with the names of its fields."""
+    if type(value) in PLAIN:
+        return value
     if isinstance(value, enum.Enum):
         return {'enum': type(value).__name__, 'name': value.name}
     if isinstance(value, np.ndarray):
@@ -73,8 +76,6 @@ def encode(value: Any) -> Any:
         return sorted(map(encode, value))
     elif isinstance(value, tuple | list):
         return [encode(part) for part in value]
-    elif value is None or isinstance(value, bool | int | float | str):
-        return value
     else:  # a class of the user: refused when it is read
         return {'kind': type(value).__name__}
     return {'kind': type(value).__name__} | {name: encode(part) for name, part in named.items()}
