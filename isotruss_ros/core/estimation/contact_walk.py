@@ -10,13 +10,10 @@ from functools import partial
 import math
 from typing import NamedTuple
 
+from isotruss_ros.core.estimation.fault_thresholds import SUM_INTERVALS
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Intervals over which corrections are summed [s].
-SUM_INTERVALS = (0.2, 0.6, 1.5, 3.0)
-#: Length of an inconsistent innovation above which the object counts as lost [m].
-JUMP_LENGTH = 0.02
 #: Prior standard deviations of the coordinates [m] and of the angle [rad].
 PRIOR_DEVIATIONS = np.array([1e-3, 1e-3, 0.009])
 #: Error of the model between two poses, rotations times the characteristic radius [m].

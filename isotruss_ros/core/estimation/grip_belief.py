@@ -25,6 +25,7 @@ import math
 
 from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
+from isotruss_ros.core.estimation.fault_thresholds import ASSUMED_DEVIATIONS, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_model import (
     attach_model,
     BIAS,
@@ -33,7 +34,7 @@ from isotruss_ros.core.estimation.grip_model import (
     Pressures,
     SHIFTS,
 )
-from isotruss_ros.core.estimation.grip_state import DELAY_DEVIATION, GripState, MAX_DEVIATIONS
+from isotruss_ros.core.estimation.grip_state import DELAY_DEVIATION, GripState
 from isotruss_ros.core.estimation.input_lag import InputLag
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.grip_record import GripEstimate
@@ -50,9 +51,6 @@ import numpy as np
 #: Smallest time between two equilibria [s]. In cycles between them, (19) predicts pose and
 #: squeeze.
 EQUILIBRIUM_PERIOD = 0.02
-#: `MAX_DEVIATIONS` of slip after an assumed start [-]. In many assumed starts nothing is gripped:
-#: this shows after 9 to 16 mm of path; with `MAX_DEVIATIONS` it shows after 24 mm.
-ASSUMED_DEVIATIONS = 3.5
 #: Measured roller positions (r,) [m], and their age [s].
 Readings = tuple[Array, float] | None
 

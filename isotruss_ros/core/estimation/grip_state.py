@@ -15,6 +15,7 @@ import math
 
 from isotruss_ros.core.estimation.contact_walk import ContactWalk, PoseNoise
 from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
+from isotruss_ros.core.estimation.fault_thresholds import MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_model import BIAS, DELAY, LOAD, shift_deviations, SHIFTS
 from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, SLIP_LENGTH
@@ -29,9 +30,6 @@ POSE_WALK = 0.03
 #: Prior standard deviation of the time by which poses are older than their stamps say, and
 #: interval over which the object's velocity is measured [s].
 DELAY_DEVIATION = 0.03
-#: Number of standard deviations [-]: a pose is inconsistent if its innovation is larger (one of
-#: 60000 valid poses is), and contacts have slipped if corrections and load are larger.
-MAX_DEVIATIONS = 5.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from functools import partial
 import math
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
-from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
+from isotruss_ros.core.estimation.fault_thresholds import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_model import Pressures
 from isotruss_ros.core.estimation.grip_tracker import GripTracker
 from isotruss_ros.core.estimation.offset_filter import Markers, OffsetFilter

@@ -4,12 +4,8 @@
 """
 Faults of a grip: oscillation, slip and loss, which remain until a client acknowledges them.
 
-- Oscillation: `SWING_COUNT` half periods without decay, each larger than `MIN_SWING`, than
-  `MAX_DEVIATIONS` of the noise, and than `TRAVEL_SHARE` of the travel, see `swing_watch`.
-- Slip: pose corrections, load and delay of more than `MAX_DEVIATIONS`, or `ASSUMED_DEVIATIONS`
-  after an assumed start, see `GripBelief.slip_deviations`.
-- Loss: an inconsistent innovation longer than `JUMP_LENGTH`, see `contact_walk`; or a belief that
-  was lost, without another one, see `SqueezeControl`.
+Their thresholds are in `fault_thresholds`. A belief that was lost, without another one, is a loss
+as well, see `SqueezeControl`.
 """
 
 from __future__ import annotations
@@ -17,15 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 import math
 
-from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
+from isotruss_ros.core.estimation.fault_thresholds import JUMP_LENGTH, REST_TIME
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
 
-#: Time at rest after an oscillation [s]; each oscillation also halves the gain.
-REST_TIME = 1.0
 #: What a client does after a fault that persists.
 NEXT_STEPS = {
     Status.HALT_SLIPPED: 'resume the grip (service resume_grip)',

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.estimation.fault_thresholds import DEFAULT_FREQUENCY
 from isotruss_ros.core.estimation.grip_belief import GripBelief, Readings
 from isotruss_ros.core.estimation.grip_tracker import GripTracker
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
@@ -33,7 +34,7 @@ from isotruss_ros.core.servo.squeeze_law import (
     Solve,
     solve_with_margins,
 )
-from isotruss_ros.core.servo.swing_watch import DEFAULT_FREQUENCY, GAIN_SHARE, SwingWatch
+from isotruss_ros.core.servo.swing_watch import GAIN_SHARE, SwingWatch
 import numpy as np
 
 

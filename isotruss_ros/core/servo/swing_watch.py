@@ -22,35 +22,25 @@ from functools import partial
 import itertools
 import math
 
-from isotruss_ros.core.estimation.grip_belief import MAX_DEVIATIONS
+from isotruss_ros.core.estimation.fault_thresholds import (
+    DEFAULT_FREQUENCY,
+    MAX_DEVIATIONS,
+    MAX_SWING_PHASE,
+    MAX_SWING_TIME,
+    MIN_SWING,
+    MIN_SWING_POSES,
+    MIN_SWING_RATIO,
+    SWING_COUNT,
+    TRAVEL_SHARE,
+)
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
 #: Ratio of the pose gain to the natural frequency [-]. The loop is stable even if the frequency is
 #: wrong by a factor of two.
 GAIN_SHARE = 0.25
-#: Lowest natural frequency that is assumed if it is unknown [rad/s].
-DEFAULT_FREQUENCY = 2.4
 #: Largest gain of the squeeze [1/s].
 MAX_SQUEEZE_GAIN = 5.0
-#: Smallest difference between a maximum and a minimum of the pose, without the part by roller
-#: travel, that counts as an oscillation [m]; noise of the measured pose may increase it. With the
-#: part by roller travel, the object then swings by some 2 mm.
-MIN_SWING = 0.0015
-#: The same, relative to the commanded travel since the last extremum [-]. Client-driven motion
-#: with the frequency w bends the tubes by (w / omega)^2 of its amplitude, which is less for
-#: motions slower than omega / 2.
-TRAVEL_SHARE = 0.25
-#: Longest half period of an oscillation, in units of pi / omega [-], and in seconds. The gain for
-#: omega makes an object swing whose true frequency is below 0.46 omega, because it is heavier than
-#: in the model; in MuJoCo, with damping, below 0.23 omega. With a third of the first bound, such
-#: swings are not detected; with three times, slow drift of the estimates could count as a swing.
-MAX_SWING_PHASE, MAX_SWING_TIME = 5.5, 2.0 * math.pi / DEFAULT_FREQUENCY
-#: Smallest number of poses in a half period [-]; with fewer poses, a swing is not resolved.
-MIN_SWING_POSES = 3
-#: Number of successive half periods after which an oscillation is detected [-], and smallest ratio
-#: of their amplitudes [-].
-SWING_COUNT, MIN_SWING_RATIO = 3, 0.95
 
 
 @dataclass(frozen=True)

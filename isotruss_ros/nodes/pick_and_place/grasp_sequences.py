@@ -21,7 +21,7 @@ from isotruss_msgs.action import (
 )
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError, Pose, Robot
-from isotruss_ros.core.estimation.grip_state import MAX_DEVIATIONS
+from isotruss_ros.core.estimation.fault_thresholds import MAX_DEVIATIONS
 from isotruss_ros.core.inputs import find_fresh, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS, RETURN_SPEED, RETURN_TURN_RATE

@@ -5,7 +5,8 @@
 
 import math
 
-from isotruss_ros.core.servo.swing_watch import DEFAULT_FREQUENCY, GAIN_SHARE, SwingWatch
+from isotruss_ros.core.estimation.fault_thresholds import DEFAULT_FREQUENCY
+from isotruss_ros.core.servo.swing_watch import GAIN_SHARE, SwingWatch
 import numpy as np
 import pytest
 
