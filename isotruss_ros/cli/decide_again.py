@@ -75,11 +75,13 @@ def find_hindrance(cycle: RepeatedCycle) -> Status | None:
 
 
 def find_events(before: RepeatedCycle | None, cycle: RepeatedCycle) -> Iterator[str]:
-    """Yield a text for each change since the cycle before: memory, settings and status."""
+    """Yield a text for each change since the cycle before: memory, settings, rollers, status."""
     if cycle.is_anew and (before is not None or cycle.recorded.number):
         yield 'the cycles before are not recorded: begins with a new memory'
     if before is not None and cycle.settings is not before.settings:
         yield from find_changes(before.settings, cycle.settings)
+    if failed := cycle.failed - (before.failed if before is not None else frozenset()):
+        yield f'failed rollers: {", ".join(sorted(failed))}'
     hindrance = find_hindrance(cycle)
     if before is None or hindrance is not find_hindrance(before):
         yield cycle.status.name if hindrance is None else f'{hindrance.name}: {cycle.message}'

@@ -70,6 +70,14 @@ def test_a_recorded_run_has_the_same_commands_and_the_reason_of_its_halt(tmp_pat
     assert '0 commands differ; largest difference 0 ' in out
 
 
+def test_a_failed_roller_is_named_with_its_cycle(tmp_path, capsys):
+    late = json.loads(TEXTS[7])
+    late['inputs']['mapping']['failed'] = ['south/P']
+    path = write(tmp_path / 'run.mcap', [*TEXTS[:7], json.dumps(late), *TEXTS[8:]])
+    replay.main([path, '--decide'])
+    assert 'cycle 7, 0.070 s: failed rollers: south/P' in capsys.readouterr().out
+
+
 def test_another_setting_is_named_with_the_first_other_command(tmp_path, capsys):
     path = write(tmp_path / 'run.mcap', TEXTS)
     assert replay.main([path, '--decide', '--set', 'timeout=1.0']) == 2

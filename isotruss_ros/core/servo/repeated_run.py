@@ -35,6 +35,7 @@ class RepeatedCycle(NamedTuple):
     #: the new decision; None if the client commanded roller velocities
     decision: Decision | None
     is_anew: bool  #: whether the memory before the cycle was not recorded, so that it is new
+    failed: frozenset[str]  #: names of failed rollers
 
     @property
     def status(self) -> Status:
@@ -98,7 +99,7 @@ def decide_again(
                 decision, velocities = None, servo.command(cycle.commanded, cycle.now)
         except IsotrussError as error:
             raise RecordedCycleError(f'cycle {cycle.number}: {error}') from error
-        yield RepeatedCycle(cycle, settings, velocities, decision, is_anew)
+        yield RepeatedCycle(cycle, settings, velocities, decision, is_anew, servo.failed)
 
 
 def _mark_failed(servo: TwistServo, names: Collection[str]) -> None:
