@@ -14,29 +14,6 @@ from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.calibration.roller_check import judge_roller
 from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
-from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    deform,
-    Disc,
-    ElasticObject,
-    grasp_gradient,
-    GraspRequirements,
-    Grip,
-    IsotrussError,
-    load_robot,
-    ObjectPath,
-    PathTracker,
-    Polygon,
-    Pose,
-    reach_pose,
-    read_object,
-    RigidObject,
-    RollingGrip,
-    settle_grasp,
-    tangent_center,
-    TwistServo,
-)
 from isotruss_ros.core.contact.wrench_space import wrench_space
 from isotruss_ros.core.errors import ArgumentError, GraspError
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
@@ -52,14 +29,16 @@ from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
 import pytest
 
-ROBOT = load_robot('nine_member')
+ROBOT = core.load_robot('nine_member')
 HOME, NONE = ROBOT.home, np.zeros(len(ROBOT.roller_names))
-BODY = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.02), 0.3)
-TRIANGLE = ConvexObject(Polygon([(0.0, 0.0), (0.1, 0.0), (0.0, 0.1)]), BODY.pose)
-GRIP = Grip.at_module(ROBOT, 'north/Z', BODY, 0.8)
-TRACKER = PathTracker(ObjectPath([(0, 0, 0), (0.1, 0, 0)], 0.05, 0.5), TrackingSettings(), 0.01)
+BODY = core.ConvexObject.disc(core.tangent_center(HOME, 'north/Z', 0.3, 0.02), 0.3)
+TRIANGLE = core.ConvexObject(core.Polygon([(0.0, 0.0), (0.1, 0.0), (0.0, 0.1)]), BODY.pose)
+GRIP = core.Grip.at_module(ROBOT, 'north/Z', BODY, 0.8)
+TRACKER = core.PathTracker(
+    core.ObjectPath([(0, 0, 0), (0.1, 0, 0)], 0.05, 0.5), TrackingSettings(), 0.01
+)
 POSES = np.array([BODY.pose, BODY.pose])
-SERVO = TwistServo(ROBOT, ServoSettings(GRIP, 0.01, 0.2))
+SERVO = core.TwistServo(ROBOT, ServoSettings(GRIP, 0.01, 0.2))
 TIMES, SWING = np.linspace(0.0, 3.0, 40), np.zeros((40, 3))
 
 
@@ -71,8 +50,8 @@ def put(values, value):
 
 
 CALLS = {
-    'pose of a path': lambda value: TRACKER.update(Pose(0.0, 0.0, value), 0.0, 0.01),
-    'pose to reach': lambda value: reach_pose(HOME, GRIP, (0.7, value, 0.0)),
+    'pose of a path': lambda value: TRACKER.update(core.Pose(0.0, 0.0, value), 0.0, 0.01),
+    'pose to reach': lambda value: core.reach_pose(HOME, GRIP, (0.7, value, 0.0)),
     'path in the model': lambda value: foresee_grip(HOME, BODY, 0.8, put(POSES, value)),
     'oscillation': lambda value: fit_oscillation(TIMES, put(SWING, value), 0.15),
     'joints': lambda value: calibrate_home(ROBOT, [Posture(NONE, {'P': (0.0, value)})]),
@@ -86,25 +65,25 @@ CALLS = {
 @pytest.mark.parametrize('what', CALLS)
 @pytest.mark.parametrize('value', [np.inf, -np.inf, np.nan, 1e300])
 def test_numbers_that_are_not_finite_are_refused(what, value):
-    with pytest.raises(IsotrussError, match='finite'):
+    with pytest.raises(core.IsotrussError, match='finite'):
         CALLS[what](value)
 
 
 #: Calls with a coefficient of friction.
 FRICTION_CALLS = {
-    'object': lambda mu: ConvexObject.disc((0.0, 0.0), 0.3, friction=mu),
-    'object file': lambda mu: read_object(f'{{shape: disc, diameter: 0.3, friction: {mu}}}'),
-    'settled grasp': lambda mu: settle_grasp(HOME, BODY, mu),
-    'analysis': lambda mu: analyze_grasp(HOME, BODY, mu),
-    'grip': lambda mu: Grip.at_module(ROBOT, 'north/Z', BODY, mu),
-    'requirements': lambda mu: GraspRequirements(friction=mu),
+    'object': lambda mu: core.ConvexObject.disc((0.0, 0.0), 0.3, friction=mu),
+    'object file': lambda mu: core.read_object(f'{{shape: disc, diameter: 0.3, friction: {mu}}}'),
+    'settled grasp': lambda mu: core.settle_grasp(HOME, BODY, mu),
+    'analysis': lambda mu: core.analyze_grasp(HOME, BODY, mu),
+    'grip': lambda mu: core.Grip.at_module(ROBOT, 'north/Z', BODY, mu),
+    'requirements': lambda mu: core.GraspRequirements(friction=mu),
     'MuJoCo plant': lambda mu: PlantOptions(friction=mu),
     'wrench space': lambda mu: wrench_space([(0.1, 0.0)], [(1.0, 0.0)], mu, 0.1),
     'path of an equilibrium': lambda mu: foresee_path(
-        settle_grasp(HOME, BODY).equilibrium, mu, POSES
+        core.settle_grasp(HOME, BODY).equilibrium, mu, POSES
     ),
-    'rigid object': lambda mu: RigidObject(BODY, mu),
-    'elastic object': lambda mu: ElasticObject(BODY, mu),
+    'rigid object': lambda mu: core.RigidObject(BODY, mu),
+    'elastic object': lambda mu: core.ElasticObject(BODY, mu),
 }
 
 
@@ -112,9 +91,9 @@ FRICTION_CALLS = {
 def test_friction_out_of_range_is_refused_with_the_range(what):
     with pytest.raises(GraspError, match=r'80.*: must be from 0 to 10; if it is in percent, it '):
         FRICTION_CALLS[what](80.0)
-    with pytest.raises(IsotrussError, match=r'friction.*-1.*: must be '):
+    with pytest.raises(core.IsotrussError, match=r'friction.*-1.*: must be '):
         FRICTION_CALLS[what](-1.0)
-    with pytest.raises(IsotrussError, match=r'friction.*nan.*: must be '):
+    with pytest.raises(core.IsotrussError, match=r'friction.*nan.*: must be '):
         FRICTION_CALLS[what](math.nan)
 
 
@@ -129,9 +108,9 @@ def test_friction_out_of_range_is_refused_with_the_range(what):
 )
 def test_poses_in_another_unit_are_refused_with_the_unit(pose, words):
     with pytest.raises(GraspError, match=words):
-        ConvexObject(Disc(0.3), pose)
+        core.ConvexObject(core.Disc(0.3), pose)
     with pytest.raises(GraspError, match=words):
-        reach_pose(HOME, GRIP, pose)
+        core.reach_pose(HOME, GRIP, pose)
 
 
 #: Public functions and methods, with a parameter for an object of this package each.
@@ -139,9 +118,21 @@ DOORS = [
     (door, parameter)
     for door in (
         *filter(inspect.isfunction, (getattr(core, name) for name in core.__all__)),
-        *(foresee_grip, foresee_path, ConvexObject, Grip.at_module, RollingGrip.attach),
-        *(ElasticObject, PathTracker, RigidObject, core.ShapeGuard, core.SimulatedRobot),
-        *(StateEstimator, TwistServo, core.Uncertainty.of, core.Uncertainty.chance),
+        *(
+            foresee_grip,
+            foresee_path,
+            core.ConvexObject,
+            core.Grip.at_module,
+            core.RollingGrip.attach,
+        ),
+        *(
+            core.ElasticObject,
+            core.PathTracker,
+            core.RigidObject,
+            core.ShapeGuard,
+            core.SimulatedRobot,
+        ),
+        *(StateEstimator, core.TwistServo, core.Uncertainty.of, core.Uncertainty.chance),
         *(core.Uncertainty.covariance, SettledGrasp.chance, GraspGradient.chance),
     )
     for parameter, entry in inspect.signature(door).parameters.items()
@@ -150,7 +141,7 @@ DOORS = [
 
 
 @pytest.mark.parametrize(('door', 'parameter'), DOORS, ids=lambda x: getattr(x, '__qualname__', x))
-@pytest.mark.parametrize('given', [Disc, 0.3], ids=repr)
+@pytest.mark.parametrize('given', [core.Disc, 0.3], ids=repr)
 def test_arguments_of_another_kind_are_refused_with_an_example(door, parameter, given):
     with pytest.raises(ArgumentError, match=f'{parameter}: .*: must be an? .*, such as `'):
         door(**{parameter: given})
@@ -158,15 +149,15 @@ def test_arguments_of_another_kind_are_refused_with_an_example(door, parameter, 
 
 #: Calls with a list in another form, or with a text in place of a list.
 FORMS = {
-    'carry': lambda: GraspRequirements(carry=(0.7, 0.8, 0.0)),
-    'carry, a list': lambda: GraspRequirements(carry=None),
-    'direction': lambda: GraspRequirements(direction=1.0),
-    'external_wrench': lambda: GraspRequirements(external_wrench=[(0.0, 0.0, 0.0)]),
-    'max_utilisation': lambda: GraspRequirements(max_utilisation=None),
-    "members 'north/P-Z'": lambda: settle_grasp(HOME, BODY, members='north/P-Z'),
+    'carry': lambda: core.GraspRequirements(carry=(0.7, 0.8, 0.0)),
+    'carry, a list': lambda: core.GraspRequirements(carry=None),
+    'direction': lambda: core.GraspRequirements(direction=1.0),
+    'external_wrench': lambda: core.GraspRequirements(external_wrench=[(0.0, 0.0, 0.0)]),
+    'max_utilisation': lambda: core.GraspRequirements(max_utilisation=None),
+    "members 'north/P-Z'": lambda: core.settle_grasp(HOME, BODY, members='north/P-Z'),
     "members 'north/Z-R'": lambda: core.place_between(HOME, 'north/Z-R', BODY.shape),
     'poses of the path': lambda: foresee_grip(HOME, BODY, 0.8, 'north'),
-    'speed': lambda: ObjectPath(POSES, '0.1', 0.5),
+    'speed': lambda: core.ObjectPath(POSES, '0.1', 0.5),
     'inputs poses': lambda: SERVO.receive(poses=None),
     'argument twist': lambda: SERVO.receive(twist=(0.0, 0.1, 0.0)),
     'argument rollers.value': lambda: SERVO.receive(rollers=StampedInput(NONE, 0.0)),
@@ -181,11 +172,11 @@ FORMS = {
     r"corners '\(\(0,\), \(\)\)'": lambda: replace(GRIP, corners=((0,), ())),
     "corner on north/P-Z 'a'": lambda: replace(GRIP, corners=((0,), ('a',))),
     'corner 9: the object has no': lambda: replace(GRIP, body=TRIANGLE, corners=((0,), (9,))),
-    'seed 0.5: must be an integer': lambda: settle_grasp(HOME, BODY).chance(
+    'seed 0.5: must be an integer': lambda: core.settle_grasp(HOME, BODY).chance(
         core.Uncertainty(), 1, 0.5
     ),
     'seed -1: must be an integer': lambda: core.SimulatedRobot(
-        HOME, RigidObject(BODY, 0.8), core.RollerFaults(), -1
+        HOME, core.RigidObject(BODY, 0.8), core.RollerFaults(), -1
     ),
     'max_rounds None': lambda: core.plan_grasps(HOME, BODY, max_rounds=None),
 }
@@ -193,21 +184,23 @@ FORMS = {
 
 @pytest.mark.parametrize('words', FORMS)
 def test_lists_and_inputs_of_another_form_are_refused_with_their_name(words):
-    with pytest.raises(IsotrussError, match=words):
+    with pytest.raises(core.IsotrussError, match=words):
         FORMS[words]()
 
 
 LOST = BODY.moved_to((0.0, 0.8, 0.0))
 LOAD_CALLS = {
-    'analyze_grasp': lambda load: analyze_grasp(HOME, BODY, 0.5, load),
-    'settle_grasp': lambda load: settle_grasp(HOME, BODY, 0.5, load),
-    'settle_grasp of a lost object': lambda load: settle_grasp(HOME, LOST, 0.5, load),
-    'grasp_gradient': lambda load: grasp_gradient(settle_grasp(HOME, BODY, 0.5, load)).slip_margin,
-    'GraspRequirements': lambda load: GraspRequirements(external_wrench=tuple(load)),
-    'elastic plant': lambda load: setattr(ElasticObject(BODY, 0.5), 'external_wrench', load),
-    'joint': lambda load: deform(HOME, {'Z': load[:2]}, paper_model=True),
-    'module': lambda load: deform(HOME, {}, module_loads={'north/Z': load}, paper_model=True),
-    'tube': lambda load: deform(
+    'analyze_grasp': lambda load: core.analyze_grasp(HOME, BODY, 0.5, load),
+    'settle_grasp': lambda load: core.settle_grasp(HOME, BODY, 0.5, load),
+    'settle_grasp of a lost object': lambda load: core.settle_grasp(HOME, LOST, 0.5, load),
+    'grasp_gradient': lambda load: (
+        core.grasp_gradient(core.settle_grasp(HOME, BODY, 0.5, load)).slip_margin
+    ),
+    'GraspRequirements': lambda load: core.GraspRequirements(external_wrench=tuple(load)),
+    'elastic plant': lambda load: setattr(core.ElasticObject(BODY, 0.5), 'external_wrench', load),
+    'joint': lambda load: core.deform(HOME, {'Z': load[:2]}, paper_model=True),
+    'module': lambda load: core.deform(HOME, {}, module_loads={'north/Z': load}, paper_model=True),
+    'tube': lambda load: core.deform(
         HOME, {}, tube_loads={'north/P-Z': [(0.5, *load)]}, paper_model=True
     ),
 }
@@ -217,7 +210,7 @@ LOAD_CALLS = {
 @pytest.mark.parametrize('size', [1.01 * MAX_LOAD, 1e160, 1.7e308])
 def test_loads_out_of_range_are_refused(name, size):
     for load in [(size, 0.0, 0.0), (0.0, -size, 0.0)]:
-        with pytest.raises(IsotrussError, match=r': must be . finite numbers, at most'):
+        with pytest.raises(core.IsotrussError, match=r': must be . finite numbers, at most'):
             LOAD_CALLS[name](load)
 
 
@@ -230,5 +223,5 @@ def test_the_largest_loads_do_not_overflow(name, load):
 
 
 def test_the_largest_load_is_beyond_the_limit_load():
-    with pytest.raises(IsotrussError, match='the loads are beyond the limit load'):
-        deform(HOME, {'Z': (MAX_LOAD, MAX_LOAD)})
+    with pytest.raises(core.IsotrussError, match='the loads are beyond the limit load'):
+        core.deform(HOME, {'Z': (MAX_LOAD, MAX_LOAD)})

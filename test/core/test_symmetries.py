@@ -171,9 +171,7 @@ def reframed(case, rng):
     place, before = case.pose
     shape = core.Polygon(np.roll(corners, -first).view(float).reshape(-1, 2), tuple(radii))
     return replace(
-        case,
-        shape=shape,
-        pose=(place - away * np.exp(1j * (before - angle)), before - angle),
+        case, shape=shape, pose=(place - away * np.exp(1j * (before - angle)), before - angle)
     )
 
 
@@ -329,11 +327,7 @@ def deflected(case):
 def driven(case):
     """Return the rollers' speeds for a twist of the object's middle, in terms of the first."""
     config, body, _ = case.build()
-    x, y, turn = np.linalg.solve(axes(case), [0.02, 0.01, 0.05]) * (
-        case.length,
-        case.length,
-        1.0,
-    )
+    x, y, turn = np.linalg.solve(axes(case), [0.02, 0.01, 0.05]) * (case.length, case.length, 1.0)
     origin = complex(x, y) - 1j * turn * (body.middle - body.center)
     command = core.solve_twist(config, Grip(case.members, body), (origin.real, origin.imag, turn))
     names = config.robot.roller_names

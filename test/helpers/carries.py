@@ -6,12 +6,12 @@
 from dataclasses import replace
 
 from held_grips import APART, BOX, LOOP
-from isotruss_ros.core import ConvexObject, Disc, place_between, Polygon, Robot, tangent_center
+from isotruss_ros.core import ConvexObject, Disc, place_between, Robot, tangent_center
 from isotruss_ros.core.manipulation.grip import members_at
+from shapes import BRICK
 from studies.comparison.grips import round_robot, soften
 
 MODULE, FRICTION = 'north/Z', 0.8
-BRICK = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
 #: Shape, members and angle of each grasp of the nine-member robot at home.
 GRASPS = {
     'disc 0.1 m': (Disc(0.1), (), 0.0),

@@ -3,14 +3,7 @@
 
 """Configurations of the nine-member robot with an object between two of its members."""
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    RollingGrip,
-    solve_twist_ahead,
-    Status,
-    tangent_center,
-)
+from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.pose import pose_difference
@@ -31,13 +24,13 @@ def gripped(degrees, squeeze):
 
 def disc_grip(config, module, diameter=0.3, shift=0.0):
     """Return the grip of a disc that touches both members at a module."""
-    center = tangent_center(config, module, diameter, shift)
-    return Grip.at_module(config.robot, module, ConvexObject.disc(center, diameter))
+    center = core.tangent_center(config, module, diameter, shift)
+    return core.Grip.at_module(config.robot, module, core.ConvexObject.disc(center, diameter))
 
 
 def held_at(config, module, diameter=0.3):
     """Return how a disc is held that touches both members at a module."""
-    return RollingGrip.attach(config, disc_grip(config, module, diameter))
+    return core.RollingGrip.attach(config, disc_grip(config, module, diameter))
 
 
 def surface(grip):
@@ -49,8 +42,8 @@ def drive(rolling, twist, duration, rate=20.0, lead=None):
     """Carry out a twist by commands for the middles of the intervals, or another lead [s]."""
     lead = 0.5 / rate if lead is None else lead
     for _ in range(round(duration * rate)):
-        command = solve_twist_ahead(rolling.config, rolling.grip, twist, lead)
-        assert command.status is Status.OK
+        command = core.solve_twist_ahead(rolling.config, rolling.grip, twist, lead)
+        assert command.status is core.Status.OK
         rolling = rolled(rolling, command.roller_velocities / rate)
     return rolling
 
@@ -70,7 +63,7 @@ def pressed_between(robot, module, share, deep, config=None):
     center = 0.5 * (b + c) + share * min(abs(b_end - b), abs(c_end - c)) * middle
     clear = min(abs(((center - b) * one.conj()).imag), abs(((center - c) * other.conj()).imag))
     diameter = 2.0 * (clear + deep) - robot.description.tube_diameter
-    return config, ConvexObject.disc((center.real, center.imag), diameter)
+    return config, core.ConvexObject.disc((center.real, center.imag), diameter)
 
 
 def random_pressed(rng):
@@ -89,13 +82,15 @@ def random_pressed(rng):
 def backed_off(config, body, distance, steps=10):
     """Return configurations in which the wedge moves back from a disc along its bisector."""
     diameter = body.shape.diameter
-    near, deep = (complex(*tangent_center(config, 'north/Z', diameter, d)) for d in (0.01, 0.02))
+    near, deep = (
+        complex(*core.tangent_center(config, 'north/Z', diameter, d)) for d in (0.01, 0.02)
+    )
     back = distance / steps * (deep - near) / abs(deep - near)
     configs = [config]
     for step in range(steps):
         where = body.center + step * back
-        grip = Grip.at_module(
-            config.robot, 'north/Z', ConvexObject.disc((where.real, where.imag), diameter)
+        grip = core.Grip.at_module(
+            config.robot, 'north/Z', core.ConvexObject.disc((where.real, where.imag), diameter)
         )
         rows = grip_jacobian(configs[-1], grip)
         travel = np.linalg.pinv(rows) @ [back.real, back.imag, 0.0, 0.0]

@@ -27,6 +27,8 @@ BOX_FILE = (
 BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
 #: A triangle's own sides.
 LOOP = ('south/P-Q', 'south/Q-X', 'south/X-P')
+#: Two members that meet at a module, and three of different tubes around the hole between them.
+CORNER, AROUND = ('north/P-Z', 'north/Z-R'), ('south/P-Q', 'east/Q-R', 'north/R-P')
 
 
 def numbers(members):

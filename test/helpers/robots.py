@@ -333,10 +333,7 @@ def _document(rng, joints, tubes, supports):
     for number, tube in enumerate(tubes):
         visited = [names[i] for i in np.roll(tube, rng.integers(len(tube)))]
         visited = visited[:: rng.choice([-1, 1])]
-        document['tubes'][f't{number}'] = {
-            'joints': visited,
-            'passive': str(rng.choice(visited)),
-        }
+        document['tubes'][f't{number}'] = {'joints': visited, 'passive': str(rng.choice(visited))}
     document['supports'] = {}
     for coordinate in supports:
         document['supports'].setdefault(names[coordinate // 2], []).append('xy'[coordinate % 2])

@@ -7,6 +7,10 @@ from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
 from isotruss_ros.core.fixed_object.contact_points import Surface
 import numpy as np
 
+BRICK = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
+#: One shape of each kind.
+SHAPES = [BRICK, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
+
 
 def circle(center, radius):
     """Return the surface of a disc, which points of the tubes meet."""

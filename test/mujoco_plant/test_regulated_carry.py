@@ -107,12 +107,7 @@ def test_a_push_decays(grasp, robot):
 @pytest.mark.parametrize(
     ('grasp', 'masses'),
     some_now(
-        [
-            ('brick', (0.3, 5.0)),
-            ('three members', (5.0, 0.5)),
-            ('disc 0.2 m', (5.0, 0.5)),
-        ],
-        1,
+        [('brick', (0.3, 5.0)), ('three members', (5.0, 0.5)), ('disc 0.2 m', (5.0, 0.5))], 1
     ),
 )
 def test_the_frequency_is_that_of_a_plucked_object(grasp, masses):

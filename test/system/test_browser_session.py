@@ -153,11 +153,7 @@ def session(folder, nodes):
     """Return a session beside nodes, the last of them the viewer, which all end as they should."""
     from playwright.sync_api import sync_playwright
 
-    with (
-        running_nodes(nodes, folder) as processes,
-        sync_playwright() as playwright,
-        world() as w,
-    ):
+    with running_nodes(nodes, folder) as processes, sync_playwright() as playwright, world() as w:
         browser = launch(playwright, polite_browser(folder))
         made = Session(w, processes, browser)
         yield made

@@ -59,8 +59,7 @@ def test_a_full_disk_ends_the_process_with_one_line_and_what_was_written_is_play
         )
         try:
             w.until(
-                lambda: process.poll() is not None,
-                lambda: w.probe.joint_states.publish(large),
+                lambda: process.poll() is not None, lambda: w.probe.joint_states.publish(large)
             )
         finally:
             process.kill()

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from carries import make_robot, place
-from held_grips import APART, BOX
+from held_grips import APART, BOX, CORNER, HOME
 from isotruss_ros import core
 from isotruss_ros.core.chance.criteria import find_criteria, scaled
 from isotruss_ros.core.chance.probability import (
@@ -22,11 +22,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-HOME = core.load_robot('nine_member').home
 #: The robot after calibration, with a disc whose size and pose are known well.
 CALIBRATED = core.Uncertainty(stiffness=0.1, roller_offset=0.002, friction=0.08)
 PULL = (0.5, -0.4, 0.01)
-MEMBERS = ('north/P-Z', 'north/Z-R')
 #: Parameters without deviations.
 CERTAIN = core.Uncertainty(
     **dict.fromkeys(core.Uncertainty.__dataclass_fields__, 0.0) | {'offset_covariance': None}
@@ -37,7 +35,7 @@ def settle(friction=0.8, wrench=PULL, depth=0.02, diameter=0.3):
     """Return a disc in a corner of the robot at home."""
     x, y = core.tangent_center(HOME, 'north/Z', diameter)
     body = core.ConvexObject.disc((x + 0.002, y + depth), diameter)
-    return core.settle_grasp(HOME, body, friction, wrench, members=MEMBERS)
+    return core.settle_grasp(HOME, body, friction, wrench, members=CORNER)
 
 
 def settle_afresh(settled, change):
@@ -53,7 +51,7 @@ def settle_afresh(settled, change):
         max(settled.friction + change[parameters.friction], 0.0),
         inputs.wrench + change[parameters.wrench],
         pressure=inputs.pressures + change[parameters.pressures],
-        members=MEMBERS,
+        members=CORNER,
     )
 
 
@@ -229,6 +227,7 @@ def test_opposite_offsets_of_a_belief_change_the_chance():
     for direction in (along, np.linalg.svd(along[None])[2][1]):
         covariance = 0.04**2 * np.outer(direction, direction)
         given = replace(CALIBRATED, offset_covariance=covariance)
+        assert given.covariance(settled.equilibrium)[:count, :count] == pytest.approx(covariance)
         chances.append(settled.chance(given).shares['roller offsets'])
     assert chances[0] > 0.1
     assert chances[1] < 0.1 * chances[0]

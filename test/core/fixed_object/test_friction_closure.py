@@ -94,10 +94,7 @@ def test_closure_margin_is_the_minimum_over_all_directions(rng, count, friction)
 
 @robots.examples(80)
 @given(
-    generators,
-    strategies.integers(1, 15),
-    coefficients,
-    strategies.sampled_from([1e-6, 1.0, 1e6]),
+    generators, strategies.integers(1, 15), coefficients, strategies.sampled_from([1e-6, 1.0, 1e6])
 )
 def test_required_friction_with_levers_agrees_with_a_linear_program(rng, count, friction, scale):
     tangents, forces, _ = random_contacts(rng, count)

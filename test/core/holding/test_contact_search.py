@@ -1,18 +1,19 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ends of faces on tubes: grazing ends, loaded tubes and wrong offsets."""
+"""Contacts of faces: patches with their pressures, and ends that touch or lift."""
 
 from functools import cache
 
-from held_grips import BOX, held, HOME
-from isotruss_ros.core import ConvexObject, Grip, Polygon, settle_grasp
+from held_grips import APART, BOX, CORNER, held, HOME, NINE
+from isotruss_ros import core
 from isotruss_ros.core.estimation.grip_model import attach_model
+from isotruss_ros.core.holding.contact_patches import find_patches
 from nightly import some_now
 import numpy as np
 import pytest
 from robots import preset
-from skin_depths import corner_depths
+from skin_depths import contact_loads, corner_depths
 
 ROBOT = preset('triangle')
 TURNED = ROBOT.configuration([0.051, 0.069])
@@ -23,9 +24,9 @@ FRICTION, ANGLE = 0.9, 0.5733
 def face_turned_by(milliradians):
     """Return the settled grasp of a polygon whose face turns toward a tube."""
     corners = [(0.068, -0.12), (0.011, 0.281), (-0.235, 0.176), (-0.19, -0.083), (-0.079, -0.192)]
-    shape = Polygon(corners, (0.0, 0.09, 0.14, 0.0, 0.09))
-    body = ConvexObject(shape, (0.8462, 0.7344, ANGLE + 1e-3 * milliradians))
-    return settle_grasp(TURNED, body, FRICTION, members=ROBOT.member_names[1:])
+    shape = core.Polygon(corners, (0.0, 0.09, 0.14, 0.0, 0.09))
+    body = core.ConvexObject(shape, (0.8462, 0.7344, ANGLE + 1e-3 * milliradians))
+    return core.settle_grasp(TURNED, body, FRICTION, members=ROBOT.member_names[1:])
 
 
 def test_stiffness_and_slip_margin_are_continuous_where_an_end_of_a_face_touches():
@@ -73,9 +74,69 @@ OFFSETS = 0.01 * np.random.default_rng(0).normal(size=(7, 6))[[5, 6]]
 @pytest.mark.parametrize('offsets', OFFSETS)
 def test_wrong_offsets_do_not_lift_a_box_off_its_face(offsets):
     held_box = held(BOX, 0.0)
-    grip = Grip(held_box.member_names, held_box.body, FACE_FRICTION)
+    grip = core.Grip(held_box.member_names, held_box.body, FACE_FRICTION)
     config = HOME.moved_to(offsets)
     exact, unsure = attach_model(config, grip), attach_model(config, grip, None, 0.01)
     assert exact.required_friction > FACE_FRICTION > unsure.required_friction
     assert len(unsure.contacts.members) == 3
     assert abs(unsure.pose.angle - grip.body.pose.angle) < np.radians(1.0)
+
+
+RADIUS = 0.5 * NINE.description.tube_diameter
+GAUGE = 34500.0
+
+
+def settled(shape, angle=0.4, depth=0.01):
+    """Return an object that is pressed into two sides."""
+    body = core.place_between(HOME, APART, shape, angle, depth).body
+    return core.settle_grasp(HOME, body, 5.0, members=APART)
+
+
+@pytest.mark.parametrize('shape', [core.Disc(0.4), core.Ellipse((0.25, 0.2)), BOX])
+@pytest.mark.parametrize('angle', [0.0, 0.4])
+def test_mean_pressure_times_area_is_the_normal_force(shape, angle):
+    grasp = settled(shape, angle)
+    for name, force in grasp.normal_forces.items():
+        carried = grasp.contact_pressures[name] * grasp.contact_areas[name]
+        assert carried == pytest.approx(force, rel=1e-9)
+        assert GAUGE <= grasp.contact_pressures[name] <= grasp.peak_pressures[name]
+        widest = grasp.contact_widths[name]
+        assert widest <= np.pi * RADIUS
+        assert grasp.contact_areas[name] <= widest * grasp.contact_lengths[name]
+    if shape is not BOX:  # one dent on each member
+        patches = grasp.equilibrium.patches
+        assert np.ptp(patches.spans, axis=1) == pytest.approx(patches.lengths)
+
+
+@pytest.mark.parametrize('depth', [0.004, 0.012])
+def test_pressure_of_a_disc_is_gas_pressure_plus_wall_tension_over_its_radius(depth):
+    grasp = settled(core.Disc(0.4), depth=depth)
+    grip = grasp.equilibrium
+    bent = core.deform(HOME, {}, tube_loads=contact_loads(grip))
+    ends, layout = bent.state.end_forces, bent.frame.layout
+    for number, name in enumerate(grip.member_names):
+        before, behind = ends[layout.before[number]], ends[layout.behind[number]]
+        # The moment at the contact compresses the wall on the object's side.
+        moment = 0.5 * (abs(before[5]) + abs(behind[2]))
+        pull = GAUGE * np.pi * RADIUS**2 - 2.0 / RADIUS * moment
+        pull -= max(-before[3], behind[0])
+        pressure = GAUGE + pull / (2.0 * np.pi * RADIUS) / 0.2
+        assert grasp.contact_pressures[name] == pytest.approx(pressure, rel=2e-3)
+
+
+def test_pressures_within_the_guide_rings_at_either_end_of_a_member_are_equal():
+    body = core.place_between(HOME, CORNER, core.Disc(0.08), indentation=0.006).body
+    grasp = core.settle_grasp(HOME, body, 5.0, members=CORNER)
+    one, other = grasp.contact_pressures.values()
+    assert one == pytest.approx(other, rel=1e-9)
+
+
+def test_a_section_is_flat_where_the_contact_is_as_wide_as_half_of_the_circumference():
+    grasp = settled(core.Disc(0.4))
+    assert not grasp.flattened
+    grip = grasp.equilibrium
+    skins = grip.statics.dents.press(300.0 * grip.state.normal_forces, grip.angles)
+    deep = find_patches(grip.contacts, grip.state, grip.statics.bent, skins)
+    assert deep.flattened.all()
+    assert deep.widths == pytest.approx(np.pi * RADIUS)
+    assert deep.pressures.min() > GAUGE

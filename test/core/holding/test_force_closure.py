@@ -1,26 +1,26 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Force closure of a free object, and `held`, which implies it."""
+"""Force closure and hold of a free object, and slip margins of lost contact."""
 
+from dataclasses import replace
+from functools import cache
+
+from held_grips import CORNER, HOME
 from hypothesis import given
 from hypothesis import strategies as st
+from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, HoldStatus, settle_grasp, tangent_center
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.viewer.arrows import arrow_of
 import numpy as np
 import pytest
 import random_grips
 import robots
-from robots import preset
+from shapes import sampled
 
-HOME = preset('nine_member').home
 #: What may be wrong with an object that forces within the friction balance.
-WRONG = {
-    HoldStatus.FAR,
-    HoldStatus.OTHER_CONTACT,
-    HoldStatus.UNSTABLE,
-    HoldStatus.WRINKLES,
-}
+WRONG = {HoldStatus.FAR, HoldStatus.OTHER_CONTACT, HoldStatus.UNSTABLE, HoldStatus.WRINKLES}
 
 
 @given(
@@ -84,7 +84,7 @@ CENTER = tangent_center(HOME, 'north/Z', 0.3, 0.01)
 def test_an_equilibrium_is_at_most_a_quarter_of_the_diameter_away(away, hold):
     """Across the bisector, the equilibrium is in the middle, wherever the disc was given."""
     body = ConvexObject.disc((CENTER[0] + away, CENTER[1]), 0.3)
-    settled = settle_grasp(HOME, body, 0.9, members=('north/P-Z', 'north/Z-R'))
+    settled = settle_grasp(HOME, body, 0.9, members=CORNER)
     assert settled.hold is hold
     assert np.hypot(*settled.displacement[:2]) == pytest.approx(away, abs=1e-4)
     assert ('25.6 mm' in settled.reason) == (hold is HoldStatus.FAR)
@@ -97,3 +97,105 @@ def test_a_member_slips_below_the_required_friction():
     slips = settle_grasp(HOME, body, 0.9 * required)
     assert slips.hold is HoldStatus.SLIPS
     assert f'coefficient {required:.3g} against {0.9 * required:.3g}' in slips.reason
+
+
+STEP = 1e-6
+
+
+def settle(travel, away=0.0, pose=None, pull=(0.0, -2.0, 0.0)):
+    """Return a disc that is so far from both members at home, set down elsewhere by `pose`."""
+    body = core.place_between(HOME, CORNER, core.Disc(0.3), indentation=-away).body
+    body = body if pose is None else body.moved_to(np.add(body.pose, pose))
+    return core.settle_grasp(HOME.moved_to(travel), body, 0.8, pull, members=CORNER)
+
+
+def test_gap_is_the_distance_to_contact():
+    grasp = settle(np.zeros(6), 0.02)
+    assert not grasp.held
+    assert grasp.hold is core.HoldStatus.NO_CONTACT
+    assert grasp.lost.gap == pytest.approx(0.02, abs=1e-6)
+    assert settle(np.zeros(6), -0.01).lost is None
+
+
+def test_slip_margin_without_contact_is_minus_the_external_wrench():
+    stiffness = 34500.0 * 0.051
+    for pull in ((0.0, 0.0, 0.0), (3.0, 4.0, 0.0), (0.0, 0.0, 0.3)):
+        missing = np.linalg.norm(np.divide(pull, (1.0, 1.0, 0.15)))
+        grasp = settle(np.zeros(6), 0.01, pull=pull)
+        assert grasp.slip_margin == pytest.approx(-missing - 0.01 * stiffness, rel=1e-6)
+
+
+def test_slip_margin_is_continuous_at_the_loss_of_contact():
+    for pull in ((0.0, 0.0, 0.0), (0.0, -0.2, 0.0)):
+        touching, apart = (
+            settle(np.zeros(6), -1e-5, pull=pull),
+            settle(np.zeros(6), 1e-5, pull=pull),
+        )
+        assert touching.slip_margin == pytest.approx(apart.slip_margin, abs=0.05)
+
+
+@robots.examples(20)
+@given(st.integers(0, 2**32 - 1))
+def test_gradient_agrees_with_finite_differences(seed):
+    rng = np.random.default_rng(seed)
+    travel = rng.uniform(-0.01, 0.01, 6)
+    pose = np.append(rng.uniform(-0.01, 0.01, 2), rng.uniform(-1.0, 1.0))
+    grasp = settle(travel, 0.06, pose)
+    gradient = core.grasp_gradient(grasp)
+    assert gradient.pose[:, gradient.parameters.place] == pytest.approx(np.eye(3))
+    for step in STEP * rng.choice([-1.0, 1.0], (1, 6)):
+        ends = [settle(travel + sign * step, 0.06, pose).slip_margin for sign in (1.0, -1.0)]
+        slope = gradient.slip_margin[gradient.parameters.rollers] @ step
+        assert ends[0] - ends[1] == pytest.approx(2.0 * slope, rel=1e-4, abs=1e-7)
+    for step in STEP * rng.choice([-1.0, 1.0], (1, 3)):
+        ends = [settle(travel, 0.06, pose + sign * step).slip_margin for sign in (1.0, -1.0)]
+        slope = gradient.slip_margin[gradient.parameters.place] @ step
+        assert ends[0] - ends[1] == pytest.approx(2.0 * slope, rel=1e-4, abs=1e-7)
+
+
+DISC = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.01), 0.3, friction=0.8)
+#: Of the slip margin: the equilibrium is linear about it only for small wrenches.
+SHARE = 0.2
+
+
+@cache
+def settled(away=0j):
+    """Return a disc pressed into the corner, whose middle is away from its frame."""
+    shape, center = sampled(DISC.shape, 48, 0.1, away), DISC.center - away
+    return settle_grasp(HOME, replace(DISC, shape=shape, pose=(center.real, center.imag, 0.0)))
+
+
+def left_after(grasp, direction):
+    """Return the share of the slip margin under a share of it in a direction [-]."""
+    body = grasp.equilibrium.statics.body
+    fx, fy, m = SHARE * grasp.slip_margin * direction
+    pulled = settle_grasp(HOME, body, external_wrench=(fx, fy, m * body.arm))
+    return pulled.slip_margin / grasp.slip_margin
+
+
+@pytest.mark.parametrize('away', [0j, 0.1 + 0.05j])
+def test_slip_margin_vanishes_under_its_wrench_along_the_slip_direction(away):
+    grasp = settled(away)
+    assert left_after(grasp, grasp.slip_direction) == pytest.approx(1.0 - SHARE, rel=0.05)
+
+
+def test_slip_direction_minimises_the_margin():
+    grasp = settled()
+    least = left_after(grasp, grasp.slip_direction)
+    others = np.random.default_rng(0).normal(size=(5, 3))
+    for other in others / np.linalg.norm(others, axis=1, keepdims=True):
+        assert left_after(grasp, other) > least
+
+
+@pytest.mark.parametrize(
+    ('wrench', 'arrow'),
+    [
+        ((1.0, 0.0, 0.0), '→'),
+        ((0.1, -5.0, 1.0), '↓'),
+        ((0.1, 0.0, 0.5), '↺'),
+        ((0.0, 0.0, 0.0), ''),
+        ((np.nan, 0.0, 0.0), ''),
+    ],
+)
+def test_the_arrow_points_along_the_larger_of_force_and_moment(wrench, arrow):
+    assert arrow_of(wrench) == arrow

@@ -5,7 +5,7 @@
 
 import math
 
-from held_grips import APART, BOX, held, HOME, LOOP, NINE, numbers
+from held_grips import APART, BOX, CORNER, held, HOME, LOOP, NINE, numbers
 from isotruss_ros import core
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
@@ -18,7 +18,6 @@ from scipy.optimize import brentq
 from skin_depths import bent_line
 
 SHARP = core.Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
-CORNER = ('north/P-Z', 'north/Z-R')
 CASES = [
     (BOX, 0.2, APART, 2),
     (BOX, 0.0, APART, 3),
@@ -209,3 +208,7 @@ def test_third_member_comes_into_contact_by_bending():
     # Rolling linearises tubes within `FOLLOWED_MOTION`, so forces err by about 1e-4 N.
     for there, back in zip(states[:2], states[:2:-1], strict=True):
         assert back == pytest.approx(there, rel=1e-6, abs=1e-7)
+    for travel in (2e-3, 4e-3, 6e-3):
+        grip = roll_grip(grip, HOME.moved_to([travel, *5 * [0.0]]))
+        assert grip.normal_forces.min() > 0.0
+    assert grip.member_names == LOOP[:2]  # the third one has opened

@@ -6,7 +6,7 @@
 from itertools import product
 
 from grips import gripped
-from held_grips import APART, BOX
+from held_grips import APART, BOX, CORNER, HOME
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -19,16 +19,14 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.manipulation.grip import members_at
 from nightly import some_now
 import numpy as np
 import pytest
-from robots import preset, with_round_tubes
+from robots import with_round_tubes
 from skin_depths import contact_loads
 
-HOME = preset('nine_member').home
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
-FRICTION, CORNER = 0.5, ('north/P-Z', 'north/Z-R')
+FRICTION = 0.5
 
 
 def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
@@ -53,8 +51,7 @@ def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
 @pytest.mark.parametrize(
     ('degrees', 'squeeze'),
     some_now(
-        dict.fromkeys([(31.0, 2e-3), (60.0, 5e-4), *product([31.0, 40.0, 60.0], [5e-4, 2e-3])]),
-        2,
+        dict.fromkeys([(31.0, 2e-3), (60.0, 5e-4), *product([31.0, 40.0, 60.0], [5e-4, 2e-3])]), 2
     ),
 )
 def test_settled_grasp_without_friction_agrees_with_analyze_grasp(degrees, squeeze):
@@ -97,9 +94,8 @@ def test_refusal_of_a_deep_object_has_its_deepest_member_and_depth():
 
 
 def test_contacts_that_bend_beyond_the_ends_of_their_members_are_named():
-    members = ('south/P-Q', 'north/R-P')
-    grip = place_between(HOME, members, Disc(0.27), indentation=0.015)
-    assert settle_grasp(HOME, grip.body, members=members).hold is HoldStatus.OFF_MEMBER
+    grip = place_between(HOME, APART, Disc(0.27), indentation=0.015)
+    assert settle_grasp(HOME, grip.body, members=APART).hold is HoldStatus.OFF_MEMBER
 
 
 def test_used_friction_is_the_share_of_the_cone():
@@ -147,22 +143,13 @@ def test_an_object_keeps_its_position_along_the_bisector_of_the_forces(members, 
 FLAT = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
 
 
-def settled_in_corner(shape, depth):
-    """Return the settled grasp of an object pressed into a corner."""
-    members = members_at(HOME.robot, 'north/Z')
-    grip = place_between(HOME, members, shape, angle=0.3, indentation=depth)
-    return settle_grasp(HOME, grip.body, 2.0)
-
-
-def assert_joints_agree(grip, bent, tolerance):
-    count = len(HOME.robot.topology.joint_names)
-    moved, expected = held_joints(grip) - HOME.nodes[:count], bent.state.displacements[:count, :2]
-    assert moved == pytest.approx(expected, abs=tolerance * np.abs(expected).max())
-
-
 @pytest.mark.parametrize(('shape', 'depth'), [(Disc(0.3), 0.02), (Disc(0.3), 0.035), (FLAT, 0.02)])
 def test_structure_of_a_held_object_agrees_with_deform(shape, depth):
-    settled = settled_in_corner(shape, depth)
+    grip = place_between(HOME, CORNER, shape, angle=0.3, indentation=depth)
+    settled = settle_grasp(HOME, grip.body, 2.0)
     bent = deform(HOME, {}, tube_loads=contact_loads(settled.equilibrium))
-    assert_joints_agree(settled.equilibrium, bent, 1e-6)
+    count = len(HOME.robot.topology.joint_names)
+    moved = held_joints(settled.equilibrium) - HOME.nodes[:count]
+    expected = bent.state.displacements[:count, :2]
+    assert moved == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
     assert settled.utilisation == pytest.approx(bent.utilisation, rel=1e-5, abs=1e-9)

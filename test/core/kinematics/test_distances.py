@@ -4,7 +4,7 @@
 """Depths of objects in members, and distances of parts from each other and from an object."""
 
 from hypothesis import given
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core import ConvexObject, Disc, load_robot, Polygon
 from isotruss_ros.core.kinematics.depths import member_depths, push_out
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.model.convex_object import segment_gaps
@@ -12,11 +12,10 @@ from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
 import robots
+from shapes import SHAPES
 
 ROBOT = load_robot('nine_member')
 SHARE = np.linspace(0.0, 1.0, 4001)
-BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
-SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
 
 
 def parts_of(robot, config):

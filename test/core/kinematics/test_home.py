@@ -1,13 +1,16 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robot at home: names, orders, joints where the file puts them, modules that bisect."""
+"""The robot at home: names, modules that bisect, and rigidity with locked rollers."""
 
 from hypothesis import given, strategies
+from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError
+from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 import numpy as np
 import pytest
 import robots
+from robots import refusal
 
 SEEDS = strategies.integers(0, 2**32 - 1)
 
@@ -18,10 +21,7 @@ def modules_of(document):
         (tube, joint, after, before, joint != block['passive'])
         for tube, block in document['tubes'].items()
         for before, joint, after in zip(
-            np.roll(block['joints'], 1),
-            block['joints'],
-            np.roll(block['joints'], -1),
-            strict=True,
+            np.roll(block['joints'], 1), block['joints'], np.roll(block['joints'], -1), strict=True
         )
     ]
 
@@ -109,3 +109,93 @@ def pinched(opening, module):
 def test_module_that_does_not_fit_its_corner_is_refused(opening, size, message):
     with pytest.raises(RobotFileError, match=f'does not fit its corner: .*{message}'):
         robots.load(pinched(opening, size))
+
+
+def slender_example():
+    """Return the document of a small robot whose modules fit where they are close together."""
+    document = robots.example()
+    document['module']['pinch_separation'], document['tube']['diameter'] = 0.05, 0.02
+    return document
+
+
+@pytest.mark.parametrize(
+    ('supports', 'message'),
+    [
+        ({'P': ['x', 'y']}, 'supports: too few: 2 grounded coordinates; must be 3'),
+        ({'P': ['x', 'y'], 'Q': ['x', 'y']}, 'supports: too many: 4 grounded coordinates'),
+        ({'P': ['y'], 'Q': ['y'], 'X': ['y']}, 'these joints can still move: P, Q, X'),
+        # Q can only move at a right angle to PQ: along y, which grounding its x does not stop.
+        ({'P': ['x', 'y'], 'Q': ['x']}, 'rollers locked: these joints can still move: Q, X'),
+    ],
+)
+def test_supports_that_do_not_hold_the_robot_are_refused(supports, message):
+    document = robots.example()
+    document['supports'] = supports
+    assert message in refusal(document)
+
+
+def test_only_moving_joints_of_a_mechanism_are_named():
+    document = slender_example()
+    # A second triangle that hangs on one joint of the first, and turns about it.
+    document['joints'].update({'U': [2.0, 0.0], 'V': [1.6, 0.9]})
+    document['tubes']['loose'] = {'joints': ['Q', 'U', 'V'], 'passive': 'U'}
+    assert 'these joints can still move: U, V; 1 more members or supports are needed' in refusal(
+        document
+    )
+    document['supports']['U'] = ['y']
+    robots.load(document)
+
+
+def test_hinges_in_line_are_refused():
+    # A three-hinged arch whose hinges are in line moves a little, whatever its lengths.
+    document = slender_example()
+    document['members']['min_length'] = 0.2
+    document['joints'].update({'H': [0.5, 0.0], 'U': [0.25, -0.45], 'V': [0.75, -0.45]})
+    document['tubes']['left'] = {'joints': ['P', 'H', 'U'], 'passive': 'U'}
+    document['tubes']['right'] = {'joints': ['Q', 'H', 'V'], 'passive': 'V'}
+    message = refusal(document)
+    assert 'can still move: H, U, V' in message
+    document['joints'].update({'H': [0.5, -0.3], 'U': [0.15, -0.6], 'V': [0.85, -0.6]})
+    robots.load(document)
+
+
+def scaled_matrix(config):
+    """Return the matrix of (12), its rows of angles times the rod length."""
+    m, matrix = config.robot.topology.n_modules, robots.dense_matrix(config)
+    matrix[slice(4 * m, 5 * m)] *= config.robot.description.module.rod_length
+    return matrix
+
+
+def least_singular_value(config):
+    """Return the smallest singular value of that matrix."""
+    return np.linalg.svd(scaled_matrix(config), compute_uv=False)[-1]
+
+
+@pytest.mark.parametrize('case', [*robots.PRESETS, 0, 1, 2])
+def test_modes_agree_with_a_singular_value_decomposition(case):
+    robot = load_robot(case) if isinstance(case, str) else robots.random_robot(case)
+    measure = rigidity_index(robot)
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        config = robots.random_state(robot, rng, 0.1)
+        modes = measure.modes(config)
+        expected = least_singular_value(config) / least_singular_value(robot.home)
+        assert modes.values[0] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize('case', [*robots.PRESETS, 0, 1])
+def test_gradient_of_the_index_is_that_of_the_singular_value(case):
+    robot = load_robot(case) if isinstance(case, str) else robots.random_robot(case)
+    measure, rng = rigidity_index(robot), np.random.default_rng(2)
+    config = robots.random_state(robot, rng, 0.1)
+    left, values, right = np.linalg.svd(scaled_matrix(config))
+    modes = Modes(values[-1:], left[:, -1:], right[-1:].T)
+    gradient = measure.gradients(config, modes)[0]
+    step = 1e-6 * rng.standard_normal(len(gradient))
+
+    def moved(sign):
+        points = config.points + sign * step.view(np.complex128)
+        return least_singular_value(type(config)(robot, config.roller_positions, points))
+
+    expected = (moved(1.0) - moved(-1.0)) / (2.0 * least_singular_value(robot.home))
+    assert gradient @ step == pytest.approx(expected, rel=1e-3, abs=1e-10)

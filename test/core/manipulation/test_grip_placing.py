@@ -5,24 +5,15 @@
 
 import math
 
+from held_grips import APART, AROUND, BOX, NINE
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import (
-    Disc,
-    load_robot,
-    place_between,
-    Polygon,
-    reachable_twists,
-    tangent_center,
-)
+from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
 import random_grips
 import robots
-
-NINE = load_robot('nine_member')
-BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)])
 
 
 def depths(config, grip):
@@ -39,7 +30,7 @@ def test_penetrations_of_two_members_are_equal(robot, rng):
     shape, angle = grip.body.shape, grip.body.pose.angle
     depth = float(rng.uniform(0.0, 0.02))
     try:
-        placed = place_between(config, grip.members, shape, angle, depth)
+        placed = core.place_between(config, grip.members, shape, angle, depth)
     except GraspError:
         return
     assert placed.body.shape is shape
@@ -48,23 +39,22 @@ def test_penetrations_of_two_members_are_equal(robot, rng):
 
 
 def test_penetrations_of_three_members_at_symmetry_are_equal():
-    members = ('south/P-Q', 'east/Q-R', 'north/R-P')
-    grip = place_between(NINE.home, members, Disc(0.82), indentation=0.002)
+    grip = core.place_between(NINE.home, AROUND, core.Disc(0.82), indentation=0.002)
     apart = -depths(NINE.home, grip)
     # The hole of the robot is a regular triangle, for a disc of 0.824 m.
     assert np.ptp(apart) < 1e-9
     assert apart[0] == pytest.approx(0.002, abs=1e-3)
-    assert grip.members == members
-    assert len(reachable_twists(NINE.home, grip)) == 3
+    assert grip.members == AROUND
+    assert len(core.reachable_twists(NINE.home, grip)) == 3
 
 
 def test_objects_that_do_not_fit_are_refused():
-    with pytest.raises(GraspError, match=r'reaches 0\.320156 m does not fit between'):
-        place_between(NINE.home, ('south/X-P', 'north/Z-R'), BOX)
+    with pytest.raises(GraspError, match=r'reaches 0\.312062 m does not fit between'):
+        core.place_between(NINE.home, ('south/X-P', 'north/Z-R'), BOX)
     with pytest.raises(GraspError, match='angle, indentation'):
-        place_between(NINE.home, ('south/P-Q', 'north/R-P'), BOX, np.nan)
+        core.place_between(NINE.home, APART, BOX, np.nan)
     with pytest.raises(GraspError, match='no such members'):
-        place_between(NINE.home, ('south/P-Q', 'north/R-X'), BOX)
+        core.place_between(NINE.home, ('south/P-Q', 'north/R-X'), BOX)
 
 
 @robots.examples(60)
@@ -73,12 +63,13 @@ def test_shift_from_the_tangent_center_indents_by_the_sine_of_half_the_angle(rob
     config, grip, ends = robots.random_grasp(robot, rng, number)
     module, shape = grip.members[0].split('-')[0], grip.body.shape
     center, shifted = (
-        complex(*tangent_center(config, module, shape.diameter, shift)) for shift in (0.0, 1e-3)
+        complex(*core.tangent_center(config, module, shape.diameter, shift))
+        for shift in (0.0, 1e-3)
     )
     assert abs(shifted - center) == pytest.approx(1e-3)
     one, other = ends[1] - ends[0], ends[3] - ends[2]
     depth = 1e-3 * math.sin(0.5 * abs(np.angle(one / other)))
-    placed = place_between(config, grip.members, shape, indentation=depth)
+    placed = core.place_between(config, grip.members, shape, indentation=depth)
     assert placed.center == pytest.approx(shifted, abs=1e-9)
 
 
@@ -93,4 +84,4 @@ def test_shift_from_the_tangent_center_indents_by_the_sine_of_half_the_angle(rob
 )
 def test_discs_that_do_not_fit_at_a_module_are_refused(module, diameter, shift, message):
     with pytest.raises(GraspError, match=message):
-        tangent_center(load_robot('triangle').home, module, diameter, shift)
+        core.tangent_center(core.load_robot('triangle').home, module, diameter, shift)

@@ -29,7 +29,7 @@ ROUNDED = core.Polygon(PENTAGON.vertices, 0.02)
     'body',
     [
         # At this angle a normal passes half a turn in the object's frame.
-        DISC.moved_to((CENTER.real, CENTER.imag, 0.47)),
+        DISC.moved_to((CENTER.real, CENTER.imag, 0.523)),
         core.ConvexObject(core.Ellipse((0.25, 0.24)), core.Pose(CENTER.real, CENTER.imag, 0.3)),
         core.ConvexObject(ROUNDED, core.Pose(CENTER.real, CENTER.imag, 0.1)),
     ],

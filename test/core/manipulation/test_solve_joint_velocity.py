@@ -36,8 +36,7 @@ def test_joint_commands_have_the_least_cost():
     incidence = ROBOT.topology.incidence
     cost = np.linalg.norm(incidence @ command.roller_velocities)
     rows = np.stack(
-        [unit.reshape(-1, 2)[PLACES].ravel() for unit in config.node_jacobian.T],
-        axis=1,
+        [unit.reshape(-1, 2)[PLACES].ravel() for unit in config.node_jacobian.T], axis=1
     )
     for direction in null_space(rows).T:
         for step in (-1e-3, 1e-3):

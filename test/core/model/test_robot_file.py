@@ -173,9 +173,7 @@ def test_invalid_robot_files_are_refused(case):
 
 
 @pytest.mark.parametrize(
-    'name',
-    ['nine', '~nobody_of_this_name/x.yaml', 'x\0y', 'x' * 300, '/', '', None],
-    ids=repr,
+    'name', ['nine', '~nobody_of_this_name/x.yaml', 'x\0y', 'x' * 300, '/', '', None], ids=repr
 )
 def test_missing_file_is_refused_with_the_presets(name):
     with pytest.raises(RobotFileError, match=r'give one of bow_tie, .*, triangle, or the path'):

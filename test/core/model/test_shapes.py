@@ -12,13 +12,11 @@ from isotruss_ros.core.model.smooth_outline import SmoothOutline
 import numpy as np
 import pytest
 import robots
-from shapes import random_polygon, random_shape, regular_polygon, sampled
+from shapes import random_polygon, random_shape, regular_polygon, sampled, SHAPES
 
 SEEDS = strategies.integers(0, 10**6)
 SQUARE = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))
 PENTAGRAM = [(np.cos(4 * np.pi * i / 5), np.sin(4 * np.pi * i / 5)) for i in range(5)]
-BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
-SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
 
 
 @robots.examples(100)

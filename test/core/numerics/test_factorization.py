@@ -1,9 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Factors of small matrices, whose inverses and condition numbers are known by hand."""
+"""Arrays that callers pass, and factors of small matrices."""
 
 from hypothesis import given, strategies
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.numerics.factorization import (
     count_negative_pivots,
     estimate_condition,
@@ -55,3 +57,21 @@ def test_factors_solve_like_numpy_for_any_size(kind, rng, n, columns):
         assert factor.solve(sides) == pytest.approx(wanted, rel=1e-9, abs=1e-10)
         wanted = np.linalg.solve(matrix.T, sides)
         assert factor.solve(sides, transposed=True) == pytest.approx(wanted, rel=1e-9, abs=1e-10)
+
+
+@pytest.mark.parametrize('values', [(1, 2.0), np.uint8([1, 2]), np.arange(1.0, 3.0)])
+def test_real_numbers_become_a_new_array_of_floats(values):
+    array = finite_array(values, 2, 'center', GraspError)
+    assert array.dtype == np.float64
+    assert array.tolist() == [1.0, 2.0]
+    array[0] = 5.0
+    assert values[0] == 1
+
+
+NO_PAIRS = [[1.0], [[1.0, 2.0]], [1.0, np.inf], None, [1.0, 2j], ['1', '2'], [[1.0], [1.0, 2.0]]]
+
+
+@pytest.mark.parametrize('values', NO_PAIRS)
+def test_anything_else_is_refused(values):
+    with pytest.raises(GraspError, match='must be 2 finite numbers'):
+        finite_array(values, 2, 'center', GraspError)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import math
 
 from carries import FRICTION, make_robot, place
-from held_grips import APART, inclined_grip, NINE, numbers
+from held_grips import APART, AROUND, inclined_grip, NINE, numbers
 from isotruss_ros import core
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
@@ -128,13 +128,12 @@ SPEED, TURN_RATE = 0.03, 0.3
 )
 def test_foresight_and_control_loop_agree_near_a_singularity(displacement, is_reached):
     """In three members, a disc of 0.86 m moves 1/18 to 1/30 as fast as a roller at first."""
-    members = ('south/P-Q', 'east/Q-R', 'north/R-P')
-    body = place_between(NINE.home, members, Disc(0.86), indentation=0.02).body
+    body = place_between(NINE.home, AROUND, Disc(0.86), indentation=0.02).body
     body = replace(body, friction=FRICTION)
-    grip = attach_grip(NINE.home, body, numbers(members))
+    grip = attach_grip(NINE.home, body, numbers(AROUND))
     poses = np.array([grip.pose, np.add(grip.pose, displacement)])
     foresight = foresee_path(grip, FRICTION, poses, SPEED, TURN_RATE)
-    share = follow_in_loop(NINE, body, members, displacement)
+    share = follow_in_loop(NINE, body, AROUND, displacement)
     assert (share == 1.0) is (foresight.share == 1.0) is is_reached
     assert share == pytest.approx(foresight.share, abs=0.02)
     assert bool(foresight.why) is not is_reached

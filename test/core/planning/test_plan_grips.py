@@ -1,48 +1,43 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The search for grips of convex objects by any two members, or three."""
+"""Plans by any two members, or three, which depend on no frame or name."""
 
+import copy
+from pathlib import Path
 import re
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Ellipse,
-    GraspRequirements,
-    plan_grasps,
-    Polygon,
-    settle_grasp,
-)
+from held_grips import APART, BOX, HOME
+from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.model.presets import config_directory
+from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.planning.facing import balances, friction_angles
 from isotruss_ros.core.planning.grasp_plan import export_figures, plan_in_words
+from nightly import some_now
 import numpy as np
 import pytest
-from robots import preset
+from ruamel.yaml import YAML
+from shapes import BRICK, SHAPES
 
-ROBOT = preset('nine_member')
-HOME = ROBOT.home
 HOLE = (0.716, -0.4134)  # between the three tubes
-BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
 #: Of the tubes [m].
 RADIUS = 0.5 * HOME.robot.description.tube_diameter
-SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
 
 
 @pytest.fixture(scope='module')
 def plan():
     """Plan the grip of a disc that only three members of different tubes reach around."""
-    needs = GraspRequirements(count=1, squeeze=12.0)
-    body = ConvexObject(Disc(0.6), (*HOLE, 0.2))
-    return body, needs, plan_grasps(HOME, body, needs, max_rounds=1)
+    needs = core.GraspRequirements(count=1, squeeze=12.0)
+    body = core.ConvexObject(core.Disc(0.6), (*HOLE, 0.2))
+    return body, needs, core.plan_grasps(HOME, body, needs, max_rounds=1)
 
 
 @pytest.mark.parametrize('shape', SHAPES)
 def test_two_members_balance_from_the_friction_angle_on(shape):
     rng = np.random.default_rng(0)
     for _ in range(60):
-        body = ConvexObject(shape, (*rng.normal(size=2), rng.uniform(0.0, 6.0)))
+        body = core.ConvexObject(shape, (*rng.normal(size=2), rng.uniform(0.0, 6.0)))
         normals = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi)) * np.array([1.0, -1.0])
         normals[1] *= np.exp(1j * rng.uniform(-0.8, 0.8))
         angle = float(friction_angles(body, normals[:1], normals[1:], RADIUS)[0])
@@ -59,7 +54,7 @@ def test_the_planned_grip_holds_the_object(plan):
     assert set(grasp.members) == set(grasp.grip.members)
     assert grasp.grip.body.shape == body.shape
     assert abs(grasp.grip.center - body.center) < 1e-3
-    settled = settle_grasp(grasp.config, body, needs.friction, members=grasp.grip.members)
+    settled = core.settle_grasp(grasp.config, body, needs.friction, members=grasp.grip.members)
     assert settled.held
     assert grasp.slip_margin == pytest.approx(settled.slip_margin, rel=0.1)
     assert grasp.score == grasp.slip_margin > 2.0
@@ -69,35 +64,87 @@ def test_the_planned_grip_holds_the_object(plan):
     assert export_figures(grasp)['module'] == ''
 
 
-SIDES = ('south/P-Q', 'north/R-P')  # of two tubes, that meet at no module
-
-
 def test_only_the_members_that_are_named_grip():
-    body = ConvexObject(Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], 0.02))
-    body = body.moved_to((0.54, -0.31, -0.5))
-    needs = GraspRequirements(friction=0.9, squeeze=12.0, members=SIDES[::-1], count=1)
-    (grasp,) = plan_grasps(HOME, body, needs, thorough=False)
-    assert set(grasp.grip.members) == set(SIDES)
-    assert settle_grasp(grasp.config, grasp.grip.body, 0.9, members=SIDES).held
+    body = core.ConvexObject(BOX, (0.54, -0.31, -0.5))
+    needs = core.GraspRequirements(friction=0.9, squeeze=12.0, members=APART[::-1], count=1)
+    (grasp,) = core.plan_grasps(HOME, body, needs, thorough=False)
+    assert set(grasp.grip.members) == set(APART)
+    assert core.settle_grasp(grasp.config, grasp.grip.body, 0.9, members=APART).held
 
 
 def test_members_that_the_robot_does_not_have_are_refused():
-    needs = GraspRequirements(members=('north/Z-R', 'north/X-Y'))
+    needs = core.GraspRequirements(members=('north/Z-R', 'north/X-Y'))
     with pytest.raises(GraspError, match="'north/X-Y': robot nine_member has no such members"):
-        plan_grasps(HOME, ConvexObject(BOX), needs)
+        core.plan_grasps(HOME, core.ConvexObject(BRICK), needs)
 
 
 @pytest.mark.parametrize(
     ('place', 'members', 'words'),
     [
-        ((4.0, 1.0), SIDES, 'enclosed: no members'),
-        ((0.716, 0.5), SIDES, 'members: [01] of the 2 required members are visible'),
-        (HOLE, (*SIDES, 'east/Q-R'), 'opposed: no near directions of the members balance'),
+        ((4.0, 1.0), APART, 'enclosed: no members'),
+        ((0.716, 0.5), APART, 'members: [01] of the 2 required members are visible'),
+        (HOLE, (*APART, 'east/Q-R'), 'opposed: no near directions of the members balance'),
     ],
 )
 def test_members_without_a_grasp_have_the_reason(place, members, words):
-    needs = GraspRequirements(members=members, friction=0.01)
-    body = ConvexObject(BOX, (*place, 0.3))
-    result = plan_grasps(HOME, body, needs, max_rounds=1)
+    needs = core.GraspRequirements(members=members, friction=0.01)
+    body = core.ConvexObject(BRICK, (*place, 0.3))
+    result = core.plan_grasps(HOME, body, needs, max_rounds=1)
     assert not result.grasps
     assert re.search(words, plan_in_words(result))
+
+
+DOCUMENT = YAML(typ='safe').load((config_directory() / 'nine_member.yaml').read_text('utf-8'))
+MIDDLE = complex(*np.mean(list(DOCUMENT['joints'].values()), axis=0))
+FLAT_BOX = core.Polygon([(0.15, 0.1), (-0.15, 0.1), (-0.15, -0.1), (0.15, -0.1)])
+NAMES = dict(zip('PQRXYZ', ('last', 'B', 'm', 'a', 'zz', 'c'), strict=True))
+NAMES |= {'south': 'u', 'east': 'Z', 'north': 'b'}
+#: Shapes with the places of their centres. From the first two, members are equally far; faces of
+#: the first box are parallel to a member.
+OBJECTS = [
+    (core.Disc(0.3), 0.2j),
+    (core.Disc(0.5), 0.1 + 0.05j),
+    (FLAT_BOX, 0.2j),
+    (FLAT_BOX, 0.12 + 0.03j),
+    (core.Ellipse((0.2, 0.14)), 0.1j),
+]
+
+
+def plan_moved(shape, away, shift=0j, quarters=0, names=None):
+    """Return score, squeeze and travel (n, 3) of the grasps, and the names of their members."""
+    turn, document = 1j**quarters, copy.deepcopy(DOCUMENT)
+    rename = (names or {}).get
+    document['joints'] = {
+        rename(name, name): [(z := turn * complex(*place) + shift).real, z.imag]
+        for name, place in document['joints'].items()
+    }
+    axes = {'x': 'y', 'y': 'x'} if quarters % 2 else {}
+    document['supports'] = {
+        rename(name, name): [axes.get(axis, axis) for axis in held]
+        for name, held in document['supports'].items()
+    }
+    document['tubes'] = {
+        rename(tube, tube): {
+            'joints': [rename(name, name) for name in block['joints']],
+            'passive': rename(block['passive'], block['passive']),
+        }
+        for tube, block in document['tubes'].items()
+    }
+    robot = core.Robot(describe_robot(Path('other.yaml'), document))
+    place = turn * (MIDDLE + away) + shift
+    body = core.ConvexObject(shape, (place.real, place.imag, 0.5 * np.pi * quarters))
+    grasps = core.plan_grasps(
+        robot.home, body, core.GraspRequirements(friction=0.6), max_rounds=1
+    ).grasps
+    order = robot.member_names
+    members = [[order.index(name) for name in grasp.members] for grasp in grasps]
+    return np.array([(grasp.score, grasp.squeeze, grasp.travel) for grasp in grasps]), members
+
+
+@pytest.mark.parametrize('number', some_now(range(len(OBJECTS))))
+def test_plans_depend_on_no_frame_or_name(number):
+    values, members = plan_moved(*OBJECTS[number])
+    others, same = plan_moved(*OBJECTS[number], shift=0.1 + 0.2j, quarters=1, names=NAMES)
+    assert same == members
+    assert others == pytest.approx(values, rel=1e-9)
+    assert len(values)

@@ -1,13 +1,15 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Letting go: on the elastic plant the planned path leaves the object where it is held."""
+"""Closing on a free object and letting go: it stays at its pose on the elastic plant."""
 
 import functools
 import itertools
+import math
 import re
 
 import closings
+from held_grips import AROUND, HOME
 from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_record import GripRecord
@@ -18,13 +20,10 @@ from nightly import some_now
 import numpy as np
 import pytest
 from robots import preset
+from shapes import BRICK
 
-HOME = preset('nine_member').home
 CLEARANCE, CENTER = 0.05, (0.6, 0.3)
 MEMBERS = members_at(HOME.robot, 'north/Z')
-#: Of different tubes, around the hole between them.
-THREE = ('south/P-Q', 'east/Q-R', 'north/R-P')
-BOX = core.Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
 SMALL_BOX = core.Polygon(
     [(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], corner_radius=0.02
 )
@@ -49,13 +48,13 @@ def disc(diameter, angle):
     ('body', 'members', 'moved', 'parts'),
     some_now(
         [
-            (core.ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 5),
-            (core.ConvexObject(BOX, (0.716, 0.5, 0.2)), None, 3e-3, 30),
+            (core.ConvexObject(BRICK, (0.716, 0.5, 0.2)), None, 3e-3, 5),
+            (core.ConvexObject(BRICK, (0.716, 0.5, 0.2)), None, 3e-3, 30),
             (disc(0.2, 0.0), MEMBERS, 3e-4, 30),
             (disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 3e-4, 30),
             (disc(0.3, 2.5), MEMBERS, 3e-4, 30),
             (disc(0.2, -3.1), members_at(HOME.robot, 'north/P'), 3e-4, 30),
-            (core.ConvexObject(core.Disc(0.6), (0.716, -0.4134, 0.2)), THREE, 3e-3, 30),
+            (core.ConvexObject(core.Disc(0.6), (0.716, -0.4134, 0.2)), AROUND, 3e-3, 30),
         ]
     ),
 )
@@ -111,7 +110,7 @@ def test_contacts_that_share_a_face_do_not_slip_in_the_release():
 
 
 def test_a_release_that_turns_the_object_by_more_than_allowed_is_no_path():
-    body = core.ConvexObject(BOX, (0.716, 0.5, 0.2))
+    body = core.ConvexObject(BRICK, (0.716, 0.5, 0.2))
     grasp = grasped(body, None)
     config = HOME.robot.configuration(grasp.path[-1])
     names = grasp.grip.members
@@ -144,3 +143,46 @@ def test_other_members_do_not_hold_it():
 def test_a_clearance_is_positive_and_within_the_robot(clearance):
     with pytest.raises(GraspError, match=re.escape(f'clearance {clearance:.6g} m')):
         plan_release(HOME, SMALL, MEMBERS, clearance)
+
+
+MODULE, FRICTION = 'north/Z', 0.5
+BODY = core.ConvexObject.disc((0.6, 0.3), 0.3)
+
+
+@functools.lru_cache(maxsize=8)
+def planned(**values):
+    """Return a planned grasp."""
+    needs = core.GraspRequirements(friction=FRICTION, module=MODULE, count=1, **values)
+    return core.plan_grasps(HOME, BODY, needs, thorough=False)[0]
+
+
+@pytest.mark.parametrize(
+    ('squeeze', 'parts'), some_now([(15.0, 5), (8.0, 20), (None, 20), (15.0, 40)])
+)
+def test_a_free_object_stays_at_its_pose_while_the_planned_grip_closes(squeeze, parts):
+    grasp = planned(squeeze=squeeze)
+    if squeeze is not None:
+        assert grasp.squeeze == pytest.approx(squeeze, rel=2e-3)
+    simulated, held = core.ElasticObject(BODY, FRICTION), []
+    robot = core.SimulatedRobot(HOME, simulated, core.RollerFaults())
+    for piece in itertools.pairwise(grasp.path):
+        closings.drive(robot, piece, parts)
+        held.append(simulated.grasp is not None)
+    # Nothing presses before the touch, and all of it is held from there on.
+    assert held == [False] * grasp.touch + [True] * (len(grasp.path) - 1 - grasp.touch)
+    assert simulated.grasp.squeeze == pytest.approx(grasp.squeeze, rel=0.01)
+    assert simulated.slip_margin == pytest.approx(grasp.slip_margin, rel=0.02)
+    assert robot.object_pose[:2] == pytest.approx(BODY.pose[:2], abs=4e-4)
+    assert abs(robot.object_pose.angle) < math.radians(0.2)
+
+
+def test_a_robot_with_two_rollers_displaces_the_object_by_little():
+    home, body = preset('triangle').home, core.ConvexObject.disc((0.716, 0.5), 0.4)
+    needs = core.GraspRequirements(module='main/T', count=1)
+    (grasp,) = core.plan_grasps(home, body, needs, thorough=False)
+    away = abs(grasp.grip.center - body.center)
+    assert 1e-4 < away < 0.25 * home.robot.description.tube_diameter
+    config = preset('triangle').configuration(grasp.path[-1])
+    settled = core.settle_grasp(config, grasp.grip.body, FRICTION)
+    assert settled.held
+    assert settled.slip_margin == pytest.approx(grasp.slip_margin, rel=1e-3)

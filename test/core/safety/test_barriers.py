@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 from contracts import check_barrier
 from grips import disc_grip
+from held_grips import AROUND
 from hypothesis import assume, given
 from isotruss_ros.core import Disc, Grip, load_robot, place_between, Polygon
 from isotruss_ros.core.errors import ConfigurationError, GraspError
@@ -88,10 +89,9 @@ def test_active_values_depend_on_the_present_state_alone(kind):
 
 def test_distances_of_the_object_are_those_of_its_present_grip():
     robot, law = load_robot('nine_member'), BarrierLaw(0.0, 0.3)
-    members = ('south/P-Q', 'east/Q-R', 'north/R-P')
-    body = place_between(robot.home, members, Disc(0.82), indentation=0.002).body
-    other, barrier = Grip(members[1:], body), ObjectBarrier(robot, law)
-    barrier.active(robot.home, Grip(members[:2], body))
+    body = place_between(robot.home, AROUND, Disc(0.82), indentation=0.002).body
+    other, barrier = Grip(AROUND[1:], body), ObjectBarrier(robot, law)
+    barrier.active(robot.home, Grip(AROUND[:2], body))
     near, fresh = (each.active(robot.home, other) for each in (barrier, ObjectBarrier(robot, law)))
     assert near.indices.tolist() == fresh.indices.tolist()
 

@@ -5,7 +5,7 @@
 
 from hypothesis import given, strategies
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.safety.roller_failure import FailureDetector
+from isotruss_ros.core.safety.roller_failure import FAILURE_TIME, FailureDetector
 import numpy as np
 import pytest
 import robots
@@ -15,9 +15,10 @@ RATE = 200.0
 
 
 class Rollers:
-    """Rollers with delay, noise and slip; `works` are their shares of the command."""
+    """Rollers with delay, noise and slip, and their detector; `works`: shares of the command."""
 
-    def __init__(self, delay=0.0, noise=0.0, slip=0.0, seed=0):
+    def __init__(self, delay=0.0, noise=0.0, slip=0.0, seed=0, time=FAILURE_TIME):
+        self.detector = FailureDetector.of(NAMES, time)
         self.works = np.ones(len(NAMES))
         self.positions = np.zeros(len(NAMES))
         self._waiting = [np.zeros(len(NAMES))] * round(delay * RATE)
@@ -32,36 +33,15 @@ class Rollers:
         self.positions = self.positions + effect / RATE
         return self.positions + self._noise * self._rng.standard_normal(len(NAMES))
 
-
-class Watched:
-    """Detector of the failures of four rollers."""
-
-    def __init__(self, **options):
-        self.detector = FailureDetector.of(NAMES, **options)
-
-    @property
-    def failed(self):
-        """Return the failed rollers."""
-        return self.detector.failed
-
-    def update(self, *sample):
-        """Compare a sample."""
-        self.detector = self.detector.updated(*sample)
-
-    def reset(self, names=None):
-        """Regard rollers as working again."""
-        self.detector = self.detector.reset(names)
-
-
-def run(watched, rollers, commands, start=100.0):
-    """Feed a detector; return the time from the start at which each roller was detected [s]."""
-    detected = {}
-    for k, command in enumerate(commands):
-        measured = rollers.move(np.asarray(command))
-        watched.update(measured, start + k / RATE, np.asarray(command))
-        for name in watched.failed - set(detected):
-            detected[name] = k / RATE
-    return detected
+    def run(self, commands, start=100.0):
+        """Return the time from the start at which each roller was detected [s]."""
+        detected = {}
+        for k, command in enumerate(commands):
+            measured = self.move(np.asarray(command))
+            self.detector = self.detector.updated(measured, start + k / RATE, np.asarray(command))
+            for name in self.detector.failed - set(detected):
+                detected[name] = k / RATE
+        return detected
 
 
 def steady(speeds, duration):
@@ -71,9 +51,9 @@ def steady(speeds, duration):
 @pytest.mark.parametrize('speed', [0.1, -0.1, 0.03])
 @pytest.mark.parametrize('time', [0.5, 1.0, 3.0])
 def test_a_stuck_roller_is_detected_after_its_failure_time(speed, time):
-    rollers = Rollers(noise=1e-4)
+    rollers = Rollers(noise=1e-4, time=time)
     rollers.works[1] = 0.0
-    detected = run(Watched(failure_time=time), rollers, steady([speed] * 4, 5.0))
+    detected = rollers.run(steady([speed] * 4, 5.0))
     assert set(detected) == {'b'}
     assert time <= detected['b'] <= time + 0.02
 
@@ -89,7 +69,7 @@ def test_oscillating_commands_detect_stuck_rollers_alone(rng, frequency):
     times = np.arange(8 * RATE)[:, None] / RATE
     phase = rng.uniform(0.0, 2.0 * np.pi, 4)
     commands = size * np.sin(2.0 * np.pi * frequency * times + phase)
-    detected = run(Watched(), rollers, commands)
+    detected = rollers.run(commands)
     assert set(detected) == {name for name, is_stuck in zip(NAMES, stuck, strict=True) if is_stuck}
     # Speeds below 2 mm/s at the turns do not count.
     assert max(detected.values(), default=0.0) < 1.6
@@ -119,73 +99,76 @@ def test_rollers_that_follow_are_never_flagged(rng, kind):
         commands = 0.1 * np.clip(
             np.cumsum(rng.standard_normal((len(times), 4)), axis=0) / 20, -1, 1
         )
-    assert run(Watched(), rollers, commands) == {}
+    assert rollers.run(commands) == {}
 
 
 def test_a_roller_that_is_not_commanded_is_never_flagged():
     rollers = Rollers()
     rollers.works[:] = 0.0
-    assert run(Watched(), rollers, steady([0.0] * 4, 5.0)) == {}
-    assert run(Watched(), rollers, steady([0.0015] * 4, 20.0)) == {}
+    assert rollers.run(steady([0.0] * 4, 5.0)) == {}
+    assert rollers.run(steady([0.0015] * 4, 20.0)) == {}
     trembling = [[0.1 * (-1.0) ** k] * 4 for k in range(1000)]
-    assert run(Watched(), rollers, trembling) == {}
-    assert set(run(Watched(), rollers, steady([0.1, 0.0, 0.0, 0.0], 5.0))) == {'a'}
+    assert rollers.run(trembling) == {}
+    swing = 0.1 * np.sin(16.0 * np.pi * np.arange(5 * RATE) / RATE)  # faster than drives follow
+    assert rollers.run([[speed] * 4 for speed in swing.tolist()]) == {}
+    assert set(rollers.run(steady([0.1, 0.0, 0.0, 0.0], 5.0))) == {'a'}
 
 
 def test_pauses_do_not_hide_a_stuck_roller():
-    rollers, watched = Rollers(), Watched()
+    rollers = Rollers()
     rollers.works[0] = 0.0
     bursts = (steady([0.05, 0, 0, 0], 0.2) + steady([0.0] * 4, 0.5)) * 10
-    detected = run(watched, rollers, bursts)
+    detected = rollers.run(bursts)
     assert set(detected) == {'a'}
     assert 4 * 0.7 < detected['a'] < 5 * 0.7 + 0.2
 
 
 def test_a_failed_roller_works_again_only_after_a_reset():
-    rollers, watched = Rollers(), Watched()
+    rollers = Rollers()
     rollers.works[:2] = 0.0
-    run(watched, rollers, steady([0.05] * 4, 2.0))
-    assert watched.failed == {'a', 'b'}
+    rollers.run(steady([0.05] * 4, 2.0))
+    assert rollers.detector.failed == {'a', 'b'}
     rollers.works[:] = 1.0
-    run(watched, rollers, steady([0.0, 0.0, 0.05, 0.05], 5.0), start=102.0)
+    rollers.run(steady([0.0, 0.0, 0.05, 0.05], 5.0), start=102.0)
     # Moving, even by hand, is not enough.
-    run(watched, rollers, steady([0.05] * 4, 5.0), start=107.0)
-    assert watched.failed == {'a', 'b'}
-    watched.reset(['a'])
-    assert watched.failed == {'b'}
-    watched.reset()
-    assert watched.failed == set()
-    assert run(watched, rollers, steady([0.05] * 4, 5.0), start=112.0) == {}
+    rollers.run(steady([0.05] * 4, 5.0), start=107.0)
+    assert rollers.detector.failed == {'a', 'b'}
+    rollers.detector = rollers.detector.reset(['a'])
+    assert rollers.detector.failed == {'b'}
+    rollers.detector = rollers.detector.reset()
+    assert rollers.detector.failed == set()
+    assert rollers.run(steady([0.05] * 4, 5.0), start=112.0) == {}
     rollers.works[3] = 0.0
-    assert set(run(watched, rollers, steady([0.05] * 4, 3.0), start=117.0)) == {'d'}
+    assert set(rollers.run(steady([0.05] * 4, 3.0), start=117.0)) == {'d'}
     with pytest.raises(GraspError, match="rollers 'z': the robot has no such rollers"):
-        watched.reset(['z'])
+        rollers.detector.reset(['z'])
 
 
 @pytest.mark.parametrize(
     ('first', 'step'), [(100.0, 1.5), (1000.0, -0.01), (100.0, 0.0)], ids=['gaps', 'back', 'equal']
 )
 def test_samples_far_apart_or_out_of_order_flag_no_roller(first, step):
-    rollers, watched, command = Rollers(), Watched(), np.full(4, 0.1)
+    rollers, command = Rollers(), np.full(4, 0.1)
     rollers.works[:] = 0.0
     for k in range(1000):
-        watched.update(rollers.move(command), first + step * k, command)
-    assert watched.failed == set()
-    assert set(run(watched, rollers, steady(command, 2.0), start=5.0)) == set(NAMES)
+        measured = rollers.move(command)
+        rollers.detector = rollers.detector.updated(measured, first + step * k, command)
+    assert rollers.detector.failed == set()
+    assert set(rollers.run(steady(command, 2.0), start=5.0)) == set(NAMES)
 
 
 @pytest.mark.parametrize('speed', [0.0021, 0.0024])
 def test_a_slow_roller_is_detected_a_settling_time_after_2_mm(speed):
     rollers = Rollers()
     rollers.works[1] = 0.0
-    times = run(Watched(), rollers, steady([speed] * 4, 3.0))
+    times = rollers.run(steady([speed] * 4, 3.0))
     assert times == {'b': pytest.approx(0.002 / speed + 0.2, abs=0.012)}
 
 
 @pytest.mark.parametrize('works', [0.05, 0.55, 0.75, 0.95, 3.0])
 def test_a_roller_that_fails_in_motion_is_detected_within_its_failure_time_and_20_mm(works):
-    rollers, watched = Rollers(), Watched()
-    assert run(watched, rollers, steady([0.1] * 4, works)) == {}
+    rollers = Rollers()
+    assert rollers.run(steady([0.1] * 4, works)) == {}
     rollers.works[0] = 0.0
-    times = run(watched, rollers, steady([0.1] * 4, 3.0), start=100.0 + works)
+    times = rollers.run(steady([0.1] * 4, 3.0), start=100.0 + works)
     assert 0.8 <= times['a'] <= 1.0 + 0.02 / 0.1 + 0.01

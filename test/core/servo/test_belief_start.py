@@ -5,7 +5,7 @@
 
 from dataclasses import replace
 
-from held_grips import HOME
+from held_grips import CORNER, HOME
 from isotruss_ros.core import Disc, Grip, place_between, Polygon, Pose, Robot, Status
 from isotruss_ros.core.estimation.state_estimate import (
     EstimatedTravel,
@@ -19,10 +19,9 @@ import numpy as np
 import pytest
 from squeeze_loop import SqueezeLoop
 
-MEMBERS = ('north/P-Z', 'north/Z-R')
-BODY = place_between(HOME, MEMBERS, Disc(0.2), indentation=0.01).body
+BODY = place_between(HOME, CORNER, Disc(0.2), indentation=0.01).body
 MODEL = attach_grip(HOME, BODY)
-GRIP = Grip(MEMBERS, MODEL.body, 0.8)
+GRIP = Grip(CORNER, MODEL.body, 0.8)
 OUTSIDE = [(0.0, -0.03, 0.0), (0.0, 0.03, 0.0)]
 DEFAULTS = {'pose_gain': None, 'load': 0.0}
 #: Poses of the object in the members' way, with both ends of a face up to 50 mm deep.
@@ -33,7 +32,7 @@ TURNED = Pose(0.66, 0.89, 1.55)
 def at_rest(force=1.0, config=HOME, **settings):
     """Return a loop with a disc that stays in place, and a share of its squeeze as target."""
     options = DEFAULTS | settings
-    grip = replace(GRIP) if config is HOME else Grip(MEMBERS, MODEL.body, 0.8)
+    grip = replace(GRIP) if config is HOME else Grip(CORNER, MODEL.body, 0.8)
     return SqueezeLoop(config, grip, force * MODEL.squeeze, follows=False, **options)
 
 
@@ -93,8 +92,8 @@ def test_an_equilibrium_far_beyond_wrinkling_starts_no_belief():
 
 
 def test_an_assumed_equilibrium_is_at_the_measured_angle():
-    placed = place_between(HOME, MEMBERS, BOX, 0.0).body
-    grip = Grip(MEMBERS, attach_grip(HOME, placed).body, 0.8)
+    placed = place_between(HOME, CORNER, BOX, 0.0).body
+    grip = Grip(CORNER, attach_grip(HOME, placed).body, 0.8)
     loop = SqueezeLoop(HOME, grip, MODEL.squeeze, follows=False, **DEFAULTS)
     for number in range(12):
         decision = loop.cycle(pose=StampedInput(TURNED, loop.now))

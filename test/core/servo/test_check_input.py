@@ -1,29 +1,24 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inputs of a servo that are checked, and those that are not numbers."""
+"""Inputs of a servo that are checked, and texts of its decisions."""
 
 import math
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    IsotrussError,
-    load_robot,
-    Pose,
-    RollerFaults,
-    TwistServo,
-)
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros import core
+from isotruss_ros.core import Status
+from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, EstimatorSettings
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.decision import describe, describe_squeeze, halt_for
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 import numpy as np
 import pytest
 
-ROBOT = load_robot('nine_member')
+ROBOT = core.load_robot('nine_member')
 NONE = np.zeros(len(ROBOT.roller_names))
 
 
@@ -32,7 +27,11 @@ NAN = np.full(COUNT, math.nan)
 #: Input, valid value, invalid values with a word of the reason.
 INPUTS = [
     ('twist', (0.0, 0.1, 0.2), [((0.0, 0.1), 'twist'), ((0.0, 0.1, math.inf), 'twist')]),
-    ('pose', Pose(0.0, 0.1, 0.2), [((0.0, 0.1, 0.2, 0.3), 'pose'), ((math.nan,) * 3, 'pose')]),
+    (
+        'pose',
+        core.Pose(0.0, 0.1, 0.2),
+        [((0.0, 0.1, 0.2, 0.3), 'pose'), ((math.nan,) * 3, 'pose')],
+    ),
     ('wrench', (1.0, 2.0, 0.1), [((1.0, 2.0), 'wrench'), ((1e7, 0.0, 0.0), 'wrench')]),
     ('pressures', (3e4,) * 3, [((3e4,) * 2, 'pressure'), ((-1.0, 3e4, 3e4), 'pressure')]),
     (
@@ -57,12 +56,12 @@ INPUTS = [
 ]
 
 
-GRIP = Grip(('north/P-Z', 'north/Z-R'), ConvexObject.disc((0.7, 0.8), 0.3))
+GRIP = core.Grip(('north/P-Z', 'north/Z-R'), core.ConvexObject.disc((0.7, 0.8), 0.3))
 
 
 def receive(name, value, time=1.0):
     """Return an input of a servo that has received a value."""
-    servo = TwistServo(ROBOT, ServoSettings(GRIP, 0.01, 0.2))
+    servo = core.TwistServo(ROBOT, ServoSettings(GRIP, 0.01, 0.2))
     servo.receive(**{name: StampedInput(value, time)})
     return getattr(servo.inputs, name)
 
@@ -86,7 +85,7 @@ WRONG_SETTINGS = [
     (EstimatorSettings, dict.fromkeys(vars(EstimatorSettings()), 100.0) | {'load': -1.0}),
     (ShapeBounds, dict.fromkeys(vars(ShapeBounds()), -1.0)),
     (TrackingSettings, dict.fromkeys(vars(TrackingSettings()), -1.0)),
-    (RollerFaults, {'slip': 0.6, 'noise': -1.0, 'speed_limit': -1.0}),
+    (core.RollerFaults, {'slip': 0.6, 'noise': -1.0, 'speed_limit': -1.0}),
 ]
 GOOD_SETTINGS = {
     ServoSettings: {'grip': GRIP, 'period': 0.01, 'timeout': 0.2},
@@ -100,7 +99,7 @@ GOOD_SETTINGS = {
 )
 def test_settings_out_of_range_are_refused_with_their_name_and_range(kind, name, value):
     for wrong in {value, math.nan, 'x'} if isinstance(value, float) else (value,):
-        with pytest.raises(IsotrussError, match=f'{name}.*: must be '):
+        with pytest.raises(core.IsotrussError, match=f'{name}.*: must be '):
             kind(**GOOD_SETTINGS.get(kind, {}) | {name: wrong})
 
 
@@ -112,3 +111,48 @@ def test_an_inclination_in_degrees_is_refused_with_its_value_in_radians():
 def test_a_utilisation_and_a_failure_time_may_be_infinite_and_deviations_zero():
     SqueezeSettings(0.0, max_utilisation=math.inf, load=0.0, zero_deviation=0.0)
     ServoSettings(**GOOD_SETTINGS[ServoSettings], failure_time=math.inf)
+
+
+CLOSEST = (
+    'the twist is unreachable or would break contacts; '
+    'the closest one that keeps the contacts is (0.01, 0.02) m/s, 0.3 rad/s'
+)
+
+
+@pytest.mark.parametrize(
+    ('status', 'scale', 'limiting', 'text'),
+    [
+        (Status.OK, 1.0, (), ''),
+        (Status.SLOWED_BARRIER, 1.0, (), ''),
+        (Status.HALT_NO_TWIST, 0.0, (), ''),
+        (Status.SLOWED_OBJECT, 0.25, ('a', 'b'), 'slowed to 25 % by the limits of a, b'),
+        (Status.HALT_NO_TWIST - 1, 0.25, ('a',), 'slowed to 25 % by the limits of a'),
+        (Status.SLIDING, 0.25, ('a',), 'sliding with 25 % by the limits of a'),
+        (Status.UNREACHABLE, 1.0, (), CLOSEST),
+        (Status.UNREACHABLE, 0.5, ('a',), f'{CLOSEST}; slowed to 50 % by the limits of a'),
+    ],
+)
+def test_the_message_names_the_closest_twist_and_the_remaining_share(
+    status, scale, limiting, text
+):
+    command = RollerCommand(np.ones(6), np.array([0.01, 0.02, 0.3]), scale, status, limiting)
+    assert describe(command, True) == text
+    if text.startswith(CLOSEST):  # a joint has no contacts
+        assert describe(command, False).startswith('the twist is unreachable; the closest reach')
+
+
+def test_a_squeeze_with_a_deviation_above_its_half_is_unknown():
+    assert describe_squeeze(10.0, 5.0) == 'squeeze 10.0 N, deviation 5.0 N'
+    assert describe_squeeze(10.0, 5.1).startswith('squeeze unknown: 10.0 N, deviation 5.1 N; ')
+
+
+@pytest.mark.parametrize(
+    ('error', 'status'),
+    [
+        (GraspError('no contact'), Status.HALT_NO_GRASP),
+        (ConfigurationError('singular'), Status.HALT_KINEMATICS),
+        (IsotrussError('other'), Status.HALT_KINEMATICS),
+    ],
+)
+def test_errors_of_the_solver_have_the_status_of_their_kind(error, status):
+    assert halt_for(error) is status

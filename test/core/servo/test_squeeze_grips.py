@@ -3,7 +3,7 @@
 
 """Squeeze and pose of convex objects between any members, on the elastic plant."""
 
-from held_grips import APART, BOX, HOME, numbers
+from held_grips import APART, AROUND, BOX, HOME, numbers
 from isotruss_ros.core import Disc, Ellipse, Grip, place_between, Polygon, solve_twist, Status
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
@@ -19,7 +19,6 @@ from squeeze_loop import SqueezeLoop
 OBLIQUE = HOME.moved_to(HOME.roller_positions + np.array([0.1, -0.1, 0.0, 0.1, -0.1, 0.05]))
 #: The two that meet at a module.
 CORNER = ('north/Z-R', 'north/P-Z')
-AROUND = ('south/P-Q', 'east/Q-R', 'north/R-P')
 LOW_BOX = Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)
 SMALL_BOX = Polygon([(-0.08, -0.06), (0.08, -0.06), (0.08, 0.06), (-0.08, 0.06)], 0.02)
 

@@ -4,19 +4,12 @@
 """Simulated robot: travel, faults of the rollers, and refused commands."""
 
 from grips import disc_grip
-from isotruss_ros.core import (
-    ConvexObject,
-    load_robot,
-    RigidObject,
-    RollerFaults,
-    RollingGrip,
-    SimulatedRobot,
-)
+from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError
 import numpy as np
 import pytest
 
-ROBOT = load_robot('nine_member')
+ROBOT = core.load_robot('nine_member')
 N = len(ROBOT.roller_names)
 GRASP = disc_grip(ROBOT.home, 'north/Z')
 SPEEDS = np.linspace(-0.02, 0.03, N)
@@ -24,8 +17,8 @@ SPEEDS = np.linspace(-0.02, 0.03, N)
 
 def simulated(**faults):
     """Return a robot at home with the object in its grip."""
-    held = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRASP))
-    return SimulatedRobot(ROBOT.home, held, RollerFaults(**faults), seed=3)
+    held = core.RigidObject.in_grip(core.RollingGrip.attach(ROBOT.home, GRASP))
+    return core.SimulatedRobot(ROBOT.home, held, core.RollerFaults(**faults), seed=3)
 
 
 def test_travel_is_speed_times_time_for_any_steps():
@@ -75,7 +68,9 @@ def test_encoders_do_not_measure_slip():
     assert shares.max() <= 0.15
     assert len(set(shares.round(9))) == moves.sum()  # each roller has its own
     # The object is where the tubes took it, and the way back leads home.
-    assert robot.object_pose == RollingGrip.attach(ROBOT.home, GRASP).moved_to(robot.config).pose
+    assert (
+        robot.object_pose == core.RollingGrip.attach(ROBOT.home, GRASP).moved_to(robot.config).pose
+    )
     robot.command(-SPEEDS)
     robot.advance(2.0)
     assert robot.config.roller_positions == pytest.approx(np.zeros(N), abs=1e-15)
@@ -92,7 +87,7 @@ def test_a_bad_command_changes_nothing(bad):
 
 
 def test_a_replaced_object_is_at_its_own_pose():
-    robot, other = simulated(), RigidObject(ConvexObject.disc((0.1, 0.2), 0.1), 0.5)
+    robot, other = simulated(), core.RigidObject(core.ConvexObject.disc((0.1, 0.2), 0.1), 0.5)
     robot.replace_object(other)
     assert robot.object_pose == (0.1, 0.2, 0.0)
 

@@ -44,10 +44,7 @@ def model_of(block):
 
 
 laws = strategies.builds(
-    Law,
-    strategies.floats(1e-3, 1e3),
-    strategies.floats(-2.0, 2.0),
-    strategies.floats(-4.0, 1.0),
+    Law, strategies.floats(1e-3, 1e3), strategies.floats(-2.0, 2.0), strategies.floats(-4.0, 1.0)
 )
 lengths = strategies.floats(0.05, 5.0)
 pressures = strategies.floats(1e3, 1e5)
