@@ -72,6 +72,14 @@ def test_of_slip_and_a_wrong_marker_the_one_with_smaller_chi_square_is_found(acr
     assert slipped.any() == slips
 
 
+def test_a_slip_that_explains_all_markers_is_more_probable_than_two_wrong_ones():
+    rates, off = np.zeros((12, 6)), np.full((6, 2), 4e-4)
+    rates[[0, 2], 0], off[:2] = 1.0, (SLIP, 3e-3)
+    used, slipped = judge_markers(off, NOISE, rates, REACH)
+    assert used.all()
+    assert slipped == pytest.approx(SLIP * np.eye(6)[0], abs=1e-9)
+
+
 def test_a_slip_is_at_most_the_travel():
     off = (RATES @ (3.0 * SLIP * np.eye(6)[2])).reshape(6, 2)
     assert not judge_markers(off, NOISE, RATES, REACH)[1].any()

@@ -24,6 +24,7 @@ CASES = [
     (SHARP, 0.5236, CORNER, 3),
     (core.Ellipse((0.25, 0.2)), 0.4, APART, 2),
     (core.Disc(0.4), 0.4, APART, 2),
+    (core.Disc(0.65), 0.0, LOOP, 3),
 ]
 
 
@@ -97,7 +98,8 @@ def test_response_agrees_with_small_wrenches(shape, angle, members, count):
         )
 
 
-@pytest.mark.parametrize(('shape', 'angle', 'members', '_'), CASES)
+# The rollers do not open a loop of one tube.
+@pytest.mark.parametrize(('shape', 'angle', 'members', '_'), CASES[:-1])
 def test_squeeze_stiffness_is_the_change_of_the_squeeze_by_opening_the_members(
     shape, angle, members, _
 ):
