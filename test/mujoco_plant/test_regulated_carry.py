@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Carries with squeeze control in MuJoCo, by the table of cases in docs/safety.md."""
+"""Carries in MuJoCo with squeeze control, and their estimates, by the table in docs/safety.md."""
 
 from dataclasses import replace
 
@@ -17,7 +17,9 @@ from nightly import some_now
 import numpy as np
 import pytest
 from studies.comparison.carrying import RATE, Regulated
+from studies.comparison.estimated_carries import carry, SIX, THREE
 from studies.comparison.grips import hold_at_home
+from studies.comparison.random_carries import BOX, DISC
 
 pytestmark = needs_mujoco
 
@@ -199,3 +201,25 @@ def test_predicted_motion_agrees_with_mujoco(turn):
     turned = (carry.plant.object_pose()[2] - start[2]) / turn
     assert Status.SLOWED_SLIP_MARGIN in carry.statuses
     assert turned == pytest.approx(result.share, abs=0.12)
+
+
+#: Each object, each set of joints, and each stiffness at least once.
+CASES = [(BOX, SIX, 1.0), (BOX, THREE, 0.6), (DISC, THREE, 1.5)]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(('kind', 'names', 'stiffness'), CASES)
+def test_squeeze_with_estimated_offsets_is_the_desired_one(kind, names, stiffness):
+    result = carry(kind, 2, names, stiffness)
+    # Three markers do not separate the offsets from a rotation of their frame (2 degrees).
+    squeeze, worst, joints = (0.1, 0.2, 1.5e-3) if names is SIX else (0.2, 0.25, 9e-3)
+    assert abs(result.squeeze) < squeeze
+    assert result.worst < worst
+    assert abs(result.surprise) < 3.0
+    assert result.joints < joints
+    assert result.encoders > 4.0 * result.joints
+
+
+@pytest.mark.nightly
+def test_squeeze_with_encoders_alone_is_wrong():
+    assert abs(carry(DISC, 2, (), fed=False).squeeze) > 0.1
