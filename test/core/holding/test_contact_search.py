@@ -9,6 +9,7 @@ from held_grips import APART, BOX, CORNER, held, HOME, NINE
 from isotruss_ros import core
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.contact_patches import find_patches
+from isotruss_ros.core.holding.contact_search import measure_gaps
 from nightly import some_now
 import numpy as np
 import pytest
@@ -122,6 +123,14 @@ def test_pressure_of_a_disc_is_gas_pressure_plus_wall_tension_over_its_radius(de
         pull -= max(-before[3], behind[0])
         pressure = GAUGE + pull / (2.0 * np.pi * RADIUS) / 0.2
         assert grasp.contact_pressures[name] == pytest.approx(pressure, rel=2e-3)
+
+
+@pytest.mark.parametrize('angle', [-0.03, 0.03, 0.04])
+def test_gaps_of_free_corners_are_their_distances_from_the_bent_tubes(angle):
+    grip = held(BOX, angle)
+    (gap,) = measure_gaps(grip, 0.5).gaps
+    depth = corner_depths(grip, grip.member_names[gap.owner])[gap.corner]
+    assert gap.width == pytest.approx(-depth, abs=5e-5)
 
 
 def test_pressures_within_the_guide_rings_at_either_end_of_a_member_are_equal():

@@ -135,6 +135,14 @@ def test_a_squeeze_is_increased_and_only_a_known_one_is_reduced(zeros, more, end
     assert ('squeeze unknown' in loop.decisions[-1].message) is not is_known
 
 
+def test_a_new_grip_has_the_deviation_of_estimated_offsets():
+    known = EstimatedTravel(np.zeros(6), 1e-8 * np.eye(6))
+    loops = Loop(zero_deviation=1e-2), Loop(zero_deviation=1e-2)
+    first = loops[0].cycle().squeeze
+    informed = loops[1].cycle(estimate=StampedInput(known, loops[1].now)).squeeze
+    assert informed[1] < 0.9 * first[1]  # with the error of the stiffness
+
+
 @pytest.mark.parametrize('size', some_now([1e-2, 1e-3]))
 def test_a_corrected_offset_changes_the_squeeze_and_not_the_pose(size):
     loop, moved = Loop(), size * np.array([0.3, -0.5, 0.2, -0.8, 0.4, 1.0])
