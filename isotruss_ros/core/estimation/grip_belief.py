@@ -44,13 +44,10 @@ from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.tolerances import ROUNDING, SMALLEST_NORMAL
+from isotruss_ros.core.numerics.tolerances import SMALLEST_NORMAL
 from isotruss_ros.core.numerics.work_limit import WorkLimitError
 import numpy as np
 
-#: Smallest time between two equilibria [s]. In cycles between them, (19) predicts pose and
-#: squeeze.
-EQUILIBRIUM_PERIOD = 0.02
 #: Measured roller positions (r,) [m], and their age [s].
 Readings = tuple[Array, float] | None
 
@@ -69,7 +66,6 @@ class GripBelief:
         the measured pose is found.
     :ivar max_deviations: largest `slip_deviations` without slip [-].
     :ivar search_time: time of the last search [s].
-    :ivar equilibrium_time: time of the last equilibrium [s].
     :ivar search_due: hold status if the search that is due in the next cycle fails; None: no
         search is due.
     :ivar lost_margin: slip margin lost by earlier sliding [N].
@@ -83,7 +79,6 @@ class GripBelief:
     is_assumed: bool
     max_deviations: float
     search_time: float = 0.0
-    equilibrium_time: float = 0.0
     search_due: HoldStatus | None = None
     lost_margin: float = 0.0
 
@@ -215,7 +210,7 @@ class GripBelief:
 
         An object that has slid into place uses all of its friction, and is held nevertheless.
         """
-        return self.cache.margin() + self.lost_margin
+        return self.cache.margin + self.lost_margin
 
     @cached_property
     def slip_deviations(self) -> float:
@@ -235,61 +230,64 @@ class GripBelief:
         """
         Return the belief rolled to the current configuration, and the new hold status.
 
-        Within `EQUILIBRIUM_PERIOD` of the last equilibrium, pose and squeeze are predicted
-        instead. If a contact slips or opens in the model, the equilibrium near the estimated pose
-        is searched once, in the next call. With `limited_work` it is predicted until the work is
-        done.
+        Pose and squeeze are predicted from the last equilibrium until the next one is due, see
+        `EquilibriumCache.is_next_due`. If a contact slips or opens in the model, the equilibrium
+        near the estimated pose is searched once, in the next call. With `limited_work` it is
+        predicted until the work is done.
 
         :param elapsed: time since the last call [s].
         :param rollers: readings from which the configuration was predicted; None: the
             configuration is measured.
         """
         lag = replace(self.lag, time=self.lag.time + elapsed)
-        interval = lag.time - self.equilibrium_time
-
-        # Prediction from the last equilibrium, to first order.
-        has_corrections = self.cache.zero_corrections.any()
-        cache, travel = self.cache.predict(config)
+        cache, step = self.cache.predict(config, elapsed)
         belief = replace(self, lag=lag, cache=cache)
-        predicted_motion = cache.predicted[:3]
         measured, age = rollers or (config.roller_positions, 0.0)
-        motion_since_reading = cache.travel_rates[:3] @ (config.roller_positions - measured)
-        is_early = interval < EQUILIBRIUM_PERIOD - ROUNDING
-        rolled: HeldGrip | None = None
-        hold = HoldStatus.HELD
+        motion_since_reading = cache.motion(config.roller_positions - measured)[:3]
+        motion_in_step = self.scale * cache.motion(step)[:3]
+        pose, hold = lag.pose_at_equilibrium + cache.predicted[:3], HoldStatus.HELD
         if self.search_due is not None:
             belief, hold = belief._searched(config, pressures)
-        elif not is_early or has_corrections:
-            rolled, search_due = belief._roll(config, pressures)
-            belief = replace(belief, search_due=search_due)
-        if rolled is None:
-            pose, lag = lag.pose_at_equilibrium + predicted_motion, belief.lag
             if belief.cache is not cache:  # the new equilibrium is that in this configuration
-                lag = replace(lag, pose_at_equilibrium=pose)
-            return replace(belief, lag=lag.recorded(pose, motion_since_reading, age)), hold
-
-        # Motion of the object since the last equilibrium.
-        change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)
-        motion, state = change[:3], self.state
-        if has_corrections:
-            # Corrections of offsets do not move the object; the unexplained pose changes instead.
-            motion = predicted_motion
-            state = replace(state, bias=state.bias - self.scale * (change[:3] - motion))
-        else:
-            cache = cache.learned(rolled, travel, change, interval)
-        pose = lag.pose_at_equilibrium + motion
-        lag = replace(lag, pose_at_equilibrium=pose).recorded(pose, motion_since_reading, age)
-        belief = replace(belief, cache=cache, lag=lag, state=state).taken(rolled)
+                belief = replace(belief, lag=replace(belief.lag, pose_at_equilibrium=pose))
+        elif cache.is_next_due(pressures, belief.slip_margin):
+            belief, pose = belief._rolled(config, pressures, pose)
+        elif not cache.has_own_rates:
+            belief = replace(belief, cache=cache.with_own_rates())
+        lag = belief.lag.recorded(pose, motion_since_reading, age)
 
         # Process noise; the expected load decays, which moves the estimated pose.
-        moved = self.scale * motion, np.abs(travel), belief.cache
-        state, load_change = belief.state.propagated(interval, *moved)
+        moved = motion_in_step, np.abs(step), belief.cache
+        state, load_change = belief.state.propagated(elapsed, *moved)
         by_load = belief.cache.rates[:, LOAD] @ load_change / belief.cache.scale
-        belief = replace(belief, state=state, lag=belief.lag.held_back(by_load))
+        belief = replace(belief, state=state, lag=lag.held_back(by_load))
 
-        if belief._needs_search():
+        if belief.search_due is None and belief._needs_search():
             belief = replace(belief, search_due=HoldStatus.HELD)
-        return belief, HoldStatus.HELD  # slip is detected from the poses
+        return belief, hold  # slip is detected from the poses
+
+    def _rolled(
+        self, config: Configuration, pressures: Pressures, pose: Array
+    ) -> tuple[GripBelief, Array]:
+        """
+        Return the belief about the rolled equilibrium; if it is not held, a search is due.
+
+        :param pose: predicted pose (3,) by roller travel alone [m, m, rad].
+        :return: the belief, and this pose with the motion to the equilibrium.
+        """
+        cache, state, lag = self.cache, self.state, self.lag
+        rolled, search_due = self._roll(config, pressures)
+        if rolled is None:
+            return replace(self, search_due=search_due), pose
+        change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)[:3]
+        if cache.zero_corrections.any():
+            # Corrections of offsets do not move the object; the unexplained pose changes instead.
+            unexplained = self.scale * (change - cache.predicted[:3])
+            state = replace(state, bias=state.bias - unexplained)
+        else:
+            pose, cache = lag.pose_at_equilibrium + change, cache.learned(rolled)
+        lag = replace(lag, pose_at_equilibrium=pose)
+        return replace(self, cache=cache, lag=lag, state=state).taken(rolled), pose
 
     def _roll(
         self, config: Configuration, pressures: Pressures
@@ -435,4 +433,4 @@ class GripBelief:
         size, state = self.cache.rates.shape[1], self.state
         if size != len(state.covariance):
             state = state.resized(size, SHIFTS, self.held.arm**2)
-        return replace(self, state=state, equilibrium_time=self.lag.time)
+        return replace(self, state=state)

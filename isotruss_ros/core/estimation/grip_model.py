@@ -97,6 +97,7 @@ class OffsetRates:
 
     held: HeldGrip  #: equilibrium of the object
     outputs: Array  #: (4, r) derivatives of the scaled outputs
+    by_travel: Array  #: (4, r) derivatives of the scaled outputs by travel of rolling contacts
     joints: Array  #: (2j, r) derivatives of the joint positions (x0, y0, x1, y1, ...)
     joints_by_shifts: Array  #: (2j, m) derivatives of the joint positions by the members' shifts
 
@@ -109,7 +110,13 @@ class OffsetRates:
         by_rollers, by_anchors = np.split(rates, [rollers], axis=1)
         by_offsets = by_rollers + by_anchors @ held.statics.anchor_rates
         shifts_of_contacts = np.eye(len(held.members))[held.contacts.owners]
-        return cls(held, by_offsets[:4], by_offsets[4:], by_anchors[4:] @ shifts_of_contacts)
+        return cls(
+            held,
+            by_offsets[:4],
+            by_rollers[:4],
+            by_offsets[4:],
+            by_anchors[4:] @ shifts_of_contacts,
+        )
 
     @cached_property
     def frequency(self) -> float | None:

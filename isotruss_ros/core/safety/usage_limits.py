@@ -29,7 +29,7 @@ class UsageLimits:
     """
     Limits on a command from the predicted slip margin and utilisation.
 
-    :ivar used: largest utilisation of an equilibrium [-].
+    :ivar used: largest utilisation, predicted from the last equilibrium [-].
     :ivar member: text that names its member.
     :ivar rates: gradients (2, r) of utilisation and lost slip margin with respect to roller
         travel.
@@ -48,13 +48,20 @@ class UsageLimits:
         # At twice the wrinkling moment a tube folds.
         return cls(min(float(utilisations.max()), 2.0), f'member {member}', rates)
 
-    def learned(self, held: HeldGrip, margin: float, travel: Array) -> UsageLimits:
-        """Return the limits at an equilibrium after a change `margin` [N] by travel (r,) [m]."""
+    def rolled(self, travel: Array) -> UsageLimits:
+        """Return the limits with the utilisation predicted after roller travel (r,) [m]."""
+        return replace(self, used=self.used + float(self.rates[0] @ travel))
+
+    def learned(self, held: HeldGrip, margin_error: float, travel: Array) -> UsageLimits:
+        """
+        Return the limits at an equilibrium after travel (r,) [m].
+
+        :param margin_error: slip margin there, minus that predicted after this travel [N].
+        """
         learned = UsageLimits.of(held)
-        increases = np.array([learned.used - self.used, -margin])
+        errors = np.array([learned.used - self.used, -margin_error])
         step = travel / float(travel @ travel + LMS_REGULARIZATION**2)
-        rates = self.rates + np.outer(increases - self.rates @ travel, step)
-        return replace(learned, rates=rates)
+        return replace(learned, rates=self.rates + np.outer(errors, step))
 
     def margin_share(self, command: RollerCommand, period: float, margin: float) -> float:
         """Return the factor (0 to 1) on a command that bounds the loss rate of a margin [N]."""

@@ -169,5 +169,5 @@ def test_effects_of_perpendicular_travels_are_learned_independently():
     assert limited(usage, TRAVEL, 1.0).scale == pytest.approx(0.1 * 0.2 / 0.1, rel=1e-3)
     assert limited(usage, across, 1.0).scale == pytest.approx(0.1 * 0.2 / 0.2, rel=1e-3)
     # What is known is not learned again.
-    usage = usage.learned(grasp(0.9), -0.1, TRAVEL)
+    usage = usage.rolled(TRAVEL).learned(grasp(0.9), 0.0, TRAVEL)
     assert share(usage, TRAVEL) == pytest.approx(0.4, rel=1e-3)

@@ -75,11 +75,13 @@ def test_a_step_of_the_pose_by_new_contacts_does_not_move_the_rollers():
     body = place_between(HOME, CORNER, LOW_BOX, angle=0.62, indentation=0.015).body
     held = attach_grip(HOME, body, numbers(CORNER))
     belief = GripBelief.of(held, Grip(CORNER, held.body, 1.2), EstimatorSettings())
+    config = belief.held.config
     for _ in range(9):
         assert len(belief.held.contacts.members) == 2
-        config, touching = belief.held.config, belief.held.touching(1.2)
+        touching = belief.held.touching(1.2)
         travel = 0.02 * solve_twist(config, touching, (0.02, 0.0, -0.2)).roller_velocities
-        belief, _ = belief.followed(config.moved_to(config.roller_positions + travel), 0.02, None)
+        config = config.moved_to(config.roller_positions + travel)
+        belief, _ = belief.followed(config, 0.02, None)
     assert len(belief.held.contacts.members) == 3
     correction = find_correction(belief, belief.regulated[:3], 0.6, 0.02)
     assert not solve_twist(config, belief.cache.grip, correction).roller_velocities.any()

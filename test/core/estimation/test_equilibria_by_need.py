@@ -1,0 +1,86 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Equilibria of a tracked grip, and the prediction between them."""
+
+from dataclasses import replace
+
+from grips import gripped
+from isotruss_ros.core import Grip
+from isotruss_ros.core.estimation.equilibrium_cache import MAX_ERRORS
+from isotruss_ros.core.estimation.grip_belief import GripBelief
+from isotruss_ros.core.estimation.grip_model import attach_model
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.holding.held_grip import HoldStatus
+from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.manipulation.grip import CornerGap
+from isotruss_ros.core.model.pose import pose_difference
+import numpy as np
+import pytest
+
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
+GRIP = Grip.at_module(CONFIG.robot, 'north/Z', CYLINDER)
+MODEL = attach_model(CONFIG, GRIP)
+BELIEF = GripBelief.of(MODEL, GRIP.moved_to(MODEL.pose), EstimatorSettings())
+#: Roller speeds [m/s].
+SPEED = np.array([16e-3, -10e-3, 8e-3, -12e-3, 6e-3, -14e-3])
+
+
+def follow(belief, time, period, pressures=None):
+    """Return the belief after motion that has lasted for a time [s]."""
+    config = CONFIG.moved_to(CONFIG.roller_positions + time * SPEED)
+    belief, hold = belief.followed(config, period, pressures)
+    assert hold is HoldStatus.HELD
+    return belief
+
+
+@pytest.mark.parametrize('period', [0.01, 0.05])
+def test_predicted_pose_and_squeeze_are_within_the_bounds_of_their_errors(period):
+    belief, held = BELIEF, MODEL
+    for number in range(1, round(1.0 / period) + 1):
+        belief = follow(belief, number * period, period)
+        config = CONFIG.moved_to(CONFIG.roller_positions + number * period * SPEED)
+        held = roll_grip(held, config)
+        *errors, squeeze_error = pose_difference(
+            belief.outputs, np.append(held.pose, held.squeeze)
+        ) * (1.0, 1.0, held.arm, 1.0)
+        assert np.linalg.norm(errors) < MAX_ERRORS[0]
+        assert abs(squeeze_error) < MAX_ERRORS[1]
+
+
+def test_a_short_motion_needs_no_equilibrium():
+    belief = BELIEF
+    for number in range(1, 6):
+        belief = follow(belief, 1e-3 * number, 0.01)
+    assert belief.held is BELIEF.held
+
+
+def test_derivatives_by_offsets_follow_one_cycle_after_their_equilibrium():
+    belief, number = BELIEF, 0
+    while belief.held is BELIEF.held:
+        number += 1
+        belief = follow(belief, 0.01 * number, 0.01)
+    assert not belief.cache.has_own_rates
+    assert follow(belief, 0.01 * (number + 1), 0.01).cache.has_own_rates
+
+
+def test_other_pressures_and_offsets_need_an_equilibrium_at_once():
+    pressures = tuple(1.05 * np.array(MODEL.pressures))
+    assert follow(BELIEF, 0.0, 0.01, pressures).held.pressures == pressures
+    corrected = BELIEF.with_zeros_corrected(1e-4 * np.ones(6))
+    assert follow(corrected, 0.0, 0.01).held is not BELIEF.held
+
+
+def test_travel_that_may_close_a_gap_needs_an_equilibrium():
+    moved = CONFIG.moved_to(CONFIG.roller_positions + 0.02 * SPEED)
+    cache, _ = BELIEF.cache.predict(moved, 0.01)
+    assert not cache.is_next_due(None, BELIEF.slip_margin)
+    with_gap = replace(cache, grip=replace(cache.grip, gaps=(CornerGap(0, 0, 1e-3),)))
+    assert with_gap.is_next_due(None, BELIEF.slip_margin)
+
+
+def test_each_motion_near_slip_needs_an_equilibrium():
+    moved = CONFIG.moved_to(CONFIG.roller_positions + 1e-3 * SPEED)
+    cache, _ = BELIEF.cache.predict(moved, 0.01)
+    assert cache.is_next_due(None, 0.01 * MODEL.squeeze)
+    assert not BELIEF.cache.is_next_due(None, 0.01 * MODEL.squeeze)
