@@ -17,6 +17,7 @@ from isotruss_ros.core.fixed_object.analyze_grasp import analyze_grasp
 from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.settle_grasp import settle_grasp
+from isotruss_ros.core.holding.settle_grasps import settle_grasps
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import load_robot, Robot
 from isotruss_ros.core.manipulation.grip import Grip
@@ -80,6 +81,7 @@ __all__ = [
     'reachable_twists',
     'read_object',
     'settle_grasp',
+    'settle_grasps',
     'solve_joint_velocity',
     'solve_twist',
     'solve_twist_ahead',

@@ -21,8 +21,9 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import check_member_names, find_members
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
-from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.model.pose import check_range, Pose
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
+from isotruss_ros.core.numerics.arrays import MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
 from numpy.typing import ArrayLike
@@ -37,6 +38,7 @@ def settle_grasp(
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     pressure: Pressure | None = None,
     members: Sequence[str] | None = None,
+    stiffness: float = 1.0,
 ) -> SettledGrasp:
     """
     Return the equilibrium of a grasped object near its measured pose.
@@ -55,6 +57,7 @@ def settle_grasp(
         file.
     :param members: names `t/j-k` of the two or three grasping members; None: the members that the
         object overlaps, or if it overlaps fewer than two, the two nearest.
+    :param stiffness: factor on EA, EI and GA of the tubes [-].
     :raises GraspError: an argument is invalid.
     :raises StructureError: a pressure is invalid, the robot is a mechanism, or its stiffness laws
         contradict each other.
@@ -65,18 +68,30 @@ def settle_grasp(
     if members is not None:
         names = check_member_names(members)
         indices = find_members(config.robot.topology, names).members
+    gauge = tube_pressures(config.robot.description, pressure)
+    factor = check_stiffness(stiffness)
+    return settle_inputs(GraspInputs(config, body, indices, wrench, gauge, factor), mu)
+
+
+def check_stiffness(value: float) -> float:
+    """Return a checked factor on the stiffness of the tubes [-]."""
+    return check_range(value, 'stiffness', '', 1.0 / MAX_MAGNITUDE, MAX_MAGNITUDE)
+
+
+def settle_inputs(inputs: GraspInputs, friction: float) -> SettledGrasp:
+    """Return the settled grasp of checked inputs, see `settle_grasp`."""
+    config, body = inputs.config, inputs.body
     try:
-        grip = attach_grip(config, body, indices, wrench, pressure)
+        grip = attach_grip(*inputs)
     except NotHeldError as error:
-        pressures = tube_pressures(config.robot.description, pressure)
-        lost = LostContact.of(GraspInputs(config, body, indices, wrench, pressures))
+        lost = LostContact.of(inputs)
         reason, depths = str(error), member_depths(config, body)
         deepest = int(depths.argmax())
         if depths[deepest] > 0.0:
             name, depth = config.robot.member_names[deepest], depths[deepest]
             reason += f'; the object is {1e3 * depth:.3g} mm deep in {name}'
-        return SettledGrasp(error.hold, reason, body.pose, mu, lost=lost)
-    return assess_equilibrium(body.pose, grip, mu)
+        return SettledGrasp(error.hold, reason, body.pose, friction, lost=lost)
+    return assess_equilibrium(body.pose, grip, friction)
 
 
 def assess_equilibrium(given: Pose, grip: HeldGrip, friction: float) -> SettledGrasp:

@@ -1,0 +1,175 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Equilibria of many grasps at once are those of the same grasps alone."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+from isotruss_ros.core import ConvexObject, HoldStatus, place_between, settle_grasp, settle_grasps
+from isotruss_ros.core.errors import ArgumentError, GraspError, StructureError
+import numpy as np
+import pytest
+from robots import preset
+from test_families import random_shape
+
+NINE = preset('nine_member')
+HOME = NINE.home
+MEMBERS = ('north/P-Z', 'north/Z-R')
+NAMES = NINE.member_names
+
+
+def random_grasps(count, seed):
+    """Return arguments of grasps of random objects, some of which are lost, loaded or squashed."""
+    rng = np.random.default_rng(seed)
+    configs, bodies = [], []
+    for _ in range(count):
+        config = NINE.configuration(rng.uniform(-0.1, 0.1, 6))
+        members = [NAMES[i] for i in rng.choice(9, 2, replace=False)]
+        depth = rng.uniform(-0.02, 0.03)
+        try:
+            grip = place_between(config, members, random_shape(rng), rng.uniform(-3, 3), depth)
+            body = grip.body
+        except GraspError:  # the members meet at no place for this object
+            x, y = rng.uniform(0.0, 1.0, 2)
+            body = ConvexObject(random_shape(rng), (x, y, 0.0))
+        configs.append(config)
+        bodies.append(body)
+    is_loaded = rng.random(count) < 0.5
+    return {
+        'configs': configs,
+        'bodies': bodies,
+        'friction': rng.uniform(0.1, 1.5, count),
+        'external_wrenches': is_loaded[:, None] * rng.uniform(-1.0, 1.0, (count, 3)) * (2, 2, 0.1),
+        'pressures': np.where(rng.random((count, 1)) < 0.5, 4e4, 5e4),
+        'stiffness': rng.choice([0.9, 1.0, 1.2], count),
+    }
+
+
+def alone(grasps, i):
+    """Return the settled grasp i of arguments of `settle_grasps`."""
+    given = {name: values[i] for name, values in grasps.items()}
+    return settle_grasp(
+        given['configs'],
+        given['bodies'],
+        given['friction'],
+        given['external_wrenches'],
+        given['pressures'].item(),
+        stiffness=given['stiffness'],
+    )
+
+
+def assert_equal(settled, i, expected):
+    """Assert that grasp i has the values of a settled grasp."""
+    assert settled.hold[i] is expected.hold
+    assert settled.reason[i] == expected.reason
+    near = {'rel': 1e-10, 'abs': 1e-10}
+    assert settled.slip_margin[i] == pytest.approx(expected.slip_margin, **near)
+    assert settled.required_friction[i] == pytest.approx(expected.required_friction, **near)
+    assert settled.pose[i] == pytest.approx(expected.pose, **near)
+    assert settled.displacement[i] == pytest.approx(expected.displacement, **near)
+    forces = expected.normal_forces.values()
+    assert settled.squeeze[i] == pytest.approx(np.mean([*forces]) if forces else 0.0, **near)
+    for name in ('normal_forces', 'friction_forces', 'utilisation'):
+        found = {member: values[i] for member, values in getattr(settled, name).items()}
+        assert found == pytest.approx({**dict.fromkeys(NAMES, 0.0), **getattr(expected, name)})
+
+
+def permuted(grasps, order):
+    """Return the arguments of grasps in another order."""
+    lists = {name: [grasps[name][i] for i in order] for name in ('configs', 'bodies')}
+    return {name: lists.get(name, np.take(v, order, 0)) for name, v in grasps.items() if name}
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_each_of_many_grasps_is_that_of_settle_grasp(seed):
+    grasps = random_grasps(12, seed)
+    settled = settle_grasps(**grasps)
+    for i in range(len(settled)):
+        assert_equal(settled, i, alone(grasps, i))
+
+
+def test_grasps_do_not_depend_on_those_beside_them():
+    grasps = random_grasps(10, 7)
+    settled = settle_grasps(**grasps)
+    order = np.random.default_rng(1).permutation(10)[:6]
+    others = settle_grasps(**permuted(grasps, order))
+    for k, i in enumerate(order):
+        assert others.hold[k] is settled.hold[i]
+        assert others.pose[k] == pytest.approx(settled.pose[i], rel=1e-10, abs=1e-10)
+        assert others.slip_margin[k] == pytest.approx(settled.slip_margin[i], rel=1e-10, abs=1e-10)
+
+
+DISC = place_between(HOME, MEMBERS, ConvexObject.disc((0.0, 0.0), 0.3).shape, 0.0, 0.01).body
+X, Y, _ = DISC.pose
+POSES = [(X, Y, 0.0), (X, Y + 0.003, 0.1), (X, Y + 1.0, 0.0)]
+
+
+def test_one_object_at_many_poses_is_settled_at_each():
+    settled = settle_grasps(HOME, DISC, 0.8, poses=POSES)
+    assert len(settled) == 3
+    for i, pose in enumerate(POSES):
+        assert_equal(settled, i, settle_grasp(HOME, DISC.moved_to(pose), 0.8))
+    assert settled.hold[2] is HoldStatus.NO_CONTACT
+
+
+def test_a_grasp_of_the_result_is_that_of_settle_grasp():
+    (*_, last) = settled = settle_grasps(HOME, DISC, 0.8, poses=POSES)
+    assert settled[1] == settle_grasp(HOME, DISC.moved_to(POSES[1]), 0.8)
+    assert settled[-1] == last
+    with pytest.raises(IndexError):
+        settled[3]
+
+
+def test_columns_of_a_data_frame_have_a_value_for_each_grasp():
+    columns = settle_grasps(HOME, DISC, 0.8, poses=POSES).to_dict()
+    assert {len(values) for values in columns.values()} == {3}
+    assert columns['held'] == [True, True, False]
+    assert columns['x'][2] == POSES[2][0]
+    assert columns['required_friction'][2] is None  # infinite
+    assert columns['normal_forces north/P-Z'][0] > 1.0
+
+
+@pytest.mark.parametrize(
+    'pressures', [5e4, [5e4, 5e4, 5e4], {'north': 5e4, 'east': 5e4, 'south': 5e4}, [[5e4]] * 3]
+)
+def test_pressures_are_one_for_all_grasps_or_one_for_each(pressures):
+    settled = settle_grasps(HOME, DISC, 0.8, pressures=pressures, poses=POSES)
+    assert_equal(settled, 0, settle_grasp(HOME, DISC, 0.8, pressure=5e4))
+
+
+def test_an_executor_computes_the_same_grasps_with_progress():
+    shares = []
+    poses = POSES * 70
+    with ThreadPoolExecutor(1) as executor:
+        settled = settle_grasps(
+            HOME, DISC, 0.8, poses=poses, executor=executor, on_progress=shares.append
+        )
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert settled == settle_grasps(HOME, DISC, 0.8, poses=poses)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        ({'friction': [0.5, -1.0, 0.5]}, r'grasp 1: friction.*-1'),
+        ({'external_wrenches': [(0, 0, 0), (0, 0, 0), (np.nan, 0, 0)]}, r'grasp 2: the external'),
+        ({'pressures': [[5e4], [5e4], [1.0]]}, r'grasp 2: gauge pressure'),
+        ({'stiffness': [1.0, 0.0, 1.0]}, r'grasp 1: stiffness'),
+        ({'poses': [(0, 0, 0), (0, 0), (0, 0, 0)]}, r'grasp 1: .*pose'),
+        ({'friction': [0.5, 0.5]}, r'friction: 2 values: must be 1, or one for each grasp'),
+        ({'configs': [HOME, HOME, preset('triangle').home]}, r'configs\[2\]: .*nine_member'),
+        ({'configs': []}, r'configs: 0 values'),
+    ],
+)
+def test_an_invalid_argument_is_named_with_its_grasp(arguments, words):
+    given = {'configs': HOME, 'bodies': DISC, 'poses': POSES, **arguments}
+    with pytest.raises((GraspError, StructureError), match=words):
+        settle_grasps(**given)
+
+
+@pytest.mark.parametrize('name', ['configs', 'bodies'])
+def test_an_argument_of_another_kind_is_named_with_its_number(name):
+    given = {'configs': HOME, 'bodies': DISC, name: [HOME, DISC]}
+    with pytest.raises(ArgumentError, match=rf'{name}\[{int(name == "configs")}\]: '):
+        settle_grasps(**given)
