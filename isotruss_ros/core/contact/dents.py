@@ -14,13 +14,11 @@ in the 2/3 power of the force, as for a point contact.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 import cmath
-from collections.abc import Callable, Iterator, Sequence
-import copy
+from collections.abc import Callable, Sequence
 import functools
 import math
-from typing import NamedTuple
+from typing import Any
 
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.pressed_skin import (
@@ -32,7 +30,7 @@ from isotruss_ros.core.contact.pressed_skin import (
     PressedSkin,
 )
 from isotruss_ros.core.model.shapes import Shape
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
 from isotruss_ros.core.numerics.work_limit import count_work
 import numpy as np
@@ -47,25 +45,49 @@ DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n) ** 2 for n in (15, 
 #: interpolated: depths err by up to 1 %, at a third of the step by 0.3 %, and at three times the
 #: step by 30 %, all of them where a face is within 0.05 rad of the tube.
 ANGLE_STEP = math.radians(15.0) / 16
+#: Quintic polynomials by which four samples are interpolated, with the first and second central
+#: differences at both middle ones: for each sample, the coefficients of the powers.
+WEIGHTS = 0.5 * np.array(
+    [
+        [0.0, -1.0, 1.0, 3.0, -5.0, 2.0],
+        [2.0, 0.0, -2.0, -9.0, 15.0, -6.0],
+        [0.0, 1.0, 1.0, 9.0, -15.0, 6.0],
+        [0.0, 0.0, 0.0, -3.0, 5.0, -2.0],
+    ]
+)
 
 
 class Spline:
     """Natural cubic spline through n points, linear beyond the last; the first abscissa is 0."""
 
     def __init__(self, abscissae: Array, values: Array) -> None:
-        # It is evaluated from lists, because for single numbers this is several times faster.
-        self._abscissae: list[float] = abscissae.tolist()
-        spline = scipy.interpolate.CubicSpline(abscissae, values, bc_type='natural')
-        self._pieces: list[list[float]] = spline.c.T.tolist()
+        pieces = scipy.interpolate.CubicSpline(abscissae, values, bc_type='natural').c.T
+        #: abscissae of all points but the first, and then, for each of the n - 1 pieces, the
+        #: coefficients of its polynomial and its first abscissa
+        self.numbers = np.append(abscissae[1:], np.column_stack([pieces, abscissae[:-1]]))
 
-    def __call__(self, x: float, x_of_piece: float) -> tuple[float, float]:
-        """Return value and slope at x, by the polynomial piece that contains `x_of_piece`."""
-        end = self._abscissae[-1]
-        piece = min(bisect_right(self._abscissae, x_of_piece), len(self._pieces)) - 1
-        inside, beyond = (x, 0.0) if x_of_piece < end else (end, x - end)
-        s, (a, b, c, d) = inside - self._abscissae[piece], self._pieces[piece]
-        slope = (3.0 * a * s + 2.0 * b) * s + c
-        return ((a * s + b) * s + c) * s + d + slope * beyond, slope
+    def __call__(self, x: float, x_of_piece: float) -> float:
+        """Return the value at x, see `evaluate_splines`."""
+        at = np.array([x]), np.array([x_of_piece])
+        return evaluate_splines(self.numbers[None, None], *at)[0].item()
+
+
+def evaluate_splines(numbers: Array, x: Array, x_of_piece: Array) -> tuple[Array, Array]:
+    """
+    Return values and slopes (c, m) at x (c,), of m splines each with `Spline.numbers` (c, m, q).
+
+    They are those of the polynomial piece that contains `x_of_piece` (c,).
+    """
+    count, x, x_of_piece = numbers.shape[-1] // 6, x[:, None], x_of_piece[:, None]
+    ends = numbers[..., count - 1]
+    piece = (numbers[..., : count - 1] <= x_of_piece[..., None]).sum(axis=-1)
+    pieces = numbers[..., count:].reshape(-1, 5)
+    index = piece.ravel() + count * np.arange(piece.size)
+    a, b, c, d, begin = pieces.take(index, axis=0).T.reshape(5, *piece.shape)
+    inside = np.where(x_of_piece < ends, x, ends)
+    s = inside - begin
+    slope = (3.0 * a * s + 2.0 * b) * s + c
+    return ((a * s + b) * s + c) * s + d + slope * (x - inside), slope
 
 
 class DentSample:
@@ -110,126 +132,66 @@ class DentTable:
 
     The angle is that of the object's outward normal perpendicular to the tube, in the object's
     frame [rad]. The depths are interpolated between angles by polynomials with continuous
-    second derivatives. The contacts at both ends of a face extend to its middle, so forces
-    are continuous if an end gains contact; a face shorter than a tube radius has one contact.
+    second derivatives, see `Dents`. The contacts at both ends of a face extend to its middle, so
+    forces are continuous if an end gains contact; a face shorter than a tube radius has one
+    contact.
 
     Samples have integer numbers in the order of their angles: for a smooth surface from the angle
     0 on, for a corner from -n at the normal of the face before it to n at that of the face after
     it.
+
+    :ivar angles: middle and half of the range of a corner's angles [rad], and n; zeros if smooth.
     """
 
     def __init__(self, kernel: Flattening, shape: Shape, corner: int = 0) -> None:
         self._kernel, self._shape, self._corner = kernel, shape, corner
-        self._depths = CORNER_DEPTHS * kernel.radius
+        self.depths = CORNER_DEPTHS * kernel.radius
         if shape.is_round:
-            self._depths = DISC_DEPTHS * min(shape.reach, kernel.radius)
+            self.depths = DISC_DEPTHS * min(shape.reach, kernel.radius)
         self._outline = shape.outline(OUTLINE_SPACING * kernel.radius)
-        self._faces = shape.faces_at(corner)
+        self._faces, self.angles = shape.faces_at(corner), (0.0, 0.0, 0.0)
         if self._faces:
             before, after = (face.normal for face in self._faces)
-            self._middle_angle = cmath.phase(before + after)
-            self._half_turn = 0.5 * cmath.phase(after / before)
-            self._last_number = math.ceil(self._half_turn / ANGLE_STEP)
+            half_turn = 0.5 * cmath.phase(after / before)
+            number = math.ceil(half_turn / ANGLE_STEP)
+            self.angles = cmath.phase(before + after), half_turn, float(number)
         self._samples: dict[int, DentSample] = {}
-        #: 2/3 power of the force and angle whose polynomials are used; None: those of the argument
-        self._polynomial_at: tuple[float, float] | None = None
+        self._numbers: dict[int, Array] = {}
 
-    def __call__(self, force: float, angle: float) -> tuple[float, float, float]:
-        """Return the depth [m], odd in the force, and derivatives by force and angle [m/rad]."""
-        size = max(abs(force), 1e-9)
-        abscissa, sign = size**DEPTH_EXPONENT, force / size
-        samples, piece_abscissa, weights = self._samples_at(abscissa, angle)
-        depths = weights @ [sample.depth(abscissa, piece_abscissa) for sample in samples]
-        (depth, by_abscissa), (by_angle, _) = depths.tolist()
-        return sign * depth, DEPTH_EXPONENT * abscissa / size * by_abscissa, sign * by_angle
+    @property
+    def is_round(self) -> bool:
+        """Return whether the depth does not depend on the angle."""
+        return self._shape.is_round
 
-    def pressure_rate(self, force: float, angle: float) -> float:
-        """Return the derivative of the depth by the tube's gauge pressure [m/Pa]."""
-        abscissa = abs(force) ** DEPTH_EXPONENT
-        samples, piece_abscissa, weights = self._samples_at(abscissa, angle)
-        rates = [
-            (higher(abscissa, piece_abscissa)[0] - lower(abscissa, piece_abscissa)[0]) / difference
-            for higher, lower, difference in (sample.inflated for sample in samples)
-        ]
-        return math.copysign(1.0, force) * float(weights[0] @ rates)
-
-    def press(self, force: float, angle: float) -> PressedSkin:
-        """Return the pressed skin under a normal force [N], at most as deep as the table."""
-        depth = min(max(self(force, angle)[0], 0.0), float(self._depths[-1]))
-        skin = self._skin_by_depth(angle)(depth)
-        total = float(skin.forces.sum())
-        return skin._replace(forces=skin.forces * (force / total if total > 0.0 else 0.0))
-
-    def smooth_near(self, force: float, angle: float) -> DentTable:
-        """Return a table that interpolates with the polynomial near one force [N] and angle."""
-        smooth = copy.copy(self)
-        smooth._polynomial_at = abs(force) ** DEPTH_EXPONENT, angle
-        return smooth
-
-    def _samples_at(self, abscissa: float, angle: float) -> tuple[list[DentSample], float, Array]:
-        """Return s samples, the abscissa that selects a piece of them, and weights (2, s)."""
-        piece_abscissa, polynomial_angle = self._polynomial_at or (abscissa, angle)
-        numbers, weights = [0], np.array([[1.0], [0.0]])  # of a disc
-        if not self._shape.is_round:
-            numbers, weights = self._weigh(angle, polynomial_angle)
+    def samples_near(self, base: int) -> list[DentSample]:
+        """Return the four samples near a number, none beyond a face; or that of a disc."""
+        numbers, last = [base + i for i in (-1, 0, 1, 2)], int(self.angles[-1])
+        if self.is_round:
+            numbers = [0]
+        elif self._faces:
+            numbers = [min(max(n, -last), last) for n in numbers]
         for number in numbers:
             if number not in self._samples:
                 count_work(is_stored=True)
-                skin_at = self._skin_by_depth(self._sampled_angle(number))
-                self._samples[number] = DentSample(self._depths, skin_at, self._kernel)
-        return [self._samples[number] for number in numbers], piece_abscissa, weights
+                skin_at = self.skin_by_depth(self._sampled_angle(number))
+                self._samples[number] = DentSample(self.depths, skin_at, self._kernel)
+        return [self._samples[number] for number in numbers]
+
+    def splines_near(self, base: int) -> Array:
+        """Return the numbers (4, q) of the splines in the samples near a number."""
+        if base not in self._numbers:
+            depths = [sample.depth.numbers for sample in self.samples_near(base)]
+            self._numbers[base] = np.array(depths)
+        return self._numbers[base]
 
     def _sampled_angle(self, number: int) -> float:
         """Return the angle of the normal in the sample of this number [rad]."""
         if not self._faces:
             return ANGLE_STEP * number
-        sine = math.sin(0.5 * math.pi * number / self._last_number)
-        return self._middle_angle + self._half_turn * sine
+        middle, half_turn, last = self.angles
+        return middle + half_turn * math.sin(0.5 * math.pi * number / last)
 
-    def _fractional_number(self, angle: float, turn_of: int) -> tuple[float, float]:
-        """Return an angle as a fractional sample number in the turn of a sample, and the slope."""
-        if not self._faces:
-            difference = math.remainder(angle - ANGLE_STEP * turn_of, 2.0 * math.pi)
-            return turn_of + difference / ANGLE_STEP, 1.0 / ANGLE_STEP
-        # Near the normal of a face the depth is almost linear in the root of the angle from it, so
-        # the samples are at equal steps of the arc sine. Beyond the face it is constant, and also
-        # within rounding of its normal, where the derivative would have any size.
-        sine = math.remainder(angle - self._middle_angle, 2.0 * math.pi) / self._half_turn
-        sine = min(max(sine * (1.0 + ROUNDING), -1.0), 1.0)
-        cosine, step = math.sqrt(1.0 - sine * sine), 0.5 * math.pi / self._last_number
-        derivative = 1.0 / (self._half_turn * cosine * step) if cosine else 0.0
-        return math.asin(sine) / step, derivative
-
-    def _weigh(self, angle: float, polynomial_angle: float) -> tuple[list[int], Array]:
-        """Return four samples' numbers, and their weights (2, 4) at an angle, with derivatives."""
-        # The polynomial interpolates the two samples before and the two after its own angle; the
-        # second of the four has the number `base`. It is evaluated at `angle`, which may differ.
-        base = math.floor(self._fractional_number(polynomial_angle, 0)[0])
-        if self._faces:
-            base = min(base, self._last_number - 1)
-        number, rate = self._fractional_number(angle, base)
-        x = number - base  # 0 at the second sample, 1 at the third
-        powers = [x**n for n in range(6)]
-        power_rates = [0.0, *(rate * n * power for n, power in enumerate(powers[:-1], start=1))]
-        # Quintic polynomials, with the first and second central differences at both samples: for
-        # each sample, twice the coefficients of the powers.
-        coefficients = [[0, -1, 1, 3, -5, 2], [2, 0, -2, -9, 15, -6]]
-        coefficients += [[0, 1, 1, 9, -15, 6], [0, 0, 0, -3, 5, -2]]
-        weights = 0.5 * np.array([powers, power_rates]) @ np.array(coefficients).T
-        numbers = [base + i for i in (-1, 0, 1, 2)]
-        if self._faces:
-            # Instead of a sample beyond a face, its depth d is extrapolated by a parabola through
-            # the other three: d_0 = 3 d_1 - 3 d_2 + d_3.
-            if base == -self._last_number:
-                weights[:, 1:] += np.outer(weights[:, 0], [3.0, -3.0, 1.0])
-                weights[:, 0] = 0.0
-            if base == self._last_number - 1:
-                weights[:, :-1] += np.outer(weights[:, -1], [1.0, -3.0, 3.0])
-                weights[:, -1] = 0.0
-            numbers = [min(max(n, -self._last_number), self._last_number) for n in numbers]
-        return numbers, weights
-
-    def _skin_by_depth(self, angle: float) -> Callable[[float], PressedSkin]:
+    def skin_by_depth(self, angle: float) -> Callable[[float], PressedSkin]:
         """Return a function of the depth [m] that returns the pressed skin, for one angle."""
         kernel, shape, normal = self._kernel, self._shape, cmath.rect(1.0, angle)
         if shape.is_round:
@@ -247,31 +209,178 @@ class DentTable:
 dent_table = functools.lru_cache(maxsize=256)(DentTable)
 
 
-class Dents(NamedTuple):
-    """Depths of the dents at k contacts with one object."""
+class Dents:
+    """
+    Depths of the dents at k contacts with one object, or with each of n objects.
 
-    tables: Sequence[DentTable]
+    :ivar tables: (k,) or (n, k) table of each contact.
+    """
+
+    def __init__(
+        self,
+        tables: Any,
+        angles: Array | None = None,
+        polynomials_at: tuple[Array, Array] | None = None,
+    ) -> None:
+        self.tables = tables
+        if angles is None:
+            self.tables = np.empty(np.shape(tables), dtype=object)
+            self.tables[...] = tables
+            angles = np.array([table.angles for table in self.tables.ravel()])
+            angles = angles.reshape(*self.tables.shape, 3)
+        #: (..., k, 3) `DentTable.angles` of the tables
+        self._angles = angles
+        #: 2/3 powers of the forces and angles (k,) whose polynomials are used; None: those of the
+        #: arguments
+        self._polynomials_at = polynomials_at
 
     def __call__(self, forces: Array, angles: Array) -> tuple[Array, Array, Array]:
-        """Return the depths (k,) [m], and their derivatives by forces [m/N] and angles [m/rad]."""
-        rows = [table(force, angle) for table, force, angle in self._contacts(forces, angles)]
-        depths, by_force, by_angle = np.array(rows).T
-        return depths, by_force, by_angle
+        """
+        Return the depths (k,) [m], and their derivatives by forces [m/N] and angles [m/rad].
+
+        The depths are odd in the forces.
+        """
+        tables, flat_angles = self.tables.ravel().tolist(), angles.ravel()
+        sizes = np.maximum(np.abs(forces), 1e-9).ravel()
+        abscissae, signs = sizes**DEPTH_EXPONENT, forces.ravel() / sizes
+        rates = np.empty((3, forces.size))
+        is_round = [table.is_round for table in tables]
+        if all(is_round) or not any(is_round):
+            rates[:] = self._evaluate(abscissae, flat_angles, np.arange(len(tables)))
+        else:
+            for kind in (True, False):
+                chosen = np.flatnonzero(np.array(is_round) == kind)
+                rates[:, chosen] = self._evaluate(abscissae[chosen], flat_angles[chosen], chosen)
+        depths, by_abscissa, by_angle = rates
+        by_force = DEPTH_EXPONENT * abscissae / sizes * by_abscissa
+        values = signs * depths, by_force, signs * by_angle
+        return tuple(value.reshape(forces.shape) for value in values)  # type: ignore
+
+    def _evaluate(self, abscissae: Array, angles: Array, chosen: Indices) -> Any:
+        """Return depths and derivatives (3, c) by abscissa and angle, of chosen contacts."""
+        tables = [self.tables.flat[i] for i in chosen]
+        piece_abscissae, piece_angles = abscissae, angles
+        if self._polynomials_at is not None:
+            piece_abscissae, piece_angles = (v.ravel()[chosen] for v in self._polynomials_at)
+        if tables[0].is_round:
+            numbers = np.array([table.splines_near(0) for table in tables])
+            depths, slopes = evaluate_splines(numbers, abscissae, piece_abscissae)
+            return depths[:, 0], slopes[:, 0], np.zeros(len(tables))
+        of_tables = self._angles.reshape(-1, 3)[chosen].T
+        bases, (weights, by_angle) = _weigh(angles, piece_angles, of_tables)
+        pairs = zip(tables, bases.tolist(), strict=True)
+        numbers = np.array([table.splines_near(base) for table, base in pairs])
+        depths, slopes = evaluate_splines(numbers, abscissae, piece_abscissae)
+        products = weights * depths, weights * slopes, by_angle * depths
+        return np.array(products).sum(axis=-1)
 
     def press(self, forces: Array, angles: Array) -> list[PressedSkin]:
-        """Return the pressed skin at each contact under positive normal forces (k,) [N]."""
-        return [table.press(*at) for table, *at in self._contacts(forces, angles)]
+        """
+        Return the pressed skin at each contact under positive normal forces (k,) [N].
+
+        The skin is at most as deep as the table.
+        """
+        depths, _, _ = self(forces, angles)
+        skins = []
+        for table, depth, force, angle in zip(self.tables, depths, forces, angles, strict=True):
+            skin = table.skin_by_depth(float(angle))(float(np.clip(depth, 0.0, table.depths[-1])))
+            total = float(skin.forces.sum())
+            factor = float(force) / total if total > 0.0 else 0.0
+            skins.append(skin._replace(forces=skin.forces * factor))
+        return skins
 
     def smooth_near(self, forces: Array, angles: Array) -> Dents:
         """Return dents interpolated with the polynomials near given forces (k,) [N] and angles."""
-        tables = [table.smooth_near(*at) for table, *at in self._contacts(forces, angles)]
-        return Dents(tables)
+        return Dents(self.tables, self._angles, (np.abs(forces) ** DEPTH_EXPONENT, angles))
 
     def pressure_rates(self, forces: Array, angles: Array) -> Array:
         """Return the derivatives (k,) of the depths by the tubes' gauge pressures [m/Pa]."""
-        rates = [table.pressure_rate(*at) for table, *at in self._contacts(forces, angles)]
-        return np.array(rates)
+        of_tables, abscissae = self._angles.T, np.abs(forces) ** DEPTH_EXPONENT
+        piece_abscissae, piece_angles = self._polynomials_at or (abscissae, angles)
+        bases, (weights, _) = _weigh(angles, piece_angles, of_tables)
+        at, rates = np.column_stack([abscissae, piece_abscissae]).tolist(), []
+        for table, base, weight, x in zip(self.tables, bases.tolist(), weights, at, strict=True):
+            samples = [
+                sample.inflated for sample in table.samples_near(0 if table.is_round else base)
+            ]
+            by_sample = [(higher(*x) - lower(*x)) / change for higher, lower, change in samples]
+            rates.append(by_sample[0] if table.is_round else float(weight @ by_sample))
+        return np.copysign(1.0, forces) * rates
 
-    def _contacts(self, forces: Array, angles: Array) -> Iterator[tuple[DentTable, float, float]]:
-        """Yield table, force [N] and angle of each contact."""
-        return zip(self.tables, forces.tolist(), angles.tolist(), strict=True)
+    def take_samples(self, index: Any) -> Dents:
+        """Return the dents of chosen objects, or of one, see `samples.take`."""
+        return Dents(self.tables[index], self._angles[index])
+
+    @staticmethod
+    def join_samples(values: Sequence[Dents]) -> Dents:
+        """Return the dents of several samples, see `samples.join`."""
+        tables = np.concatenate([dents.tables for dents in values])
+        return Dents(tables, np.concatenate([dents._angles for dents in values]))
+
+
+def _wrapped(angles: Array) -> Array:
+    """Return angles within half a turn [rad]."""
+    return angles - 2.0 * math.pi * np.round(angles / (2.0 * math.pi))
+
+
+def _fractional_numbers(
+    angles: Array, turn_of: Array | float, of_tables: Array
+) -> tuple[Array, Array]:
+    """
+    Return angles (c,) as fractional sample numbers in the turns of samples, with derivatives.
+
+    The rows (3, c) are `DentTable.angles`.
+    """
+    middle, half_turn, last = of_tables
+    is_corner = last > 0.0
+    numbers, rates = np.empty((2, len(angles)))
+    if not is_corner.all():
+        difference = _wrapped(angles - ANGLE_STEP * turn_of)
+        numbers, rates = turn_of + difference / ANGLE_STEP, np.full(len(angles), 1.0 / ANGLE_STEP)
+    if not is_corner.any():
+        return numbers, rates
+    # Near the normal of a face the depth is almost linear in the root of the angle from it, so the
+    # samples are at equal steps of the arc sine. Beyond the face it is constant, and also within
+    # rounding of its normal, where the derivative would have any size.
+    if not is_corner.all():
+        half_turn, last = np.where(is_corner, (half_turn, last), 1.0)
+    sines = _wrapped(angles - middle) / half_turn
+    sines = np.minimum(np.maximum(sines * (1.0 + ROUNDING), -1.0), 1.0)
+    step, cosines = 0.5 * math.pi / last, np.sqrt(1.0 - sines * sines)
+    slopes = 1.0 / (half_turn * step * np.where(cosines > 0.0, cosines, np.inf))
+    of_corners = np.arcsin(sines) / step, slopes
+    if is_corner.all():
+        return of_corners
+    return np.where(is_corner, of_corners[0], numbers), np.where(is_corner, slopes, rates)
+
+
+def _weigh(angles: Array, piece_angles: Array, of_tables: Array) -> tuple[Indices, Array]:
+    """
+    Return numbers (c,) of samples, and weights of four samples near each.
+
+    The weights (2, c, 4) are those at given angles, and their derivatives by the angles.
+    """
+    # The polynomial interpolates the two samples before and the two after its own angle; the
+    # second of the four has the number `base`. It is evaluated at `angles`, which may differ.
+    last, is_corner = of_tables[2], of_tables[2] > 0.0
+    numbers, rates = _fractional_numbers(piece_angles, 0.0, of_tables)
+    bases = np.floor(numbers)
+    bases = np.where(is_corner, np.minimum(bases, last - 1.0), bases)
+    if piece_angles is not angles:
+        numbers, rates = _fractional_numbers(angles, bases, of_tables)
+    x = numbers - bases  # 0 at the second sample, 1 at the third
+    powers = np.ones((2, len(angles), 6))
+    powers[0, :, 1:] = np.multiply.accumulate(np.repeat(x[:, None], 5, axis=1), axis=1)
+    powers[1, :, 0] = 0.0
+    powers[1, :, 1:] = rates[:, None] * np.arange(1, 6) * powers[0, :, :-1]
+    weights = powers @ WEIGHTS.T
+    # Instead of a sample beyond a face, its depth d is extrapolated by a parabola through the
+    # other three: d_0 = 3 d_1 - 3 d_2 + d_3.
+    at_start, at_end = is_corner & (bases == -last), is_corner & (bases == last - 1.0)
+    if at_start.any():
+        weights[:, at_start, 1:] += weights[:, at_start, :1] * np.array([3.0, -3.0, 1.0])
+        weights[:, at_start, 0] = 0.0
+    if at_end.any():
+        weights[:, at_end, :-1] += weights[:, at_end, -1:] * np.array([1.0, -3.0, 3.0])
+        weights[:, at_end, -1] = 0.0
+    return bases.astype(int), weights

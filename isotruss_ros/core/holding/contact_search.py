@@ -11,9 +11,9 @@ search is depth-first, and the number of sets is bounded.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
 from isotruss_ros.core.holding.pressed_contacts import facing_lines, PressedContacts
@@ -81,16 +81,28 @@ class FreeCorner(NamedTuple):
 
 #: Returns the equilibrium of a set that follows from another equilibrium (None: the first one).
 ContactSolver = Callable[[ContactSet, HeldGrip | None], HeldGrip | None]
+#: Search that yields sets of contacts to be solved, each with the equilibrium from which it
+#: follows. The equilibrium of this set, or None, is sent to it; it returns the result.
+ContactSearch: TypeAlias = Generator[
+    tuple[ContactSet, HeldGrip | None], HeldGrip | None, HeldGrip | None
+]
+
+
+def run_search(search: ContactSearch, solve: ContactSolver) -> HeldGrip | None:
+    """Return the result of a search, whose sets of contacts are solved one by one."""
+    try:
+        asked = next(search)
+        while True:
+            asked = search.send(solve(*asked))
+    except StopIteration as end:
+        return end.value
 
 
 def search_contacts(
-    solve: ContactSolver,
-    contacts: PressedContacts,
-    rolls: bool = False,
-    limit: int = MAX_SEARCH_STEPS,
-) -> HeldGrip | None:
+    contacts: PressedContacts, rolls: bool = False, limit: int = MAX_SEARCH_STEPS
+) -> ContactSearch:
     """
-    Return the equilibrium in which all contacts press and no other corner penetrates its member.
+    Search the equilibrium in which all contacts press and no other corner penetrates its member.
 
     At most `limit` sets are solved. If contacts roll, a third member may gain or lose contact;
     otherwise the end of a face may graze.
@@ -103,7 +115,7 @@ def search_contacts(
         if chosen.key in tried:
             continue
         tried.add(chosen.key)
-        grip = solve(chosen, previous)
+        grip = yield chosen, previous
         if grip is None:  # without one end of a face
             face_ends = np.flatnonzero(chosen.contacts.at_faces)
             proposed = [chosen.without(k) for k in face_ends.tolist()]
@@ -125,6 +137,8 @@ def search_contacts(
             siblings = [item for item, origin in waiting if origin is previous]
             waiting = [(item, previous) for item in siblings if item.grazing is None]
     # The equilibrium nearest to the measured position.
+    if len(pressing) == 1:
+        return pressing[0]
     return min(pressing, key=lambda g: abs(g.body.middle - g.statics.body.middle), default=None)
 
 
@@ -156,13 +170,15 @@ def find_free_corners(grip: HeldGrip, gap: float | None = None) -> list[FreeCorn
     A corner that is nearer to a contact than a tube radius belongs to the dent of the contact; it
     penetrates the tube if it is higher than the corner in contact.
     """
+    *positions, circumference = _corner_positions(grip.shape)
+    if not positions:
+        return []
     body, radius = grip.body, grip.statics.tube_radius
     tolerance = skin_tolerance(grip)
     least_depth = tolerance if gap is None else -gap
     free_corners: list[FreeCorner] = []
-    *positions, circumference = _corner_positions(body.shape)
     along_outline = np.array(positions)
-    for contacts in grip.contacts.by_member if positions else ():
+    for contacts in grip.contacts.by_member:
         touching = grip.contacts.corners[contacts]
         reachable = _reachable_corners(grip, int(contacts[0]), len(positions))
         corners = np.setdiff1d(reachable, touching)
@@ -253,20 +269,26 @@ def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
 
 
 def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
-    """Return the other members near the object, and its depths in these bent members [m]."""
-    starts, ends = member_lines(grip.config).T
+    """
+    Return the other members (c,) near the object, and its depths (c,) in these bent members [m].
+
+    Of several samples, depths (n, c) in members that are near another object are -inf.
+    """
+    lines = member_lines(grip.config)
+    starts, ends = lines[..., 0], lines[..., 1]
     gaps, normals, shares = segment_gaps(grip.body, starts, ends)
     radius = grip.statics.tube_radius
     is_near = gaps < (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
-    is_near[grip.members] = False
-    members = np.flatnonzero(is_near)
+    is_near[..., grip.members] = False
+    members = np.flatnonzero(is_near.reshape(-1, is_near.shape[-1]).any(axis=0))
     if not len(members):
-        return members, np.zeros(0)
+        return members, np.zeros((*gaps.shape[:-1], 0))
     # Displacements of the points of the centre lines that are nearest to the object.
-    to_nearest = shares[members] * (ends - starts)[members]
+    to_nearest = (shares * (ends - starts))[..., members]
     bent_points, _ = grip.bent_lines(members, np.abs(to_nearest))
-    displacements = bent_points - starts[members] - to_nearest
-    return members, radius - gaps[members] - (displacements / normals[members]).real
+    displacements = bent_points - starts[..., members] - to_nearest
+    depths = radius - gaps[..., members] - (displacements / normals[..., members]).real
+    return members, np.where(is_near[..., members], depths, -np.inf)
 
 
 def add_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSet]:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import functools
 from typing import TYPE_CHECKING
 
+from isotruss_ros.core.holding.contact_statics import sticking
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
@@ -251,6 +252,6 @@ def _displaced_rates(tubes: LoadedTubes, unknown_rates: Array, shift: Array) -> 
     dents = grip.statics.dents.smooth_near(grip.state.normal_forces, grip.angles)
     smooth_statics = replace(grip.statics, dents=dents)
     statics = replace(smooth_statics, bent=smooth_statics.bent_under(unknowns))
-    _, state = statics.equations(unknowns, grip.wrench, statics.sticking)
+    _, state = statics.equations(unknowns, grip.wrench, sticking)
     displaced = LoadedTubes.at(replace(grip, statics=statics, state=state), tubes.changes)
     return state.jacobian @ unknown_rates + displaced.equation_rates(sticks=True)

@@ -37,7 +37,7 @@ def check_grasps(
     stiffness: ArrayLike,
 ) -> tuple[list[GraspInputs], Array]:
     """Return the checked inputs of n grasps, and their coefficients of friction (n,)."""
-    arguments = {
+    arguments: dict[str, list[Any]] = {
         'configs': [configs] if isinstance(configs, Configuration) else _listed(configs),
         'bodies': [bodies] if isinstance(bodies, ConvexObject) else _listed(bodies),
         'friction': _split(friction, 0),

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_statics import statics_of
+from isotruss_ros.core.holding.contact_statics import statics_of, sticking
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import Places, POSE, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -83,6 +83,6 @@ class GripRecord(NamedTuple):
             raise GraspError(
                 f'held grip: corners {self.contacts.corners}: the object has no such corners'
             ) from error
-        _, state = statics.equations(self.unknowns, np.zeros(3), statics.sticking)
+        _, state = statics.equations(self.unknowns, np.zeros(3), sticking)
         # Rounding errors of the loads would count as a change of the state.
         return HeldGrip.of(statics, replace(state, loads=bent.state.loads), np.zeros(3))

@@ -86,7 +86,7 @@ class LoadedTubes(NamedTuple):
                 'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
             )
         bent, loads, feet = grip.statics.bent, grip.state.loads, grip.state.feet
-        if bent.distance(loads, feet) > reach:
+        if bent.distance(bent.predict(loads, feet)) > reach:
             bent = bent.update(loads, feet)
         bent = bent.activated()
         grip = replace(grip, statics=replace(grip.statics, bent=bent))

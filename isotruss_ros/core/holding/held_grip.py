@@ -9,19 +9,26 @@ from dataclasses import dataclass
 import enum
 import functools
 import math
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
 from isotruss_ros.core.holding.contact_statics import ContactStatics, object_angles
-from isotruss_ros.core.holding.grip_response import GripResponse, slip_planes
+from isotruss_ros.core.holding.grip_response import (
+    find_response,
+    GripResponse,
+    respond,
+    slip_planes,
+)
 from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.numerics.samples import take
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
@@ -37,6 +44,10 @@ MAX_EXTRAPOLATION = 2.0
 #: this bound, a third of it admits two that slid by some millimetres, and three times of it
 #: refuses five that did not slide.
 MIN_RELATIVE_MARGIN = 0.01
+
+
+#: Attributes of one of several samples.
+SAMPLE = '_samples', '_number'
 
 
 class HoldStatus(enum.Enum):
@@ -85,8 +96,12 @@ class HeldGrip:
 
     `attach_grip` finds the equilibrium near a measured pose; `roll_grip` finds it in another
     configuration, to which the contacts have rolled.
+
+    Equilibria of n samples with the same contacts and one layout of the tubes are one grip, whose
+    arrays have the samples as their first axis.
     """
 
+    shared: ClassVar[tuple[str, ...]] = ('member_names', 'members')
     anchors: Array  #: (k,) rolling invariants, see `ContactStatics.anchors` [m]
     angles: Array  #: (k,) angles of the normals in the object's frame, continued beyond pi [rad]
     statics: ContactStatics  #: equations of equilibrium in this configuration
@@ -98,9 +113,37 @@ class HeldGrip:
     @classmethod
     def of(cls, statics: ContactStatics, state: ContactForces, wrench: Array) -> HeldGrip:
         """Return a grip with a solution of the equations, whose contacts have not rolled yet."""
-        angles = object_angles(state.unknowns, state.normals)
-        anchors = statics.anchors(state.unknowns, state.normals, angles)
-        return cls(anchors, angles, statics, state, wrench)
+        grip = cls.__new__(cls)
+        grip.__dict__.update(statics=statics, state=state, wrench=wrench, motion=None)
+        return grip
+
+    @classmethod
+    def sample(cls, samples: HeldGrip, number: int) -> HeldGrip:
+        """Return one of several samples, whose arrays are taken when they are read."""
+        grip = cls.__new__(cls)
+        grip.__dict__.update(_samples=samples, _number=number)
+        for name in ('sections', 'response', 'normal_forces', 'friction_forces'):
+            if name in vars(samples):
+                grip.__dict__[name] = take(vars(samples)[name], number)
+        return grip
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a field that has not been read, see `of` and `sample`."""
+        if name == 'angles' or name == 'anchors':
+            state = self.state
+            angles = object_angles(state.unknowns, state.normals)
+            anchors = self.statics.anchors(state.unknowns, state.normals, angles)
+            self.__dict__.update(angles=angles, anchors=anchors)
+            return self.__dict__[name]
+        if name not in type(self).__dataclass_fields__ or '_samples' not in vars(self):
+            raise AttributeError(f'{type(self).__name__} has no attribute {name!r}')
+        self.__dict__[name] = take(getattr(self._samples, name), self._number)
+        return self.__dict__[name]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes for pickling, without the other samples."""
+        fields = {name: getattr(self, name) for name in type(self).__dataclass_fields__}
+        return {k: v for k, v in {**vars(self), **fields}.items() if k not in SAMPLE}
 
     @property
     def config(self) -> Configuration:
@@ -123,13 +166,34 @@ class HeldGrip:
     @property
     def contacts(self) -> PressedContacts:
         """Return the k contacts of the object."""
-        return self.statics.contacts
+        return self.origin.statics.contacts
+
+    @property
+    def shape(self) -> Shape:
+        """Return the shape of the object."""
+        if self.origin is self:
+            return self.statics.body.shape
+        return self.origin.statics.body.objects[self.number].shape
+
+    @property
+    def number(self) -> int:
+        """Return the number of this sample in `origin`."""
+        return vars(self).get('_number', 0)
+
+    @property
+    def origin(self) -> HeldGrip:
+        """Return the samples of which this is one, see `sample`; otherwise this grip."""
+        return vars(self).get('_samples', self)
 
     @functools.cached_property
     def body(self) -> ConvexObject:
         """Return the object at its pose in equilibrium."""
-        x, y, angle = self.state.unknowns[:3].tolist()
-        return self.statics.body.moved_to((x, y, math.remainder(angle, 2.0 * math.pi)))
+        body: Any = self.statics.body
+        poses = self.state.unknowns[..., :3]
+        if isinstance(body, ObjectSamples):
+            return body.moved_to(poses)  # type: ignore[return-value]
+        x, y, angle = poses.tolist()
+        return body.moved_to((x, y, math.remainder(angle, 2.0 * math.pi)))
 
     @property
     def pose(self) -> Pose:
@@ -159,22 +223,22 @@ class HeldGrip:
     @functools.cached_property
     def normal_forces(self) -> Array:
         """Return the normal forces of the grasping members, (m,) [N]."""
-        return self.contacts.sum_by_member(self.state.normal_forces)
+        return self.contacts.sum_by_member(self.state.normal_forces, axis=-1)
 
     @functools.cached_property
     def friction_forces(self) -> Array:
         """Return the friction force on each grasping member, (m,), counter-clockwise [N]."""
-        return self.contacts.sum_by_member(self.state.friction_forces)
+        return self.contacts.sum_by_member(self.state.friction_forces, axis=-1)
 
     @functools.cached_property
     def squeeze(self) -> float:
         """Return the mean normal force of the grasping members [N]."""
-        return float(self.normal_forces.mean())
+        return self.normal_forces.mean(axis=-1)
 
     @functools.cached_property
     def required_friction(self) -> float:
         """Return the smallest coefficient of friction at which no member slips."""
-        return float((np.abs(self.friction_forces) / self.normal_forces).max())
+        return (np.abs(self.friction_forces) / self.normal_forces).max(axis=-1)
 
     def hold(self, friction: float) -> HoldStatus:
         """Return the object's hold status for a given coefficient of friction."""
@@ -186,7 +250,7 @@ class HeldGrip:
 
     def slip_margin(self, friction: float) -> float:
         """Return the slip margin, see `SlipPlanes` [N]; zero in a neutral equilibrium."""
-        return 0.0 if self.response is None else slip_planes(self.response, friction).margin
+        return 0.0 if self.response is None else float(slip_planes(self.response, friction).margin)
 
     @functools.cached_property
     def members(self) -> Indices:
@@ -198,9 +262,10 @@ class HeldGrip:
         bent, config = self.statics.bent, self.config
         of_nodes = bent.displacements(self.state.loads, self.state.feet)
         pieces, within, _ = bent.structure.locate(members, positions)
-        ux, uy, angles = bent.frame.interpolate(of_nodes, pieces, within).T
-        starts = config.points[config.robot.topology.b[members]]
-        straight = starts + positions * config.member_axes[members]
+        moved = bent.frame.interpolate(of_nodes, pieces, within)
+        ux, uy, angles = (moved[..., i] for i in range(3))
+        starts = config.points[..., config.robot.topology.b[members]]
+        straight = starts + positions * config.member_axes[..., members]
         return straight + (ux + 1j * uy), np.exp(1j * angles)
 
     @functools.cached_property
@@ -229,61 +294,19 @@ class HeldGrip:
         linear_surplus = float(change[self.state.places.normal].sum())
         return 0.0 if singular else -linear_surplus / float(self.state.normal_forces.sum())
 
-    @functools.cached_property
-    def _idle(self) -> Indices:
-        """Return the indices of the contacts without force."""
-        normal = np.abs(self.state.normal_forces)
-        return np.flatnonzero(normal <= ROUNDING * normal.sum())
-
     def respond(self, residuals: Array) -> Array | None:
         """Return the unknowns' changes that cancel residuals (3 + 4k, ...); None if neutral."""
-        state, indices, idle = self.state, self.state.places, self._idle
-        jacobian, right = state.jacobian.copy(), -residuals.reshape(len(residuals), -1)
-        jacobian[indices.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
-        # A dent is infinitely soft at zero force. So to first order, the force of such a contact
-        # stays zero: this takes the place of touching across the member, and of sticking.
-        rows = np.append(3 * idle + 1, indices.conditions.start + idle)
-        columns = np.append(indices.normal.start + idle, indices.friction.start + idle)
-        jacobian[rows] = 0.0
-        jacobian[rows, columns] = 1.0
-        right[rows] = 0.0
-        _, _, changes, singular = lapack.dgesv(jacobian, right)
-        return None if singular else changes.reshape(residuals.shape)
+        columns = residuals.reshape(len(residuals), -1)
+        try:
+            return respond(self.statics, self.state, columns).reshape(residuals.shape)
+        except np.linalg.LinAlgError:
+            return None
 
     @functools.cached_property
     def response(self) -> GripResponse | None:
         """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
-        indices, owners = self.state.places, self.contacts.owners
-        axes = self.statics.bent.lines.axis
-        is_pressed = np.ones(len(owners), dtype=bool)
-        is_pressed[self._idle] = False
-        ends = np.flatnonzero(is_pressed & (np.bincount(owners, is_pressed)[owners] > 1))
-        # Columns: 0 to 2 the wrench, 3 the opening of the grip, then a gap at each end of a face.
-        residuals = np.zeros((indices.size, 4 + len(ends)))
-        residuals[indices.balance, :3] = np.eye(3)
-        # Axes: contact; touch along the member, across it and in inclination; column.
-        touch = residuals[: 3 * len(owners)].reshape(len(owners), 3, -1)
-        opening = axes.conj() * _opening(self.statics, self.state)
-        touch[:, 0, 3], touch[:, 1, 3] = opening.real, opening.imag
-        gaps = -axes[ends].conj() * self.state.normals[ends]
-        gap_columns = np.arange(4, 4 + len(ends))
-        touch[ends, 0, gap_columns], touch[ends, 1, gap_columns] = gaps.real, gaps.imag
-        change = self.respond(residuals)
-        if change is None or lapack.dgetrf(change[:3, :3])[2]:  # the compliance is singular
-            return None
-        middle = (self.body.middle - self.body.center) / self.arm
-        about_middle = np.eye(3)
-        about_middle[2, :2] = -middle.imag, middle.real
-        return GripResponse(
-            state=self.state,
-            owners=owners,
-            change=change[:, :3],
-            by_opening=change[:, 3],
-            ends=ends,
-            by_gap=change[:, 4:],
-            arm=self.arm,
-            about_middle=about_middle,
-        )
+        response = find_response(self.statics, self.state, self.body)
+        return None if response.is_neutral.ndim == 0 and response.is_neutral else response
 
     def squeeze_stiffness(self) -> float:
         """
@@ -309,17 +332,6 @@ class HeldGrip:
         multiple = float(travel @ previous_travel) / square
         multiple = max(-MAX_EXTRAPOLATION, min(multiple, MAX_EXTRAPOLATION))
         return self.state.unknowns + multiple * change
-
-
-def _opening(statics: ContactStatics, state: ContactForces) -> Points:
-    """Return the motion (k,) of the contacts, x + iy, per unit of opening of the grip [-]."""
-    owners = statics.contacts.owners
-    if owners[-1] > 1:
-        return 0.5 * state.normals
-    lines = statics.bent.lines
-    skins = lines.start + lines.axis * state.feet - statics.tube_radius * state.normals
-    chord = skins[owners == 1].mean() - skins[owners == 0].mean()
-    return np.where(owners == 1, 0.5, -0.5) * chord / abs(chord)
 
 
 def scaled_wrench(wrench: Array | None, arm: float) -> Array:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import functools
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
@@ -49,9 +49,9 @@ class PressedContacts:
         """Return a mask (k,) of the contacts whose member lies on a flat face of the object."""
         return np.bincount(self.owners)[self.owners] > 1
 
-    def sum_by_member(self, values: Array) -> Array:
+    def sum_by_member(self, values: Array, axis: int = 0) -> Array:
         """Return the sums (m, ...) of values (k, ...) at the contacts of each grasping member."""
-        return np.add.reduceat(values, self.member_starts)
+        return np.add.reduceat(values, self.member_starts, axis=axis)
 
 
 class Places(NamedTuple):
@@ -91,8 +91,11 @@ class ContactForces:
     the members' starts [m]; inclinations beta_i of the bent tubes relative to the straight members
     [rad]; normal forces N_i; and friction forces T_i on the tubes, counter-clockwise around the
     object [N].
+
+    Of n samples, all arrays have the samples as their first axis.
     """
 
+    shared: ClassVar[tuple[str, ...]] = ('places',)
     unknowns: Array
     normals: Points  #: (k,) unit normals from the object toward the tubes
     loads: Array  #: (k, 3) forces along and across the members [N], and moments on tubes [N m]
@@ -101,27 +104,27 @@ class ContactForces:
     @functools.cached_property
     def places(self) -> Places:
         """Return the indices of the unknowns and of the equations."""
-        return Places.of(len(self.normals))
+        return Places.of(self.normals.shape[-1])
 
     @functools.cached_property
     def feet(self) -> Array:
         """Return the positions of the contacts along the members, (k,) [m]."""
-        return self.unknowns[self.places.feet]
+        return self.unknowns[..., self.places.feet]
 
     @functools.cached_property
     def normal_forces(self) -> Array:
         """Return the normal forces (k,) at the contacts [N], positive in compression."""
-        return self.unknowns[self.places.normal]
+        return self.unknowns[..., self.places.normal]
 
     @functools.cached_property
     def friction_forces(self) -> Array:
         """Return the friction forces (k,) on the tubes, counter-clockwise round the object [N]."""
-        return self.unknowns[self.places.friction]
+        return self.unknowns[..., self.places.friction]
 
     @property
     def forces(self) -> Array:
         """Return the normal and then the friction forces at the contacts, (2k,) [N]."""
-        return self.unknowns[self.places.forces]
+        return self.unknowns[..., self.places.forces]
 
 
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:

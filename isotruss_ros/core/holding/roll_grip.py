@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from isotruss_ros.core.holding.contact_search import ContactSet, search_contacts
+from isotruss_ros.core.holding.contact_search import ContactSet, run_search, search_contacts
 from isotruss_ros.core.holding.contact_statics import (
     build_statics,
     ContactConditions,
@@ -21,7 +21,8 @@ from isotruss_ros.core.holding.contact_statics import (
     object_angles,
 )
 from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench
-from isotruss_ros.core.holding.pressed_contacts import POSE
+from isotruss_ros.core.holding.newton import settle
+from isotruss_ros.core.holding.pressed_contacts import Places, POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
@@ -46,7 +47,7 @@ def roll_grip(
     def solve(chosen: ContactSet, before: HeldGrip | None) -> HeldGrip | None:
         return roll_contacts(before or grip, config, chosen, wrench)
 
-    return search_contacts(solve, grip.contacts, rolls=True)
+    return run_search(search_contacts(grip.contacts, rolls=True), solve)
 
 
 def roll_contacts(
@@ -61,19 +62,19 @@ def roll_contacts(
     previous_angles = grip.angles[chosen.origins]
     # Where Newton's method starts: at the bent tubes, or for other contacts at straight tubes.
     stiffness = grip.statics.bent.structure.stiffness
+    structure = structure_under(config, grip.pressures, stiffness)
     if are_same_contacts:
         starts = [grip.extrapolate(travel), grip.state.unknowns]
-        structure = structure_under(config, grip.pressures, stiffness)
         initial = replace(grip.statics, bent=grip.statics.bent_under(starts[0], structure))
     else:
-        initial = build_statics(config, grip.body, chosen.contacts, grip.pressures, stiffness)
+        initial = build_statics(structure, grip.body, chosen.contacts, bool(wrench.any()))
         starts = [_start_from(grip, initial, chosen.origins)]
         angles = np.angle(initial.straight_normals / grip.body.turn)
         previous_angles[new_contacts] = angles[new_contacts]
 
-    conditions = rolling_conditions(initial, anchors, previous_angles, new_contacts)
+    conditions = rolling_conditions(anchors, previous_angles, new_contacts)
     for start in starts:
-        solution = initial.settle(start, wrench, conditions, MAX_SEARCH_STEPS, FOLLOWED_MOTION)
+        solution = settle(initial, start, wrench, conditions, MAX_SEARCH_STEPS, FOLLOWED_MOTION)
         if solution is None:
             continue
         statics, state = solution
@@ -98,24 +99,25 @@ def _start_from(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Ar
     return start
 
 
-def rolling_conditions(
-    statics: ContactStatics, anchors: Array, angles: Array, frictionless: Indices
-) -> ContactConditions:
+def rolling_conditions(anchors: Array, angles: Array, frictionless: Indices) -> ContactConditions:
     """
     Return the conditions of rolling without slip, which are the integral of (17) over time.
 
     The rolling invariants `ContactStatics.anchors` are constant. The friction of `frictionless`
     contacts is zero instead.
     """
-    friction = statics.places.friction
+    friction = Places.of(len(anchors)).friction
 
-    def conditions(unknowns: Array, normals: Points) -> tuple[Array, Array]:
+    def conditions(
+        statics: ContactStatics, unknowns: Array, normals: Points
+    ) -> tuple[Array, Array]:
         derivative = statics.rolling_rows(unknowns, normals)
         residual = statics.anchors(unknowns, normals, angles) - anchors
         if len(frictionless):
-            residual[frictionless] = FRICTION_COMPLIANCE * unknowns[friction][frictionless]
-            derivative[frictionless] = 0.0
-            derivative[frictionless, friction.start + frictionless] = FRICTION_COMPLIANCE
+            forces = unknowns[..., friction.start + frictionless]
+            residual[..., frictionless] = FRICTION_COMPLIANCE * forces
+            derivative[..., frictionless, :] = 0.0
+            derivative[..., frictionless, friction.start + frictionless] = FRICTION_COMPLIANCE
         return residual, derivative
 
     return conditions
@@ -132,6 +134,6 @@ def with_pressures(grip: HeldGrip, pressures: tuple[float, ...] | None) -> HeldG
     if pressures == grip.pressures:
         return grip
     structure = structure_under(grip.config, pressures, grip.statics.bent.structure.stiffness)
-    dents = find_dents(structure, grip.body.shape, grip.contacts)
+    dents = find_dents(structure, grip.body, grip.contacts)
     bent = grip.statics.bent_under(grip.state.unknowns, structure)
     return replace(grip, statics=replace(grip.statics, bent=bent, dents=dents))

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.holding.attach_grip import attach_grips
 from isotruss_ros.core.holding.contact_search import depths_in_others, skin_tolerance
 from isotruss_ros.core.holding.held_grip import (
     GraspInputs,
@@ -23,9 +24,10 @@ from isotruss_ros.core.manipulation.grip import check_member_names, find_members
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
 from isotruss_ros.core.model.pose import check_range, Pose
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
-from isotruss_ros.core.numerics.arrays import MAX_MAGNITUDE
+from isotruss_ros.core.numerics.arrays import Array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
+import numpy as np
 from numpy.typing import ArrayLike
 
 
@@ -80,48 +82,85 @@ def check_stiffness(value: float) -> float:
 
 def settle_inputs(inputs: GraspInputs, friction: float) -> SettledGrasp:
     """Return the settled grasp of checked inputs, see `settle_grasp`."""
+    (grip,) = attach_grips([inputs])
+    if isinstance(grip, StructureError):
+        raise grip
+    if isinstance(grip, NotHeldError):
+        return lose_grasp(inputs, grip, friction)
+    return assess_equilibrium(inputs.body.pose, grip, friction)
+
+
+def lose_grasp(inputs: GraspInputs, error: NotHeldError, friction: float) -> SettledGrasp:
+    """Return the settled grasp of an object without an equilibrium."""
     config, body = inputs.config, inputs.body
-    try:
-        grip = attach_grip(*inputs)
-    except NotHeldError as error:
-        lost = LostContact.of(inputs)
-        reason, depths = str(error), member_depths(config, body)
-        deepest = int(depths.argmax())
-        if depths[deepest] > 0.0:
-            name, depth = config.robot.member_names[deepest], depths[deepest]
-            reason += f'; the object is {1e3 * depth:.3g} mm deep in {name}'
-        return SettledGrasp(error.hold, reason, body.pose, friction, lost=lost)
-    return assess_equilibrium(body.pose, grip, friction)
+    reason, depths = str(error), member_depths(config, body)
+    deepest = int(depths.argmax())
+    if depths[deepest] > 0.0:
+        name, depth = config.robot.member_names[deepest], depths[deepest]
+        reason += f'; the object is {1e3 * depth:.3g} mm deep in {name}'
+    lost = LostContact.of(inputs)
+    return SettledGrasp(error.hold, reason, body.pose, friction, lost=lost)
 
 
 def assess_equilibrium(given: Pose, grip: HeldGrip, friction: float) -> SettledGrasp:
     """Return the settled grasp at an equilibrium, with its hold status."""
-    hold, detail = _judge(grip, given, friction)
-    reason = '' if hold is HoldStatus.HELD else ': '.join(filter(None, (hold.value, detail)))
+    if grip.origin is not grip and len(grip.origin.wrench) == 1:  # the only sample
+        ((hold, reason),) = judge(grip.origin, [given], np.array([friction]))
+        grip = HeldGrip.sample(grip.origin, 0)
+    else:
+        ((hold, reason),) = judge(grip, [given], np.array([friction]))
     if hold not in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
         return SettledGrasp(hold, reason, given, friction, grip)
     lost = LostContact.of(grip.inputs._replace(body=grip.body.moved_to(given)))
     return SettledGrasp(hold, reason, given, friction, lost=lost)
 
 
-def _judge(grip: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, str]:
-    """Return the hold status of an equilibrium, and the value that violates its condition."""
-    robot, hold = grip.config.robot, grip.hold(friction)
-    if hold in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
-        return hold, ''
-    shift = abs(grip.body.middle - grip.body.moved_to(given).middle)
-    if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
-        return HoldStatus.FAR, f'{1e3 * shift:.3g} mm'
+def judge(grip: HeldGrip, given: Sequence[Pose], friction: Array) -> list[tuple[HoldStatus, str]]:
+    """
+    Return the hold statuses of n equilibria, and the reasons in words; empty for a held object.
+
+    The poses `given` and the coefficients of friction (n,) are those of the samples.
+    """
+    robot, state = grip.config.robot, grip.state
+    x, y, angles = np.array(given).T
+    turned = np.exp(1j * angles) * grip.statics.body.shape.centroid
+    shifts = np.abs(np.atleast_1d(grip.body.middle) - (x + 1j * y + turned))
     others, depths = depths_in_others(grip)
-    if depths.max(initial=0.0) > skin_tolerance(grip):
-        return HoldStatus.OTHER_CONTACT, robot.member_names[others[depths.argmax()]]
-    if hold is HoldStatus.SLIPS:
-        return hold, f'coefficient {grip.required_friction:.3g} against {friction:.3g}'
-    if grip.response is None or not grip.response.stable:
-        return HoldStatus.UNSTABLE, ''
-    used = grip.sections.used
-    worst = int(used.argmax())
-    if used[worst] > 1.0:
-        times = f'{used[worst]:.3g} times its wrinkling moment'
-        return HoldStatus.WRINKLES, f'{robot.member_names[worst]} has {times}'
-    return HoldStatus.HELD, ''
+    depths = depths.reshape(len(given), -1)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        required = np.atleast_1d(grip.required_friction)
+    response, used = grip.response, np.atleast_2d(grip.sections.used)
+    stable = np.zeros(1, dtype=bool) if response is None else np.atleast_1d(response.stable)
+    violations = {
+        HoldStatus.NO_CONTACT: grip.normal_forces.min(axis=-1) <= 0.0,
+        HoldStatus.OFF_MEMBER: ~grip.statics.are_on_members(state.feet),
+        HoldStatus.FAR: shifts > MAX_DISPLACEMENT * robot.description.tube_diameter,
+        HoldStatus.OTHER_CONTACT: depths.max(axis=1, initial=0.0) > skin_tolerance(grip),
+        HoldStatus.SLIPS: required > friction,
+        HoldStatus.UNSTABLE: ~stable,
+        HoldStatus.WRINKLES: used.max(axis=1) > 1.0,
+    }
+
+    def detail(hold: HoldStatus, i: int) -> str:
+        """Return the value that violates the condition of a sample."""
+        if hold is HoldStatus.FAR:
+            return f'{1e3 * shifts[i]:.3g} mm'
+        if hold is HoldStatus.OTHER_CONTACT:
+            return robot.member_names[others[depths[i].argmax()]]
+        if hold is HoldStatus.SLIPS:
+            return f'coefficient {required[i]:.3g} against {friction[i]:.3g}'
+        if hold is HoldStatus.WRINKLES:
+            worst = int(used[i].argmax())
+            return (
+                f'{robot.member_names[worst]} has {used[i, worst]:.3g} times its wrinkling moment'
+            )
+        return ''
+
+    verdicts = []
+    # Columns: conditions in the order in which they are stated.
+    violated = np.stack([np.atleast_1d(rows) for rows in violations.values()], axis=1)
+    for i, row in enumerate(violated.tolist()):
+        hold = next((hold for hold, wrong in zip(violations, row, strict=True) if wrong), None)
+        reason = '' if hold is None else ': '.join(filter(None, (hold.value, detail(hold, i))))
+        verdicts.append((hold or HoldStatus.HELD, reason))
+    return verdicts

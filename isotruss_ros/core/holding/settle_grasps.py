@@ -11,17 +11,22 @@ import itertools
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.holding.attach_grip import attach_grips
 from isotruss_ros.core.holding.grasp_samples import (
     check_grasps,
     Configurations,
     Objects,
     Pressures,
 )
-from isotruss_ros.core.holding.held_grip import GraspInputs, HoldStatus
-from isotruss_ros.core.holding.settle_grasp import settle_inputs
+from isotruss_ros.core.holding.grip_response import find_slip_planes, idle_contacts
+from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, judge, lose_grasp
+from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.holding.settled_grasps import SettledGrasps
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.samples import take
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -75,10 +80,8 @@ def settle_grasps(
         configs, bodies, friction, external_wrenches, pressures, members, poses, stiffness
     )
     count = len(inputs)
-    groups = [
-        (inputs[begin : begin + GROUP_SIZE], coefficients[begin : begin + GROUP_SIZE])
-        for begin in range(0, count, GROUP_SIZE)
-    ]
+    slices = [slice(begin, begin + GROUP_SIZE) for begin in range(0, count, GROUP_SIZE)]
+    groups = [(inputs[chosen], coefficients[chosen]) for chosen in slices]
     compute = map if executor is None else executor.map
     parts: list[_GroupResult] = []
     for part in compute(_settle_group, *zip(*groups, strict=True)):
@@ -109,31 +112,66 @@ def settle_grasps(
 class _GroupResult(NamedTuple):
     """Values of `SettledGrasps` for a group of n grasps by m members."""
 
-    hold: tuple[HoldStatus | None, ...]
-    reason: tuple[str, ...]
+    hold: list[HoldStatus | None]
+    reason: list[str]
     #: (n, 9 + 3 m) slip margin, squeeze, required friction, pose, displacement; then normal
     #: forces, friction forces and utilisation of the members
     values: Array
 
+    def set_lost(self, number: int, settled: SettledGrasp) -> None:
+        """Set the values of a grasp without contact."""
+        self.hold[number], self.reason[number] = settled.hold, settled.reason
+        row = self.values[number]
+        row[:] = 0.0
+        row[0], row[2], row[3:6] = settled.slip_margin, np.inf, settled.pose
+
+    def set_grips(
+        self, numbers: Sequence[int], grips: HeldGrip, given: Sequence[Pose], friction: Array
+    ) -> None:
+        """Set the values of grasps with equilibria."""
+        rows, members = np.zeros((len(numbers), self.values.shape[1])), grips.members
+        margins = find_slip_planes(grips.response, friction).margin
+        rows[:, 0] = np.where(grips.response.is_neutral, 0.0, margins)
+        rows[:, 1], rows[:, 2] = grips.squeeze, grips.required_friction
+        rows[:, 3], rows[:, 4] = grips.body.center.real, grips.body.center.imag
+        rows[:, 5] = grips.body.angle
+        rows[:, 6:9] = rows[:, 3:6] - np.array(given)
+        rows[:, 8] -= 2.0 * np.pi * np.round(rows[:, 8] / (2.0 * np.pi))
+        normal, friction_forces, used = rows[:, 9:].reshape(len(rows), 3, -1).swapaxes(0, 1)
+        normal[:, members], friction_forces[:, members] = (
+            grips.normal_forces,
+            -grips.friction_forces,
+        )
+        used[:] = grips.sections.used
+        self.values[numbers] = rows
+
 
 def _settle_group(inputs: Sequence[GraspInputs], friction: Array) -> _GroupResult:
     """Return the values of settled grasps, each with its inputs and coefficient of friction."""
-    names = inputs[0].config.robot.member_names
-    hold: list[HoldStatus | None] = []
-    reason: list[str] = []
-    values = np.full((len(inputs), 9 + 3 * len(names)), np.nan)
-    for i, (given, coefficient) in enumerate(zip(inputs, friction.tolist(), strict=True)):
-        try:
-            settled = settle_inputs(given, coefficient)
-        except StructureError as error:
-            hold.append(None)
-            reason.append(str(error))
-            continue
-        hold.append(settled.hold)
-        reason.append(settled.reason)
-        squeeze = 0.0 if settled.equilibrium is None else settled.equilibrium.squeeze
-        values[i, :3] = settled.slip_margin, squeeze, settled.required_friction
-        values[i, 3:6], values[i, 6:9] = settled.pose, settled.displacement
-        of_members = settled.normal_forces, settled.friction_forces, settled.utilisation
-        values[i, 9:] = [found.get(name, 0.0) for found in of_members for name in names]
-    return _GroupResult(tuple(hold), tuple(reason), values)
+    count, members = len(inputs), len(inputs[0].config.robot.member_names)
+    result = _GroupResult([None] * count, [''] * count, np.full((count, 9 + 3 * members), np.nan))
+    groups: dict[tuple[int, bytes], list[int]] = {}
+    held: dict[int, HeldGrip] = {}
+    for i, grip in enumerate(attach_grips(inputs)):
+        if isinstance(grip, StructureError):
+            result.reason[i] = str(grip)
+        elif isinstance(grip, NotHeldError):
+            result.set_lost(i, lose_grasp(inputs[i], grip, float(friction[i])))
+        else:
+            held[i] = grip
+            idle = idle_contacts(grip.origin.state)[grip.number].tobytes()
+            groups.setdefault((id(grip.origin), idle), []).append(i)
+    for numbers in groups.values():
+        samples, rows = held[numbers[0]].origin, [held[i].number for i in numbers]
+        if rows != list(range(len(samples.wrench))):
+            samples = take(samples, rows)
+        given = [inputs[i].body.pose for i in numbers]
+        coefficients = friction[numbers]
+        verdicts = judge(samples, given, coefficients)
+        result.set_grips(numbers, samples, given, coefficients)
+        for k, (i, (hold, reason)) in enumerate(zip(numbers, verdicts, strict=True)):
+            result.hold[i], result.reason[i] = hold, reason
+            if hold in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
+                grip = HeldGrip.sample(samples, k)
+                result.set_lost(i, assess_equilibrium(given[k], grip, float(friction[i])))
+    return result

@@ -15,7 +15,7 @@ import numpy as np
 def member_lines(config: Configuration) -> Points:
     """Return the end points (m, 2) of the members' undeformed centre lines (pinch points) [m]."""
     topology, points = config.robot.topology, config.points
-    return np.stack([points[topology.b], points[topology.end]], axis=1)
+    return np.stack([points[..., topology.b], points[..., topology.end]], axis=-1)
 
 
 def member_depths(config: Configuration, body: ConvexObject) -> Array:

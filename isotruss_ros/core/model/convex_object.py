@@ -103,6 +103,11 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         object.__setattr__(self, 'middle', center + turn * self.shape.centroid)
         object.__setattr__(self, 'arm', self.shape.perimeter / (2.0 * math.pi))
 
+    @property
+    def angle(self) -> float:
+        """Return the angle of the object's frame [rad]."""
+        return self.pose.angle
+
     @classmethod
     def disc(
         cls, center: tuple[float, float], diameter: float, friction: float | None = None
@@ -205,7 +210,7 @@ class SegmentGaps(NamedTuple):
     shares: Array
 
 
-def facing_normals(middle: complex, points: Points, axes: Points) -> Points:
+def facing_normals(middle: complex | Points, points: Points, axes: Points) -> Points:
     """Return the unit normals (k,) of lines through `points`, directed away from `middle`."""
     middle_is_right = (axes.conj() * (middle - points)).imag < 0.0
     return -1j * np.where(middle_is_right, -axes, axes)
@@ -215,6 +220,7 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     """
     Return the gaps between an object and line segments, with the directions of the gaps.
 
+    Of several `ObjectSamples`, segments and gaps have the objects as their first axis.
     A normal is perpendicular to its segment and points away from the object's centroid. If the
     nearest point is an end of the segment, the normal is that of the object's surface.
     """
@@ -225,16 +231,19 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     axes = np.where(has_length, spans, 1.0) / np.where(has_length, lengths, 1.0)
     # Gaps to the infinite lines along the segments, and positions of the nearest points as shares
     # of the segments.
-    normals = facing_normals(body.middle, starts, axes)
-    support_points = body.shape.support_points(normals * body.turn.conjugate())
-    points = body.center + body.turn * support_points
+    middle, turn, center = (
+        np.asarray(z)[..., None] for z in (body.middle, body.turn, body.center)
+    )
+    normals = facing_normals(middle, starts, axes)
+    support_points = body.shape.support_points(normals * turn.conj())
+    points = center + turn * support_points
     gaps = ((starts - points) * normals.conj()).real
     shares = (axes.conj() * (points - starts)).real / np.maximum(lengths, COINCIDENCE)
     # Where the nearest point of the line is beyond an end of the segment, this end is nearest.
-    beyond = np.flatnonzero((shares < 0.0) | (shares > 1.0) | ~has_length)
-    if len(beyond):
+    beyond = np.nonzero((shares < 0.0) | (shares > 1.0) | ~has_length)
+    if beyond[0].size:
         before_start = shares[beyond] < 0.0
-        nearest = body.nearest(np.where(before_start, starts[beyond], ends[beyond]))
+        nearest = body.nearest(np.where(before_start, starts[beyond], ends[beyond]), *beyond[:-1])
         gaps[beyond], normals[beyond] = nearest.gaps, nearest.normals
         shares[beyond] = np.where(before_start, 0.0, 1.0)
     return SegmentGaps(gaps, normals, shares)

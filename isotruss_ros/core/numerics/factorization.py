@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 from isotruss_ros.core.numerics.arrays import Array
@@ -54,6 +55,25 @@ Factor = DenseFactor | SparseFactor
 def factorize(matrix: Array | csc_matrix) -> Factor:
     """Return the LU factors of a matrix (n, n); a dense matrix is overwritten."""
     return DenseFactor(matrix) if isinstance(matrix, np.ndarray) else SparseFactor(matrix)
+
+
+def solve_each(matrices: Array, right: Array) -> Array:
+    """
+    Return the solutions (..., n, c) of linear equations with right-hand sides (..., n, c).
+
+    Several matrices (..., n, n) are independent: if one is singular, its solution is NaN. One
+    singular matrix alone raises LinAlgError.
+    """
+    try:
+        return np.linalg.solve(matrices, right)
+    except np.linalg.LinAlgError:
+        if matrices.ndim == 2:
+            raise
+    solutions = np.full(right.shape, np.nan)
+    for i, (matrix, of_matrix) in enumerate(zip(matrices, right, strict=True)):
+        with contextlib.suppress(np.linalg.LinAlgError):
+            solutions[i] = solve_each(matrix, of_matrix)
+    return solutions
 
 
 def estimate_condition(matrix: Array | csc_matrix) -> float:

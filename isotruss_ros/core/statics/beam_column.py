@@ -50,10 +50,11 @@ class BeamColumns(NamedTuple):
     @classmethod
     def of(cls, length: Array, section: Array, pinned: Flags) -> BeamColumns:
         """Return members (k,) of given rest lengths and sections; `pinned` at the start or not."""
-        axial, flexural, shear = section
+        # Of n samples, lengths are (n, k), sections (n, 3, k) and values (n, 11, k).
+        axial, flexural, shear = section.swapaxes(0, -2)
         shear_compliance = 1.0 / shear
         bend_compliance = 0.25 * length * length / flexural
-        values = np.zeros((11, len(length)), dtype=length.dtype)
+        values = np.zeros((11, *length.shape), dtype=length.dtype)
         values[0], values[1] = length, length / axial
         # Derivatives 2 Ks of the sum by s, of the sum by b, and 2 Ka of the difference by b: their
         # coefficients of 1, N and N^2, see this module.
@@ -70,14 +71,15 @@ class BeamColumns(NamedTuple):
             one_pin = _reciprocal(_reciprocal(sway) + _reciprocal(bow))
             coupling[:] = np.where(pinned, -one_pin, 0.0)
             sway[:], bow[:] = np.where(pinned, one_pin, sway), np.where(pinned, one_pin, bow)
-        return cls(values)
+        return cls(values.swapaxes(0, -2))
 
     def evaluate(
         self, elongation: Array, rotations: Array, axial: Array | None = None
     ) -> EndForces:
         """Return the end forces of bent members, by a Newton step from `axial` forces (k,)."""
         # Axes: power of N; sum by s, coupling, difference by b; member.
-        compliance, rotary = self.values[1], self.values[2:].reshape(3, 3, -1)
+        values, rotations = self.values.swapaxes(0, -2), rotations.swapaxes(0, -2)
+        compliance, rotary = values[1], values[2:].reshape(3, 3, *values.shape[1:])
         # Coefficients of the moments (M1 + M2, M1 - M2) by powers of N.
         moments = rotary[:, :2] * rotations[0] + rotary[:, 1:] * rotations[1]
         constant, linear, quadratic = moments
@@ -88,7 +90,7 @@ class BeamColumns(NamedTuple):
         pull = stationary if axial is None else axial
         moments_by_pull = linear + 2.0 * (pull * quadratic)
         moments_by_elongation = moments_by_pull * stretching
-        stiffness = np.empty((3, 3, len(pull)), dtype=stretching.dtype)
+        stiffness = np.empty((3, 3, *pull.shape), dtype=stretching.dtype)
         stiffness[0, 0] = stretching
         stiffness[0, 1:] = stiffness[1:, 0] = moments_by_elongation
         # By s and b: at constant N, and due to the change of N.
@@ -98,7 +100,12 @@ class BeamColumns(NamedTuple):
         stressed_moments = constant + pull * (linear + pull * quadratic)
         stressed = np.concatenate([pull[None], stressed_moments])
         step = 0.0 if axial is None else stiffness[:, 0] * (stationary - pull) / stretching
-        return EndForces((stressed + step).T, stiffness.T, stressed.T)
+        last = (*range(1, stressed.ndim), 0)
+        return EndForces(
+            (stressed + step).transpose(last),
+            stiffness.transpose(*range(2, stiffness.ndim), 0, 1),
+            stressed.transpose(last),
+        )
 
 
 def _reciprocal(series: Array) -> Array:
@@ -110,34 +117,35 @@ def _reciprocal(series: Array) -> Array:
 
 
 def chord_motions(axis: Points, length: Array) -> Array:
-    """Return the derivatives (k, 4, 6) of chords' length, s, b and rotation by their ends."""
-    # Axes: member, change, end (start and end), displacement of this end (ux, uy, theta).
-    motions = np.zeros((len(axis), 4, 2, 3))
-    motions[:, 0, 1, :2] = axis.view(np.float64).reshape(-1, 2)
-    motions[:, 3, 1, :2] = (1j * axis / length).view(np.float64).reshape(-1, 2)
-    motions[:, 1, 1] = -motions[:, 3, 1]  # rotations of the ends are relative to the chord
-    motions[:, :, 0] = -motions[:, :, 1]
-    motions[:, 1, :, 2] = 0.5
-    motions[:, 2, :, 2] = 0.5, -0.5
-    return motions.reshape(-1, 4, 6)
+    """Return the derivatives (..., k, 4, 6) of chords' length, s, b and rotation by their ends."""
+    # Axes: sample, member, change, end (start and end), displacement of this end (ux, uy, theta).
+    motions, axis = np.zeros((*axis.shape, 4, 2, 3)), np.ascontiguousarray(axis)
+    motions[..., 0, 1, :2] = axis.view(np.float64).reshape(*axis.shape, 2)
+    turning = np.ascontiguousarray(1j * axis / length)
+    motions[..., 3, 1, :2] = turning.view(np.float64).reshape(*axis.shape, 2)
+    motions[..., 1, 1, :] = -motions[..., 3, 1, :]  # end rotations are relative to the chord
+    motions[..., 0, :] = -motions[..., 1, :]
+    motions[..., 1, :, 2] = 0.5
+    motions[..., 2, :, 2] = 0.5, -0.5
+    return motions.reshape(*axis.shape, 4, 6)
 
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
-    """Return the stiffness (k, 4, 4) of bent members in the coordinates of `chord_motions`."""
-    stiffness = np.zeros((len(length), 4, 4))
-    stiffness[:, :3, :3] = forces.stiffness.real
-    stiffness[:, 0, 3] = stiffness[:, 3, 0] = forces.stressed[:, 1].real / length
-    stiffness[:, 3, 3] = forces.stressed[:, 0].real * length
+    """Return the stiffness (..., k, 4, 4) of bent members, coordinates as in `chord_motions`."""
+    stiffness = np.zeros((*length.shape, 4, 4))
+    stiffness[..., :3, :3] = forces.stiffness.real
+    stiffness[..., 0, 3] = stiffness[..., 3, 0] = forces.stressed[..., 1].real / length
+    stiffness[..., 3, 3] = forces.stressed[..., 0].real * length
     return stiffness
 
 
 def end_forces(forces: Array, length: Array) -> Array:
-    """Return end forces (k, 6) as in `FrameState`, from values (k, 3) as in `EndForces`."""
-    pull, moment_sum, moment_difference = forces.T
+    """Return end forces (..., k, 6) as in `FrameState`, from values (k, 3) as in `EndForces`."""
+    pull, moment_sum, moment_difference = (forces[..., i] for i in range(3))
     across = moment_sum / length
     start = 0.5 * (moment_sum + moment_difference)
     end = 0.5 * (moment_sum - moment_difference)
-    return np.stack([-pull, across, start, pull, -across, end], axis=1)
+    return np.stack([-pull, across, start, pull, -across, end], axis=-1)
 
 
 def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) -> Array:

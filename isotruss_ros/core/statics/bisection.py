@@ -33,36 +33,36 @@ class Bisections(NamedTuple):
         return (3 * self.nodes[:, :, None] + [0, 1]).reshape(-1, 10)
 
     def slopes(self, points: Points, chosen: Indices) -> Array:
-        """Return the derivatives (q, 10) of q chosen constraints, see `linearize`."""
-        return _gradients(points[self.nodes[chosen]] @ VECTORS.T)
+        """Return the derivatives (..., q, 10) of q chosen constraints, see `linearize`."""
+        return _gradients(points.take(self.nodes[chosen], axis=-1) @ VECTORS.T)
 
     def linearize(
         self, points: Points, displacements: Array, multipliers: Array, chosen: Indices
     ) -> tuple[Array, Array, Array]:
         """
-        Linearise q chosen constraints about displacements (n, 3) of nodes at points (n,).
+        Linearise q chosen constraints about displacements (..., n, 3) of nodes at points (..., n).
 
-        The result is the derivatives (q, 10) by the displacements at `places`, the gaps (q,)
-        [rad], and the geometric stiffness (q, 10, 10) due to the multipliers (c,).
+        The result is the derivatives (..., q, 10) by the displacements at `places`, the gaps (...,
+        q) [rad], and the geometric stiffness (..., q, 10, 10) due to the multipliers (..., c).
         """
         nodes = self.nodes[chosen]
-        vectors = points[nodes] @ VECTORS.T
-        shifts = displacements[:, 0] + 1j * displacements[:, 1]
-        displaced = vectors + shifts[nodes] @ VECTORS.T
+        vectors = points.take(nodes, axis=-1) @ VECTORS.T
+        shifts = displacements[..., 0] + 1j * displacements[..., 1]
+        displaced = vectors + shifts.take(nodes, axis=-1) @ VECTORS.T
         rotations = displaced * vectors.conj()
         gaps = np.arctan2(rotations.imag, rotations.real) @ WEIGHTS
         # With z = x + iy, the second derivatives xx, yy and xy of arg z are Im(-1/z^2), Im(1/z^2)
         # and Re(-1/z^2).
-        curvatures = -WEIGHTS * multipliers[chosen, None] / displaced**2
-        of_nodes = VECTORS.T @ (curvatures[:, :, None] * VECTORS)
-        # Axes: constraint, node, x or y, node, x or y.
-        stiffness = np.empty((len(nodes), 5, 2, 5, 2))
-        stiffness[:, :, 0, :, 0], stiffness[:, :, 1, :, 1] = of_nodes.imag, -of_nodes.imag
-        stiffness[:, :, 0, :, 1] = stiffness[:, :, 1, :, 0] = of_nodes.real
-        return _gradients(displaced), gaps, stiffness.reshape(-1, 10, 10)
+        curvatures = -WEIGHTS * multipliers[..., chosen, None] / displaced**2
+        of_nodes = VECTORS.T @ (curvatures[..., None] * VECTORS)
+        # Axes: sample, constraint, node, x or y, node, x or y.
+        stiffness = np.empty((*gaps.shape, 5, 2, 5, 2))
+        stiffness[..., 0, :, 0], stiffness[..., 1, :, 1] = of_nodes.imag, -of_nodes.imag
+        stiffness[..., 0, :, 1] = stiffness[..., 1, :, 0] = of_nodes.real
+        return _gradients(displaced), gaps, stiffness.reshape(*gaps.shape, 10, 10)
 
 
 def _gradients(vectors: Points) -> Array:
-    """Return the derivatives (q, 10) of constraints by the nodes, for rods and arms (q, 3)."""
+    """Return derivatives (..., q, 10) of constraints by the nodes, for rods and arms (q, 3)."""
     # A gradient (d/dx, d/dy) of arg z is the complex number d/dx + i d/dy = i / conj(z).
-    return ((1j * WEIGHTS / vectors.conj()) @ VECTORS).view(np.float64)
+    return np.ascontiguousarray((1j * WEIGHTS / vectors.conj()) @ VECTORS).view(np.float64)

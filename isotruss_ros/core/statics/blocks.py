@@ -20,7 +20,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
-from isotruss_ros.core.numerics.factorization import count_negative_pivots, factorize
+from isotruss_ros.core.numerics.factorization import count_negative_pivots, factorize, solve_each
+from isotruss_ros.core.numerics.samples import sum_at
 from isotruss_ros.core.statics.bisection import Bisections
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
@@ -43,11 +44,12 @@ class Group(NamedTuple):
     def assemble(self, members: Array, rows: Array) -> Array:
         """Return the blocks' matrices (b, t + s, t + s) from those of members and constraints."""
         count, width = len(self.ids), self.outer.shape[1] + self.inner.shape[1] + 1
-        of_members = members[self.members].reshape(count, -1)
-        of_rows = rows[self.rows].reshape(count, -1)
-        entries = np.concatenate([of_members, of_rows], axis=1).ravel()
-        sums = np.bincount(self.slots.ravel(), entries, count * width**2)
-        return sums.reshape(count, width, width)[:, :-1, :-1]
+        lead = members.shape[:-3]
+        of_members = members.take(self.members, axis=-3).reshape(*lead, count, -1)
+        of_rows = rows.take(self.rows, axis=-3).reshape(*lead, count, -1)
+        entries = np.concatenate([of_members, of_rows], axis=-1).reshape(*lead, -1)
+        sums = sum_at(self.slots.ravel(), entries, count * width**2)
+        return sums.reshape(*lead, count, width, width)[..., :-1, :-1]
 
 
 class Numbering:
@@ -156,6 +158,9 @@ class Layout:
         self.beside = np.append(self.before, self.behind)
         self.signs = np.repeat([-1.0, 1.0], len(piece))
         self.parts = np.unique(self.beside)
+        # Weights of the inclinations at the ends of both parts beside a cut: their mean.
+        self.mean_weights = 0.5 * np.tile(np.eye(len(piece)), 2)
+        self.no_weights = np.zeros_like(self.mean_weights)
         part = np.arange(len(self.whole))[:, None]
         self.length_by_motions = np.subtract(part == self.before, part == self.behind, dtype=float)
         self.ends = member_places(self.start, self.end)
@@ -166,6 +171,10 @@ class Layout:
         groups = numbering.whole.groups if len(active) < len(numbering.blocks) else []
         inactive = [np.flatnonzero(~np.isin(group.ids, active)) for group in groups]
         self.kept = [(number, blocks) for number, blocks in enumerate(inactive) if len(blocks)]
+        #: (b,) indices of these blocks
+        self.kept_ids = np.array(
+            [i for k, blocks in self.kept for i in groups[k].ids[blocks]], int
+        )
         active_hinges = [group.hinges for group in self.groups]
         kept_hinges = [groups[number].hinges[blocks] for number, blocks in self.kept]
         size = len(numbering.hinges) + 1
@@ -204,7 +213,7 @@ class Layout:
         return [Group(*map(np.stack, zip(*blocks, strict=True))) for blocks in by_size.values()]
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=256)
 def lay_out(numbering: Numbering, piece: bytes, order: bytes, active: bytes) -> Layout:
     """Return a layout from the bytes of its index arrays, cached."""
     arrays = (np.frombuffer(data, dtype=np.intp) for data in (piece, order, active))
@@ -218,7 +227,8 @@ class Condensed(NamedTuple):
     #: for each group, displacements (b, s, t) of these unknowns by displacements of the hinges
     spread: list[Array]
     schur: list[Array]  #: for each group, stiffness (b, t, t) of the hinges
-    matrix: Array | csc_matrix  #: (j, j) matrix of the hinges
+    #: (j, j) matrix of the hinges; a list of sparse matrices of several samples
+    matrix: Array | csc_matrix | list[csc_matrix]
 
     @property
     def negative_pivots(self) -> int:
@@ -230,35 +240,43 @@ class Condensed(NamedTuple):
 def eliminate(
     layout: Layout, matrices: list[Array], kept: list[Array], right: Array
 ) -> tuple[Condensed, Array]:
-    """Return the matrix without its blocks, and the solutions (u, p) for p right-hand sides."""
+    """Return the matrix without its blocks, and solutions (..., u, p) of p right-hand sides."""
     inner, spread, schur, with_fixed_hinges, hinge_loads = [], [], [], [], []
-    numbering, columns = layout.numbering, right.shape[1]
+    numbering, (*lead, _, columns) = layout.numbering, right.shape
     for group, block in zip(layout.groups, matrices, strict=True):
         # The first unknowns of a block's matrix are those of its hinges.
         width = group.outer.shape[1]
-        own_block, coupling = block[:, width:, width:], block[:, width:, :width]
+        own_block, coupling = block[..., width:, width:], block[..., width:, :width]
         # The product of an inverse and the coupling would have a larger rounding error.
-        solved = np.linalg.solve(own_block, np.concatenate([coupling, right[group.inner]], axis=2))
-        at_hinges = coupling.swapaxes(1, 2) @ solved
+        own_right = np.concatenate([coupling, right.take(group.inner, axis=-2)], axis=-1)
+        solved = solve_each(own_block, own_right)
+        at_hinges = coupling.swapaxes(-1, -2) @ solved
         inner.append(own_block)
         spread.append(-solved[..., :width])
-        schur.append(block[:, :width, :width] - at_hinges[..., :width])
+        schur.append(block[..., :width, :width] - at_hinges[..., :width])
         with_fixed_hinges.append(solved[..., width:])
-        hinge_loads.append(at_hinges[..., width:].reshape(group.outer.size, columns))
+        hinge_loads.append(at_hinges[..., width:].reshape(*lead, group.outer.size, columns))
     # The last row and column of the matrix are for fixed displacements of hinges, which are zero.
     size = len(numbering.hinges) + 1
-    entries = np.concatenate([block.ravel() for block in schur + kept])
+    entries = np.concatenate([block.reshape(*lead, -1) for block in schur + kept], axis=-1)
+    at_blocks = np.concatenate(hinge_loads, axis=-2)
+    hinges, solution = np.zeros((*lead, size, columns)), np.zeros(right.shape)
+    hinge_right = right.take(numbering.hinges, axis=-2)
     if numbering.is_sparse:
-        matrix = csc_matrix((entries, np.divmod(layout.entries, size)), shape=(size, size))
+        places, matrix = np.divmod(layout.entries, size), []
+        for i in np.ndindex(*lead):
+            of_sample = csc_matrix((entries[i], places), shape=(size, size))[:-1, :-1]
+            factor = factorize(of_sample)
+            hinges[i][:-1] = factor.solve(hinge_right[i] - layout.sources @ at_blocks[i])
+            matrix.append(of_sample)
+        matrix = matrix if lead else matrix[0]
     else:
-        matrix = np.bincount(layout.entries, entries, size**2).reshape(size, size)
-    matrix = matrix[:-1, :-1]
-    hinge_right = right[numbering.hinges] - layout.sources @ np.concatenate(hinge_loads)
-    hinges, solution = np.zeros((size, columns)), np.zeros(right.shape)
-    hinges[:-1] = factorize(matrix.copy()).solve(hinge_right)
-    solution[numbering.hinges] = hinges[:-1]
+        matrix = sum_at(layout.entries, entries, size**2).reshape(*lead, size, size)
+        matrix = matrix[..., :-1, :-1]
+        hinges[..., :-1, :] = solve_each(matrix, hinge_right - layout.sources @ at_blocks)
+    solution[..., numbering.hinges, :] = hinges[..., :-1, :]
     for group, by_hinges, constant in zip(layout.groups, spread, with_fixed_hinges, strict=True):
-        solution[group.inner] = constant + by_hinges @ hinges[group.hinges]
+        solution[..., group.inner, :] = constant + by_hinges @ hinges.take(group.hinges, axis=-2)
     return Condensed(inner, spread, schur, matrix), solution
 
 

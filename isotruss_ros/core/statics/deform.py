@@ -191,7 +191,7 @@ def _bend(straight: Tangent, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces of a bent frame in equilibrium."""
     bent = bend(straight, loads)
     if bent is not None:
-        by_loads = bent.frame.displacements(bent.respond(loads.reshape(-1, 1)))[..., 0]
+        by_loads = bent.frame.displacements(bent.respond(loads.reshape(-1, 1))[:, 0])
         largest_unloaded = largest_motion(bent.displacements - by_loads)
         largest = largest_motion(bent.displacements)
         if largest_unloaded <= MAX_UNLOADED_SHARE * largest and bent.is_stable:

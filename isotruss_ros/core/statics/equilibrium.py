@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.samples import take
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.blocks import Condensed
@@ -61,22 +62,25 @@ def solve_unloaded(tangent: Tangent, loads: Array) -> tuple[Condensed, Array]:
     """
     Return the condensed matrix and the linear responses of a frame linearised without loads.
 
-    The responses (u, p) are the unknowns by loads (3 n, p) on the nodes. Raise StructureError if
-    the frame is a mechanism.
+    The responses (..., u, p) are the unknowns by loads (3 n, p) on the nodes. Raise StructureError
+    if the frame is a mechanism; its message is that of the first sample.
     """
     frame = tangent.frame
     rows, columns = frame.layout.numbering.rows, loads.shape[1]
-    right = np.zeros((len(frame.scale), columns + 1))
-    right[rows:, :columns] = loads
+    right = np.zeros((*frame.scale.shape, columns + 1))
+    right[..., rows:, :columns] = loads
     # The response to an irregular load is a lower bound of the condition number.
-    right[:, columns] = np.cos(np.arange(len(frame.scale)) ** 2) / frame.scale
+    right[..., columns] = np.cos(np.arange(frame.scale.shape[-1]) ** 2) / frame.scale
     try:
         condensed, solution = tangent.solve(right)
-        condition = np.abs(solution[:, columns] / frame.scale).max()
+        condition = np.abs(solution[..., columns] / frame.scale).max()
     except StructureError:
         condition = np.inf
     if condition < MAX_CONDITION:  # the stiffness matrix (4) is regular
-        return condensed, solution[:, :columns]
+        return condensed, solution[..., :columns]
+    if frame.scale.ndim > 1:  # one by one
+        for i in range(len(frame.scale)):
+            solve_unloaded(take(tangent, i), loads)
     raise StructureError(
         f'the structure is a mechanism: {", ".join(_find_loose_nodes(tangent))} can move '
         'without resistance; support it or connect it'
@@ -103,7 +107,7 @@ def solve(tangent: Tangent, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces under loads (n, 3) by linear (4)."""
     frame, layout = tangent.frame, tangent.frame.layout
     changes = tangent.respond(loads.reshape(-1, 1))
-    displacements = frame.displacements(changes)
+    displacements = frame.motions(changes)
     forces, _ = tangent.force_changes(displacements)
     carried = tangent.sum_forces(np.arange(len(frame.length)), forces)[:, 0]
     multipliers = changes[: layout.numbering.rows, 0]
@@ -124,8 +128,8 @@ def bend(start: Tangent, loads: Array) -> Tangent | None:
     applied = np.append(np.zeros(frame.layout.numbering.rows), loads)
     for count in range(MAX_NEWTON_ITERATIONS):
         _, step = tangent.solve((applied - tangent.carried)[:, None])
-        moved = frame.displacements(step)
-        largest = largest_motion(moved)
+        moved = frame.motions(step)
+        largest = largest_motion(moved[..., 0])
         from_start = tangent.displacements + moved[..., 0] - start.displacements
         if count == 0:
             predicted = largest
@@ -177,8 +181,8 @@ def follow_loads(
         factor, tangent = path.factors[-1], path.tangents[-1]
         if factor >= last_factor or largest_motion(tangent.displacements) > farthest:
             return path
-        moved = start.frame.displacements(tangent.respond(loads.reshape(-1, 1)))
-        motion = largest_motion(moved)
+        moved = start.frame.motions(tangent.respond(loads.reshape(-1, 1)))
+        motion = float(largest_motion(moved[..., 0]))
         bounded_step = MAX_DISPLACEMENT_STEP / motion if motion > 0.0 else np.inf
         step = min(2.0 * step, bounded_step, last_factor - factor)
         bent = bend(tangent, (factor + step) * loads)

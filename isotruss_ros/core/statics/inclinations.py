@@ -26,7 +26,11 @@ RING_HALF_WIDTH = 1e-4
 
 
 class InclinationWeights(NamedTuple):
-    """Inclinations at k load points as weighted sums of those at q ends of a frame's parts."""
+    """
+    Inclinations at k load points as weighted sums of those at q ends of a frame's parts.
+
+    Of several samples, weights that are not equal have the samples as their first axis.
+    """
 
     parts: Indices  #: (q,) parts of the frame
     signs: Array  #: (q,) 1 for the start of the part, -1 for its end
@@ -37,12 +41,17 @@ class InclinationWeights(NamedTuple):
 
     @classmethod
     def of(cls, structure: Structure, frame: Frame) -> InclinationWeights:
-        """Return the weights at the cuts of a frame."""
-        layout = frame.layout
+        """Return the weights at the cuts of a frame; all samples have the same cuts at rings."""
+        layout, lead = frame.layout, frame.length.shape[:-1]
         parts, signs, count = layout.beside, layout.signs, len(layout.before)
-        weights = 0.5 * np.tile(np.eye(count), 2)
-        by_length, between = np.zeros_like(weights), layout.before.copy()
-        for near in np.flatnonzero(frame.length[parts] < RING_HALF_WIDTH).tolist():
+        weights, by_length, between = layout.mean_weights, layout.no_weights, layout.before
+        lengths = frame.length.reshape(-1, frame.length.shape[-1])[0, parts]
+        if lengths.min(initial=np.inf) >= RING_HALF_WIDTH:
+            return cls(parts, signs, weights, by_length, between)
+        shape = (*lead, *weights.shape)
+        weights, by_length = np.broadcast_to(weights, shape), np.broadcast_to(by_length, shape)
+        between = between.copy()
+        for near in np.flatnonzero(lengths < RING_HALF_WIDTH).tolist():
             part, point = int(parts[near]), near % count
             node = (layout.start if near < count else layout.end)[part]
             if node not in structure.ring_nodes:
@@ -52,10 +61,10 @@ class InclinationWeights(NamedTuple):
             at_ends = np.append(at_node[at_node != part], part)
             parts = np.append(parts, at_ends)
             signs = np.append(signs, np.where(layout.start[at_ends] == node, 1.0, -1.0))
-            kink = np.zeros((count, 2))
-            kink[point] = 1.0, -1.0
-            share = 0.5 * (1.0 - frame.length[part] / RING_HALF_WIDTH)
-            weights = np.hstack([weights, share * kink])
-            by_length = np.hstack([by_length, -0.5 / RING_HALF_WIDTH * kink])
+            kink = np.zeros((*lead, count, 2))
+            kink[..., point, :] = 1.0, -1.0
+            share = 0.5 * (1.0 - frame.length[..., part] / RING_HALF_WIDTH)
+            weights = np.concatenate([weights, share[..., None, None] * kink], axis=-1)
+            by_length = np.concatenate([by_length, -0.5 / RING_HALF_WIDTH * kink], axis=-1)
             between[point] = part
         return cls(parts, signs, weights, by_length, between)

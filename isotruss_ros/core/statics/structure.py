@@ -12,14 +12,17 @@ matrix of (4) is symmetric.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+import copy
 from dataclasses import replace
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.samples import join, take
 from isotruss_ros.core.statics.bisection import Bisections
 from isotruss_ros.core.statics.blocks import Condensed, Numbering
 from isotruss_ros.core.statics.equilibrium import solve_unloaded
@@ -66,6 +69,17 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     return FrameLayout(tube_stiffness(robot.description), numbering, pieces, owners)
 
 
+class ConfigurationSamples:
+    """Configurations of one robot, whose arrays are joined along a first axis."""
+
+    def __init__(self, configs: Sequence[Configuration]) -> None:
+        self.configs, self.robot = list(configs), configs[0].robot
+        self.points = np.array([config.points for config in configs])
+        self.roller_positions = np.array([config.roller_positions for config in configs])
+        self.member_lengths = np.array([config.member_lengths for config in configs])
+        self.member_axes = np.array([config.member_axes for config in configs])
+
+
 class Structure:
     """
     Structural model of a robot in one configuration: a frame of members and nodes.
@@ -75,46 +89,118 @@ class Structure:
     long tube pieces DE' to the ring E' of the following module. `pressures` (t,) are the gauge
     pressures of the tubes [Pa], `stiffness` is a factor on EA, EI and GA of the tubes [-]; for
     `pieces` and `owners` see `FrameLayout`.
+
+    The structures of n samples are one, with `ConfigurationSamples`, pressures (n, t) and
+    stiffness (n,).
     """
 
     def __init__(
-        self, config: Configuration, pressures: tuple[float, ...], stiffness: float = 1.0
+        self,
+        config: Any,
+        pressures: Any,
+        stiffness: Any = 1.0,
     ) -> None:
         self.config, self.pressures, self.stiffness = config, pressures, stiffness
+        #: structures of the samples; empty if they have been joined from arrays
+        self._samples: list[Structure] = []
         #: structures with equal keys are equal, whether or not one has been pickled
         self.key = config, pressures, stiffness
-        tube, numbering, self.pieces, self.owners = frame_layout(config.robot)
-        self.tube = replace(tube, scale=stiffness * tube.scale)
+        self.tube, numbering, self.pieces, self.owners = frame_layout(config.robot)
         self.node_names = numbering.names
         topology, module = config.robot.topology, config.robot.description.module
-        joints = len(topology.joint_names)
-        to_ring = module.guide_ring_distance * config.member_axes
-        points = np.empty(len(numbering.names), dtype=np.complex128)
-        points[:joints] = config.points[:joints]
+        joints, lengths = len(topology.joint_names), config.member_lengths
+        to_ring, lead = module.guide_ring_distance * config.member_axes, lengths.shape[:-1]
+        points = np.empty((*lead, len(numbering.names)), dtype=np.complex128)
+        points[..., :joints] = config.points[..., :joints]
         # The pieces BD, CE and DE' start at B, C and D.
         (b, c, d), e = numbering.start[self.pieces], numbering.end[self.pieces[1]]
-        points[b], points[c] = config.points[topology.b], config.points[topology.c]
-        points[d], points[e] = points[b] + to_ring, points[c] - to_ring[topology.previous]
+        points[..., b] = config.points[..., topology.b]
+        points[..., c] = config.points[..., topology.c]
+        points[..., d] = points[..., b] + to_ring
+        points[..., e] = points[..., c] - to_ring[..., topology.previous]
         # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
-        gauge = np.array(pressures)[topology.tube]
-        of_members = np.array(self.tube.section_stiffness(config.member_lengths, gauge))
+        gauge = np.asarray(pressures)[..., topology.tube]
+        flat = np.array(self.tube.section_stiffness(lengths.ravel(), gauge.ravel()))
+        of_members = flat.reshape(3, *lengths.shape) * np.asarray(stiffness)[..., None]
         # Axes: EA, EI and GA; three sides of the modules, then three kinds of pieces; module.
-        sections = np.empty((3, 6, topology.n_modules))
-        sections[0, :3] = module.axial_rigidity
-        sections[1, :3] = module.flexural_rigidity
-        sections[2, :3] = np.inf
-        sections[:, 3:] = of_members[:, self.owners]
-        self.frame = Frame.of(points, sections.reshape(3, -1), numbering)
+        sections = np.empty((*lead, 3, 6, topology.n_modules))
+        sections[..., 0, :3, :] = module.axial_rigidity
+        sections[..., 1, :3, :] = module.flexural_rigidity
+        sections[..., 2, :3, :] = np.inf
+        for quantity, values in enumerate(of_members):
+            sections[..., quantity, 3:, :] = values[..., self.owners]
+        self.frame = Frame.of(points, sections.reshape(*lead, 3, -1), numbering)
+
+    @functools.cached_property
+    def samples(self) -> Structure:
+        """Return this structure as that of one sample."""
+        return take(self, None)
+
+    def take_samples(self, index: Any) -> Structure:
+        """Return the structures of chosen samples, or of one, see `samples.take`."""
+        frame, blocks = take((self.frame, vars(self).get('blocks')), index)
+        if index is None:
+            joined = ConfigurationSamples([self.config])
+            values = np.array([self.pressures]), np.array([self.stiffness])
+            return self._replace([self], joined, *values, frame, blocks)
+        configs, samples = self.config.configs, self._samples
+        chosen = np.arange(len(configs))[index]
+        if chosen.ndim:
+            joined = ConfigurationSamples([configs[i] for i in chosen.tolist()])
+            samples = [samples[i] for i in chosen.tolist()] if samples else []
+            values = self.pressures[chosen], self.stiffness[chosen]
+            return self._replace(samples, joined, *values, frame, blocks)
+        if samples:
+            return samples[chosen]
+        values = tuple(self.pressures[chosen].tolist()), float(self.stiffness[chosen])
+        return self._replace([], configs[chosen], *values, frame, blocks)
+
+    def join_samples(self, structures: Sequence[Structure]) -> Structure:
+        """Return the structures of the samples of several, see `samples.join`."""
+        blocks = [vars(structure).get('blocks') for structure in structures]
+        return self._replace(
+            [one for structure in structures for one in structure._samples],
+            ConfigurationSamples(
+                [c for structure in structures for c in structure.config.configs]
+            ),
+            np.concatenate([structure.pressures for structure in structures]),
+            np.concatenate([structure.stiffness for structure in structures]),
+            join([structure.frame for structure in structures]),
+            None if None in blocks else join(blocks),
+        )
+
+    def _replace(
+        self,
+        samples: list[Structure],
+        config: Any,
+        pressures: Any,
+        stiffness: Any,
+        frame: Frame,
+        blocks: list[UnloadedBlocks | None] | None,
+    ) -> Structure:
+        """Return a copy with other samples."""
+        changed = copy.copy(self)
+        changed.config, changed.pressures, changed.stiffness = config, pressures, stiffness
+        changed.key, changed.frame, changed._samples = (
+            (config, pressures, stiffness),
+            frame,
+            samples,
+        )
+        for name in ('straight', 'unloaded', 'blocks', 'samples'):
+            changed.__dict__.pop(name, None)
+        if blocks is not None:
+            changed.__dict__['blocks'] = blocks
+        return changed
 
     @functools.cached_property
     def straight(self) -> Tangent:
         """Return the frame linearised without loads; it may be a mechanism."""
-        return linearize(self.frame, np.zeros(len(self.frame.scale)))
+        return linearize(self.frame, np.zeros(self.frame.scale.shape))
 
     @functools.cached_property
     def unloaded(self) -> tuple[Tangent, Condensed]:
         """Return the frame linearised without loads, and its condensed matrix."""
-        no_loads = np.zeros((3 * len(self.frame.points), 0))
+        no_loads = np.zeros((3 * self.frame.points.shape[-1], 0))
         condensed, _ = solve_unloaded(self.straight, no_loads)
         return self.straight, condensed
 
@@ -136,7 +222,7 @@ class Structure:
     def nearest_rings(self, members: Indices, positions: Array) -> Array:
         """Return the positions (c,) of the guide rings nearest to positions in members [m]."""
         ring = self.config.robot.description.module.guide_ring_distance
-        lengths = self.config.member_lengths[members]
+        lengths = self.config.member_lengths[..., members]
         return np.where(positions < 0.5 * lengths, ring, lengths - ring)
 
     def tube_parts(self, frame: Frame) -> tuple[Indices, Indices]:
@@ -157,7 +243,7 @@ class Structure:
     def locate(self, members: Indices, positions: Array) -> tuple[Indices, Array, Array]:
         """Return pieces at positions [m], distances in them, and -1 for pieces that run back."""
         ring = self.config.robot.description.module.guide_ring_distance
-        to_end = self.config.member_lengths[members] - positions
+        to_end = self.config.member_lengths[..., members] - positions
         on_start = positions < ring  # on BD
         on_end = ~on_start & (to_end <= ring)  # on CE
         kind = np.where(on_start, 0, np.where(on_end, 1, 2))
@@ -171,6 +257,24 @@ def structure_of(
 ) -> Structure:
     """Return the structural model, cached; for `pressure` see `tube_pressures`."""
     return structure_under(config, tube_pressures(config.robot.description, pressure), stiffness)
+
+
+def structures_under(
+    configs: Sequence[Configuration],
+    pressures: Sequence[tuple[float, ...]],
+    stiffness: Sequence[float],
+    deforms: bool,
+) -> Structure:
+    """Return the structural models of samples; `deforms` as in `BentTubes.of`."""
+    first = configs[0], pressures[0], stiffness[0]
+    others = zip(configs[1:], pressures[1:], stiffness[1:], strict=True)
+    if all(c is first[0] and p == first[1] and k == first[2] for c, p, k in others):
+        structure = structure_under(*first)
+        if not deforms:
+            _ = structure.samples.blocks  # computed once, not for each sample
+        joined = structure.samples
+        return joined if len(configs) == 1 else take(joined, np.zeros(len(configs), dtype=int))
+    return Structure(ConfigurationSamples(configs), np.array(pressures), np.array(stiffness))
 
 
 #: Returns the structural model for a configuration, tube pressures (t,) [Pa], and a factor on the
@@ -195,7 +299,8 @@ def section_rates(
     spans = node_rates[topology.end] - node_rates[topology.b]
     elongations = (spans * config.member_axes[:, None].conj()).real
     pressures = np.array(structure.pressures)[topology.tube]
-    by_length, by_pressure = structure.tube.flexibility_rates(config.member_lengths, pressures)
+    tube = replace(structure.tube, scale=structure.stiffness * structure.tube.scale)
+    by_length, by_pressure = tube.flexibility_rates(config.member_lengths, pressures)
     flexibility_rates = by_length[:, :, None] * elongations
     flexibility_rates += by_pressure[:, :, None] * pressure_rates[topology.tube]
     layout, (parts, owner) = frame.layout, structure.tube_parts(frame)

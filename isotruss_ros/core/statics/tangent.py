@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.samples import sum_at
 from isotruss_ros.core.numerics.tolerances import EPSILON
 from isotruss_ros.core.statics.beam_column import (
     BeamColumns,
@@ -43,8 +44,13 @@ class Slopes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """Frame linearised about given unknowns (corotational formulation), see `linearize`."""
+    """
+    Frame linearised about given unknowns (corotational formulation), see `linearize`.
 
+    Of several samples, all arrays have the samples as their first axis.
+    """
+
+    shared: ClassVar[tuple[str, ...]] = ()
     frame: Frame  #: the frame
     #: (u,) Lagrange multipliers of the constraints, then displacements ux, uy [m], theta [rad]
     unknowns: Array
@@ -69,18 +75,25 @@ class Tangent:
         return self.frame.displacements(self.unknowns)
 
     def solve(self, right: Array) -> tuple[Condensed, Array]:
-        """Return the condensed matrix of (4), and solutions (u, p) for p columns of `right`."""
-        frame, scale = self.frame, self.frame.scale[:, None]
-        kept = [
-            stiff * frame.scale[blocks.outer, None] * frame.scale[blocks.outer][:, None]
-            for blocks, _, stiff in zip(*self.kept, strict=True)
-        ]
+        """
+        Return the condensed matrix of (4), and solutions (..., u, p) for p columns of `right`.
+
+        The solution of a sample without stiffness is NaN, unless it is the only one.
+        """
+        frame, scale = self.frame, self.frame.scale[..., None]
+        kept = []
+        for blocks, _, stiffness in zip(*self.kept, strict=True):
+            of_hinges = frame.scale[..., blocks.outer]
+            kept.append(stiffness * of_hinges[..., None] * of_hinges[..., None, :])
         try:
             condensed, solution = eliminate(frame.layout, self.matrices, kept, right * scale)
-        except np.linalg.LinAlgError as error:
+            is_singular = right.ndim == 2 and np.isnan(solution).any()
+        except np.linalg.LinAlgError:
+            is_singular = True
+        if is_singular:
             raise StructureError(
                 'the structure has no stiffness in its bent shape: the loads must be smaller'
-            ) from error
+            )
         return condensed, solution * scale
 
     def respond(self, loads: Array) -> Array:
@@ -103,37 +116,43 @@ class Tangent:
         return rates.reshape(len(parts), 4, 3).swapaxes(1, 2)
 
     def sum_forces(self, parts: Indices, forces: Array) -> Array:
-        """Return the loads (u, c) on the nodes that balance `EndForces` (q, 3, c) of q parts."""
-        count, size = forces.shape[2], len(self.unknowns) * forces.shape[2]
-        at_ends = self.motions[parts, :3].swapaxes(1, 2) @ forces
+        """Return loads (..., u, c) on the nodes that balance `EndForces` (q, 3, c) of q parts."""
+        *lead, size = self.unknowns.shape
+        count = forces.shape[-1]
+        motions = self.motions[..., :3, :].take(parts, axis=-3)
+        at_ends = motions.swapaxes(-1, -2) @ forces
         indices = self.frame.layout.places[parts, :, None] * count + np.arange(count)
-        return np.bincount(indices.ravel(), at_ends.ravel(), size).reshape(-1, count)
+        sums = sum_at(indices.ravel(), at_ends.reshape(*lead, -1), size * count)
+        return sums.reshape(*lead, size, count)
 
     def slopes(self, parts: Indices, signs: Array) -> Slopes:
         """Return the inclinations at ends of parts (q,), see `InclinationWeights`."""
         # Relative to the chord they are (t - Q/GA) / (1 + N/GA), with the section's rotation t and
         # the transverse force Q.
-        length, (axial, moment_sum, _) = self.length[parts], self.forces.values[parts].T
-        shear_compliance = 1.0 / self.frame.section[2, parts]
+        length, forces = self.length.take(parts, axis=-1), self.forces.values.take(parts, axis=-2)
+        axial, moment_sum = forces[..., 0], forces[..., 1]
+        shear_compliance = 1.0 / self.frame.section[..., 2, :].take(parts, axis=-1)
         transverse = moment_sum / length
         reduction = 1.0 / (1.0 + axial * shear_compliance)
         # The rotation is s - b at the end of a part before a cut, s + b at the start behind it.
-        sway, bow = self.rotations[:, parts]
+        rotations = self.rotations.take(parts, axis=-1)
+        sway, bow = rotations[..., 0, :], rotations[..., 1, :]
         slope = (sway + signs * bow - transverse * shear_compliance) * reduction
-        chord_turn = self.axis[parts] * self.frame.axis[parts].conj()
+        chord_turn = self.axis.take(parts, axis=-1) * self.frame.axis.take(parts, axis=-1).conj()
         by_transverse = -shear_compliance * reduction
-        by_forces = np.zeros((len(parts), 3))
-        by_forces[:, 0], by_forces[:, 1] = by_transverse * slope, by_transverse / length
+        by_forces = np.zeros((*length.shape, 3))
+        by_forces[..., 0], by_forces[..., 1] = by_transverse * slope, by_transverse / length
         # By length, s, b and rotation of the chord: due to the forces, and at constant forces.
-        by_chord = np.empty((len(parts), 1, 4))
-        by_chord[:, :, :3] = by_forces[:, None] @ self.forces.stiffness[parts]
-        by_chord[:, 0, 3] = 1.0
-        by_chord[:, 0, 0] -= by_transverse * transverse / length
-        by_chord[:, 0, 1] += reduction
-        by_chord[:, 0, 2] += signs * reduction
+        by_chord = np.empty((*length.shape, 1, 4))
+        stiffness = self.forces.stiffness.take(parts, axis=-3)
+        by_chord[..., :3] = by_forces[..., None, :] @ stiffness
+        by_chord[..., 0, 3] = 1.0
+        by_chord[..., 0, 0] -= by_transverse * transverse / length
+        by_chord[..., 0, 1] += reduction
+        by_chord[..., 0, 2] += signs * reduction
         return Slopes(
             values=np.arctan2(chord_turn.imag, chord_turn.real) + slope,
-            by_ends=by_chord @ self.motions[parts],
+            by_ends=by_chord @ self.motions.take(parts, axis=-3),
             by_forces=by_forces,
             # By ln GA: the change of 1/GA is -(1/GA) times that of ln GA.
             by_shear=-by_transverse * (transverse + axial * slope),
@@ -141,8 +160,10 @@ class Tangent:
 
     def force_changes(self, moved: Array) -> tuple[Array, Array]:
         """Return changes of forces (p, 3, c) and elongations (p, c) by c motions (n, 3, c)."""
-        chords = self.motions @ moved.reshape(-1, moved.shape[2])[self.frame.layout.ends]
-        return self.forces.stiffness @ chords[:, :3], chords[:, 0]
+        *lead, _, _, count = moved.shape
+        of_nodes = moved.reshape(*lead, -1, count)
+        chords = self.motions @ of_nodes.take(self.frame.layout.ends, axis=-2)
+        return self.forces.stiffness @ chords[..., :3, :], chords[..., 0, :]
 
     @property
     def is_stable(self) -> bool:
@@ -157,36 +178,37 @@ def linearize(
     axial: Array | None = None,
     kept: Sequence[UnloadedBlocks] = (),
 ) -> Tangent:
-    """Return a frame linearised about unknowns (u,), near axial forces (p,) [N]."""
-    layout, count = frame.layout, frame.layout.numbering.rows
-    multipliers, displacements = unknowns[:count], unknowns[count:].reshape(-1, 3)
+    """Return a frame linearised about unknowns (..., u), near axial forces (..., p) [N]."""
+    layout, (*lead, size) = frame.layout, unknowns.shape
+    multipliers = unknowns[..., : layout.numbering.rows]
+    displacements = frame.displacements(unknowns)
 
     # Forces and stiffness of the parts.
     chord, elongations, rotations = _displace_chords(frame, displacements)
     length = np.abs(chord)
     # Complex-step derivatives by rest lengths: in divided members, these have imaginary parts in
     # the columns, and elongations have the opposite ones.
-    complex_elongations = elongations + (frame.length - frame.columns.values[0])
+    complex_elongations = elongations + (frame.length - frame.columns.values[..., 0, :])
     evaluated = frame.columns.evaluate(complex_elongations, rotations, axial)
     stiffness = chord_stiffness(length, evaluated)
     forces = evaluated.values.real.copy()
     axis = frame.axis * chord / length
     motions = chord_motions(axis, length)
-    node_forces = (motions[:, :3].swapaxes(1, 2) @ forces[:, :, None])[..., 0]
-    carried = np.bincount(layout.places.ravel(), node_forces.ravel(), len(unknowns))
-    scaled_motions = motions * frame.scale[layout.places][:, None]
-    member_matrices = scaled_motions.swapaxes(1, 2) @ stiffness @ scaled_motions
+    node_forces = (motions[..., :3, :].swapaxes(-1, -2) @ forces[..., None]).reshape(*lead, -1)
+    carried = sum_at(layout.places.ravel(), node_forces, size)
+    scaled_motions = motions * frame.scale.take(layout.places, axis=-1)[..., None, :]
+    member_matrices = scaled_motions.swapaxes(-1, -2) @ stiffness @ scaled_motions
 
     row_forces, row_matrices = _linearize_constraints(frame, displacements, multipliers)
-    carried += np.bincount(layout.row_places.ravel(), row_forces.ravel(), len(unknowns))
-    scale = frame.scale[layout.row_places]
-    row_matrices *= scale[:, :, None] * scale[:, None]
+    carried += sum_at(layout.row_places.ravel(), row_forces.reshape(*lead, -1), size)
+    scale = frame.scale.take(layout.row_places, axis=-1)
+    row_matrices *= scale[..., None] * scale[..., None, :]
 
     # Blocks that are kept undeformed.
     kept_forces, kept_stiffnesses = [], []
     for blocks in kept:
         hinge_forces, hinge_stiffness = blocks.linearize(unknowns)
-        carried += np.bincount(blocks.outer.ravel(), hinge_forces.ravel(), len(unknowns))
+        carried += sum_at(blocks.outer.ravel(), hinge_forces.reshape(*lead, -1), size)
         kept_forces.append(hinge_forces)
         kept_stiffnesses.append(hinge_stiffness)
     return Tangent(
@@ -196,7 +218,7 @@ def linearize(
         length=length,
         elongations=elongations,
         rotations=rotations,
-        forces=EndForces(forces, stiffness[:, :3, :3], evaluated.stressed.real),
+        forces=EndForces(forces, stiffness[..., :3, :3], evaluated.stressed.real),
         length_rates=evaluated.values.imag / EPSILON,
         motions=motions,
         carried=carried,
@@ -209,19 +231,21 @@ def _displace_chords(frame: Frame, displacements: Array) -> tuple[Points, Array,
     """
     Return the chords between displaced nodes, in axes of the members at rest.
 
-    :return: (p,) chords, x + iy [m]; (p,) their elongations [m]; and (2, p) rotations s and b of
-        the ends relative to the chords, see `EndForces` [rad].
+    :return: (..., p) chords, x + iy [m]; (..., p) their elongations [m]; and (..., 2, p) rotations
+        s and b of the ends relative to the chords, see `EndForces` [rad].
     """
     start, end = frame.layout.start, frame.layout.end
-    shifts, turns = displacements[:, 0] + 1j * displacements[:, 1], displacements[:, 2]
-    difference = (shifts[end] - shifts[start]) * frame.axis.conj()
+    shifts, turns = displacements[..., 0] + 1j * displacements[..., 1], displacements[..., 2]
+    difference = shifts.take(end, axis=-1) - shifts.take(start, axis=-1)
+    difference *= frame.axis.conj()
     chord = frame.length + difference
     # (l^2 - l0^2) / (l + l0), because l - l0 has large rounding errors.
     square_growth = 2.0 * frame.length * difference.real + difference.real**2 + difference.imag**2
     elongations = square_growth / (np.abs(chord) + frame.length)
-    rotations = np.array([turns[start] + turns[end], turns[start] - turns[end]])
-    rotations *= 0.5
-    rotations[0] -= np.arctan2(chord.imag, chord.real)
+    at_start, at_end = 0.5 * turns.take(start, axis=-1), 0.5 * turns.take(end, axis=-1)
+    sway = at_start + at_end - np.arctan2(chord.imag, chord.real)
+    rotations = np.empty((*sway.shape[:-1], 2, sway.shape[-1]))
+    rotations[..., 0, :], rotations[..., 1, :] = sway, at_start - at_end
     return chord, elongations, rotations
 
 
@@ -231,13 +255,16 @@ def _linearize_constraints(
     """
     Return the constraints' gaps and forces on nodes, and their symmetric matrices.
 
-    Rows (q, 1 + w) belong to the multiplier of a constraint, and then to displacements of nodes.
+    Rows (..., q, 1 + w) belong to the multiplier of a constraint, and then to displacements of
+    nodes.
     """
     rows = frame.layout.rows
     slopes, gaps, geometric_stiffness = frame.layout.numbering.constraints.linearize(
         frame.points, displacements, multipliers, rows
     )
-    matrices = np.zeros((len(slopes), slopes.shape[1] + 1, slopes.shape[1] + 1))
-    matrices[:, 0, 1:] = matrices[:, 1:, 0] = slopes
-    matrices[:, 1:, 1:] = geometric_stiffness
-    return np.column_stack([gaps, slopes * multipliers[rows, None]]), matrices
+    width = slopes.shape[-1] + 1
+    matrices = np.zeros((*gaps.shape, width, width))
+    matrices[..., 0, 1:] = matrices[..., 1:, 0] = slopes
+    matrices[..., 1:, 1:] = geometric_stiffness
+    forces = slopes * multipliers[..., rows, None]
+    return np.concatenate([gaps[..., None], forces], axis=-1), matrices

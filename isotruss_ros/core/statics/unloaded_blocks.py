@@ -10,7 +10,8 @@ for a configuration.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import ClassVar
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.blocks import Group
@@ -18,9 +19,11 @@ from isotruss_ros.core.statics.frame import Frame
 import numpy as np
 
 
-class UnloadedBlocks(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class UnloadedBlocks:
     """Equal blocks that are loaded only at their hinges and hardly deform."""
 
+    shared: ClassVar[tuple[str, ...]] = ('ids', 'outer', 'inner')
     ids: Indices  #: (b,) indices of the blocks
     outer: Indices  #: (b, t) unknowns of the hinges: x and y of each
     inner: Indices  #: (b, s) unknowns of the blocks: multipliers, then ux, uy, theta of each node
@@ -36,18 +39,30 @@ class UnloadedBlocks(NamedTuple):
         # Unknowns x of the hinges, and ux of the nodes after the blocks' multipliers.
         multipliers, hinge_x = group.rows.shape[1], group.outer[:, ::2]
         node_x = group.inner[:, multipliers::3]
-        hinges = frame.points[(hinge_x - frame.layout.numbering.rows) // 3]
-        nodes = frame.points[(node_x - frame.layout.numbering.rows) // 3]
-        middles = hinges.mean(axis=1, keepdims=True)
-        outer, inner = frame.scale[group.outer], frame.scale[group.inner]
+        hinges = frame.points[..., (hinge_x - frame.layout.numbering.rows) // 3]
+        nodes = frame.points[..., (node_x - frame.layout.numbering.rows) // 3]
+        middles = hinges.mean(axis=-1, keepdims=True)
+        outer, inner = frame.scale[..., group.outer], frame.scale[..., group.inner]
         return cls(
             ids=group.ids,
             outer=group.outer,
             inner=group.inner,
             hinges=hinges - middles,
             nodes=nodes - middles,
-            stiffness=schur / (outer[:, :, None] * outer[:, None]),
-            spread=spread * inner[:, :, None] / outer[:, None],
+            stiffness=schur / (outer[..., None] * outer[..., None, :]),
+            spread=spread * inner[..., None] / outer[..., None, :],
+        )
+
+    def chosen(self, blocks: Indices) -> UnloadedBlocks:
+        """Return some of the blocks, by their indices in this group."""
+        return UnloadedBlocks(
+            ids=self.ids[blocks],
+            outer=self.outer[blocks],
+            inner=self.inner[blocks],
+            hinges=self.hinges.take(blocks, axis=-2),
+            nodes=self.nodes.take(blocks, axis=-2),
+            stiffness=self.stiffness.take(blocks, axis=-3),
+            spread=self.spread.take(blocks, axis=-3),
         )
 
     def place(self, unknowns: Array) -> tuple[Points, Array]:
@@ -56,34 +71,39 @@ class UnloadedBlocks(NamedTuple):
 
         The strains are the displacements of the hinges in axes that turn with their block [m].
         """
-        displaced = self.hinges + unknowns[self.outer].view(np.complex128)
-        displaced -= displaced.sum(axis=1, keepdims=True) / displaced.shape[1]
-        rotation = (self.hinges.conj() * displaced).sum(axis=1)
+        displaced = self.hinges + _take_complex(unknowns, self.outer)
+        displaced -= displaced.sum(axis=-1, keepdims=True) / displaced.shape[-1]
+        rotation = (self.hinges.conj() * displaced).sum(axis=-1)
         rotation /= np.abs(rotation)
-        strain = displaced * rotation.conj()[:, None] - self.hinges
+        strain = displaced * rotation.conj()[..., None] - self.hinges
         return rotation, strain.view(np.float64)
 
     def linearize(self, unknowns: Array) -> tuple[Array, Array]:
         """Return the forces (b, t) on the displaced hinges, and their stiffness (b, t, t)."""
         rotation, strain = self.place(unknowns)
         turns = np.array([[rotation.real, -rotation.imag], [rotation.imag, rotation.real]])
-        # Axes: block b, hinge n, component i in the frame, hinge m, component j in the block.
-        of_hinges = np.einsum('nm,ijb->bnimj', np.eye(self.hinges.shape[1]), turns)
+        # Axes: block, hinge n, component i in the frame, hinge m, component j in the block.
+        of_hinges = np.einsum('nm,ij...->...nimj', np.eye(self.hinges.shape[-1]), turns)
         of_hinges = of_hinges.reshape(self.stiffness.shape)
         by_strain = of_hinges @ self.stiffness
-        return (by_strain @ strain[:, :, None])[..., 0], by_strain @ of_hinges.swapaxes(1, 2)
+        return (by_strain @ strain[..., None])[..., 0], by_strain @ of_hinges.swapaxes(-1, -2)
 
     def complete(self, unknowns: Array) -> None:
         """Set the inner unknowns of the blocks, among all (u,), from the hinges' unknowns."""
         rotation, strain = self.place(unknowns)
         # Multipliers, then x, y and angle of each node in axes that turn with its block.
-        values = (self.spread @ strain[:, :, None])[..., 0]
-        multipliers = self.inner.shape[1] - 3 * self.nodes.shape[1]
+        values = (self.spread @ strain[..., None])[..., 0]
+        multipliers = self.inner.shape[1] - 3 * self.nodes.shape[-1]
         x, y, angles = (slice(multipliers + i, None, 3) for i in range(3))
         # Displacements in the axes of the robot; multipliers do not depend on the axes.
-        strained = self.nodes + values[:, x] + 1j * values[:, y]
-        middle = unknowns[self.outer].view(np.complex128).mean(axis=1)
-        displacements = strained * rotation[:, None] - self.nodes + middle[:, None]
-        values[:, x], values[:, y] = displacements.real, displacements.imag
-        values[:, angles] += np.angle(rotation)[:, None]
-        unknowns[self.inner] = values
+        strained = self.nodes + values[..., x] + 1j * values[..., y]
+        middle = _take_complex(unknowns, self.outer).mean(axis=-1)
+        displacements = strained * rotation[..., None] - self.nodes + middle[..., None]
+        values[..., x], values[..., y] = displacements.real, displacements.imag
+        values[..., angles] += np.angle(rotation)[..., None]
+        unknowns[..., self.inner] = values
+
+
+def _take_complex(unknowns: Array, places: Indices) -> Points:
+    """Return values x + iy (..., b, t / 2) among all (..., u), at places (b, t) of x and y."""
+    return unknowns.take(places, axis=-1).view(np.complex128)

@@ -42,31 +42,39 @@ def find_utilisation(
     config, topology = structure.config, structure.config.robot.topology
     parts, member = structure.tube_parts(frame)
     radius = 0.5 * config.robot.description.tube_diameter
-    by_pressure = np.pi * radius**2 * np.array(structure.pressures)[topology.tube[member]]
-    ends = end_forces[parts]
-    loads = np.stack([-ends[:, 2], ends[:, 5], by_pressure + ends[:, 3], pulls[parts]])
-    sections = np.vstack([frame.length[parts], frame.section[1:, parts]])
-    used, inner_positions = evaluate_utilisation(loads, sections, radius)
-    # Positions (3, p) of the points along their members: at start, end and inner maximum.
-    start, to_member = config.points[topology.b[member]], config.member_axes[member].conj()
-    part_starts = ((frame.points[frame.layout.start[parts]] - start) * to_member).real
-    directions = (frame.axis[parts] * to_member).real
-    within = np.stack([np.zeros(len(parts)), sections[0], inner_positions])
-    positions = part_starts + directions * within
-    # The last point of each member in this order is the most used one.
-    owner = np.tile(member, 3)
-    order = np.lexsort((used.ravel(), owner))
-    most_used = order[np.flatnonzero(np.diff(owner[order], append=-1))]
-    kind, number = np.divmod(most_used, len(parts))
-
-    def of_members(values: Array) -> Array:
-        """Return values of the members in the frame for all members; zero for the others."""
-        filled = np.zeros((*values.shape[:-1], structure.owners.shape[1]), dtype=values.dtype)
-        filled[..., member[number]] = values
-        return filled
-
-    at_most_used = used[kind, number], positions[kind, number], parts[number], kind
-    return Utilisation(*map(of_members, (*at_most_used, loads[:, number], sections[:, number])))
+    by_pressure = np.pi * radius**2 * np.asarray(structure.pressures)[..., topology.tube[member]]
+    ends, pull = end_forces.take(parts, axis=-2), pulls.take(parts, axis=-1)
+    length, section = frame.length.take(parts, axis=-1), frame.section.take(parts, axis=-1)
+    # First axis: loads and then sections of `evaluate_utilisation`.
+    begin, wall = -ends[..., 2], by_pressure + ends[..., 3]
+    inputs = np.array(
+        [begin, ends[..., 5], wall, pull, length, section[..., 1, :], section[..., 2, :]]
+    )
+    used, inner_positions = evaluate_utilisation(inputs[:4], inputs[4:], radius)
+    # Positions (3, ..., p) of the points along their members: at start, end and inner maximum.
+    start = config.points.take(topology.b[member], axis=-1)
+    to_member = config.member_axes.take(member, axis=-1).conj()
+    starts = frame.points.take(frame.layout.start[parts], axis=-1)
+    directions = (frame.axis.take(parts, axis=-1) * to_member).real
+    within = np.array([np.zeros(length.shape), length, inner_positions])
+    positions = ((starts - start) * to_member).real + directions * within
+    # The last point of each member in this order is the most used one. Last axis: points.
+    of_points, owner = np.concatenate(used, axis=-1), np.tile(member, 3)
+    order = np.lexsort((of_points, np.broadcast_to(owner, of_points.shape)), axis=-1)
+    most_used = order[..., np.flatnonzero(np.diff(np.sort(owner), append=-1))]
+    members, (kind, number) = np.unique(member), np.divmod(most_used, len(parts))
+    # Rows: utilisation and position; then the part, its kind of place, loads and sections.
+    of_maxima = np.take_along_axis(
+        np.array([of_points, np.concatenate(positions, axis=-1)]), most_used[None], -1
+    )
+    of_parts = np.take_along_axis(inputs, number[None], -1)
+    values = np.concatenate([of_maxima, [parts[number], kind], of_parts])
+    filled = np.zeros((*values.shape[:-1], structure.owners.shape[1]))
+    filled[..., members] = values
+    used, place, piece, kind = filled[:4]
+    loads, sections = filled[4:8].swapaxes(0, -2), filled[8:].swapaxes(0, -2)
+    indices = piece.astype(np.intp), kind.astype(np.intp)
+    return Utilisation(used, place, *indices, loads, sections)
 
 
 def evaluate_utilisation(loads: Array, sections: Array, radius: float) -> tuple[Array, Array]:

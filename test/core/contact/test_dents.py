@@ -6,7 +6,7 @@
 from dataclasses import replace
 
 from isotruss_ros.core import Disc, Ellipse, load_robot, Polygon, Robot
-from isotruss_ros.core.contact.dents import dent_table
+from isotruss_ros.core.contact.dents import dent_table, Dents
 from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints
@@ -24,12 +24,17 @@ def disc_table(radius):
     return dent_table(KERNEL, Disc(2.0 * radius))
 
 
+def dent(table, force, angle):
+    """Return the depth of a dent, and its derivatives by the force and by the angle."""
+    return [values.item() for values in Dents([table])(np.array([force]), np.array([angle]))]
+
+
 @pytest.mark.parametrize('force', [0.3, 40.0, 1e3, -5.0])
 def test_derivative_by_the_force_agrees_with_finite_differences(force):
     table, step = disc_table(0.15), 1e-6 * force
-    ahead, behind = table(force + step, 0.0)[0], table(force - step, 0.0)[0]
-    assert table(force, 0.0)[1] == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-6)
-    assert table(-force, 0.0)[0] == -table(force, 0.0)[0]
+    ahead, behind = dent(table, force + step, 0.0)[0], dent(table, force - step, 0.0)[0]
+    assert dent(table, force, 0.0)[1] == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-6)
+    assert dent(table, -force, 0.0)[0] == -dent(table, force, 0.0)[0]
 
 
 @pytest.mark.parametrize('radius', [0.03, 0.15])
@@ -46,30 +51,33 @@ def test_dent_of_a_rigid_tube_agrees_with_the_table(radius):
         contact = solve_contact(ContactPoints(places + 1j * tube, normals, alike, across), surface)
         push = (contact.forces * contact.normals).sum()
         assert abs(push.real) < 1e-6 * abs(push)
-        assert table(-push.imag, 0.0)[0] == pytest.approx(depth, rel=0.02)
+        assert dent(table, -push.imag, 0.0)[0] == pytest.approx(depth, rel=0.02)
 
 
 def test_a_long_face_dents_as_an_elastic_foundation():
     # Half of a face of 0.3 m, on a foundation of 4 pi p / 3.
     table, stiffness = dent_table(KERNEL, SQUARE, 2), 0.15 * 4.0 * np.pi * 34.5e3 / 3.0
-    assert table(5.0, 0.5 * np.pi)[0] == pytest.approx(5.0 / stiffness, rel=0.02)
-    assert table(15.0, 0.5 * np.pi)[0] < 0.2 * table(15.0, 0.25 * np.pi)[0]
+    assert dent(table, 5.0, 0.5 * np.pi)[0] == pytest.approx(5.0 / stiffness, rel=0.02)
+    assert dent(table, 15.0, 0.5 * np.pi)[0] < 0.2 * dent(table, 15.0, 0.25 * np.pi)[0]
 
 
 @pytest.mark.parametrize('angle', [1.5e-4, 0.02, 0.6, 1.5])
 def test_dents_of_mirrored_corners_are_equal(angle):
     right, left = (dent_table(KERNEL, SQUARE, corner) for corner in (2, 3))
-    assert left(20.0, np.pi - angle)[0] == pytest.approx(right(20.0, angle)[0], rel=1e-9)
+    depth, mirrored = dent(right, 20.0, angle)[0], dent(left, 20.0, np.pi - angle)[0]
+    assert mirrored == pytest.approx(depth, rel=1e-9)
 
 
 def test_skin_that_is_pressed_deeper_than_the_table_carries_the_force():
-    assert disc_table(0.03).press(1e5, 0.0).forces.sum() == pytest.approx(1e5)
+    assert Dents([disc_table(0.03)]).press(np.array([1e5]), np.zeros(1))[
+        0
+    ].forces.sum() == pytest.approx(1e5)
 
 
 @pytest.mark.parametrize('force', [10.0, 30.0])
 def test_a_circular_ellipse_dents_as_a_disc(force):
     tables = disc_table(0.15), dent_table(KERNEL, Ellipse((0.15, 0.15)))
-    disc, ellipse = (table(force, 0.7)[0] for table in tables)
+    disc, ellipse = (dent(table, force, 0.7)[0] for table in tables)
     assert ellipse == pytest.approx(disc, rel=0.02)
 
 
@@ -82,8 +90,10 @@ TURNS += [(Polygon([(0, 0), (0.3, 0), (0, 0.3)]), x) for x in (-2.4, -3.0, -3.1,
 @pytest.mark.parametrize(('shape', 'angle'), TURNS)
 def test_derivative_by_the_angle_agrees_with_finite_differences(shape, angle, force):
     table, step = dent_table(KERNEL, shape), 1e-6
-    slope = (table(force, angle + step)[0] - table(force, angle - step)[0]) / (2.0 * step)
-    depth, _, turned = table(force, angle)
+    slope = (dent(table, force, angle + step)[0] - dent(table, force, angle - step)[0]) / (
+        2.0 * step
+    )
+    depth, _, turned = dent(table, force, angle)
     assert turned == pytest.approx(slope, rel=1e-4, abs=1e-6 * abs(depth))
 
 
@@ -95,9 +105,10 @@ def test_pressure_derivative_agrees_with_finite_differences(shape, force):
 
     # So short that the same points are closed on both sides.
     pressure, step = 34e3, 5.0
-    wide, narrow = (table(pressure + way)(force, 1.57)[0] for way in (step, -step))
+    wide, narrow = (dent(table(pressure + way), force, 1.57)[0] for way in (step, -step))
     slope = (wide - narrow) / (2.0 * step)
-    assert table(pressure).pressure_rate(force, 1.57) == pytest.approx(slope, rel=1e-5)
+    (rate,) = Dents([table(pressure)]).pressure_rates(np.array([force]), np.array([1.57]))
+    assert rate == pytest.approx(slope, rel=1e-5)
     assert slope * force < 0.0
 
 

@@ -5,17 +5,31 @@
 
 from concurrent.futures import ThreadPoolExecutor
 
+from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, HoldStatus, place_between, settle_grasp, settle_grasps
 from isotruss_ros.core.errors import ArgumentError, GraspError, StructureError
 import numpy as np
 import pytest
 from robots import preset
-from test_families import random_shape
+from shapes import random_polygon
 
 NINE = preset('nine_member')
 HOME = NINE.home
 MEMBERS = ('north/P-Z', 'north/Z-R')
 NAMES = NINE.member_names
+
+
+def random_shape(rng):
+    """Return a disc, an ellipse, a box or another polygon."""
+    size = rng.uniform(0.1, 0.35)
+    x, y = 0.5 * size, 0.5 * size * rng.uniform(0.5, 1.0)
+    shapes = (
+        core.Disc(size),
+        core.Ellipse((size, size * rng.uniform(0.6, 1.0))),
+        core.Polygon([(-x, -y), (x, -y), (x, y), (-x, y)]),
+        random_polygon(rng, 0.5 * size),
+    )
+    return shapes[rng.integers(len(shapes))]
 
 
 def random_grasps(count, seed):

@@ -1,0 +1,233 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Newton's method for the equilibria of objects with given contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from isotruss_ros.core.holding.contact_statics import ContactConditions, ContactStatics, Pushes
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, CENTER, ContactForces
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, MAX_LOAD
+from isotruss_ros.core.numerics.factorization import solve_each
+from isotruss_ros.core.numerics.samples import join, take
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDING
+from isotruss_ros.core.numerics.work_limit import count_work
+from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION, Prediction, SETTLED_MOTION
+import numpy as np
+
+#: Tolerances of the balance, relative to the sum of normal forces [-], and of the gaps [m].
+FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
+#: Largest rotation in a Newton step [rad], and largest translation in a Newton step, divided by
+#: the characteristic radius [-].
+MAX_TURN = 0.2
+#: Largest inclination of a tube in equilibrium [rad]; a tube with a larger inclination folds.
+MAX_INCLINATION = 0.5
+#: Largest motion of a contact across a guide ring, for which the tubes may be linearised at the
+#: ring, in tube radii [-]. With a third of it, 400 random grasps have the same equilibria; with
+#: three times of it, one that is far from the start is not found.
+RING_REACH = 0.1
+
+
+class Iteration(NamedTuple):
+    """Newton's method for n samples with the same contacts and one layout of the tubes."""
+
+    samples: Indices  #: (n,) numbers of the samples
+    statics: ContactStatics
+    unknowns: Array  #: (n, 3 + 4k)
+    pushes: Pushes
+    wrench: Array  #: (n, 3) external wrenches, see `HeldGrip.wrench` [N]
+    least_error: Array  #: (n,) error when the tubes were last linearised, in tolerances [-]
+    moves_by_rounding: Flags  #: (n,) whether nodes moved only by rounding since then
+    crossings: Array  #: (n, k) number of times that each contact crossed a guide ring
+
+    @classmethod
+    def of(
+        cls, statics: ContactStatics, samples: Indices, unknowns: Array, wrench: Array
+    ) -> Iteration:
+        """Return the iteration that begins at given unknowns."""
+        count, pushes = len(samples), statics.pushes(unknowns)
+        none, crossings = np.zeros(count, dtype=bool), np.zeros(statics.sides.shape)
+        return cls(
+            samples, statics, unknowns, pushes, wrench, np.full(count, np.inf), none, crossings
+        )
+
+    def relinearized(
+        self, predicted: Prediction, error: Array, motion: Array
+    ) -> Iterator[Iteration]:
+        """Yield the samples in groups of one layout, with tubes linearised about their state."""
+        statics, indices = self.statics, self.statics.places
+        bent, feet = statics.bent, self.unknowns[..., indices.feet]
+        are_near = np.abs(feet - bent.places) < RING_REACH * statics.tube_radius
+        for rows, tubes in bent.updates(predicted):
+            group, near = (
+                (self, are_near) if len(rows) == len(feet) else take((self, are_near), rows)
+            )
+            pieces = group.statics.bent.cuts.pieces
+            crossings = group.crossings + (near & (tubes.cuts.pieces != pieces))
+            group = group._replace(
+                least_error=error[rows],
+                moves_by_rounding=motion[rows] <= ROUNDING,
+                crossings=crossings,
+            )
+            returned = (crossings > 1.0).any(axis=-1)
+            if returned.any():
+                yield from take(group, np.flatnonzero(returned))._at_rings()
+                group, tubes = take((group, tubes), np.flatnonzero(~returned))
+            if len(group.samples):
+                yield group._replace(statics=replace(group.statics, bent=tubes))
+
+    def _at_rings(self) -> Iterator[Iteration]:
+        """Yield the samples with tubes linearised with contacts that returned at the ring."""
+        bent, feet = self.statics.bent, self.unknowns[..., self.statics.places.feet]
+        rings = bent.structure.nearest_rings(bent.members, feet)
+        positions = np.where(self.crossings > 1.0, rings, feet)
+        for rows, tubes in bent.updates(bent.predict(self.pushes.loads, positions)):
+            group = take(self, rows)
+            statics = replace(group.statics, bent=tubes)
+            yield group._replace(statics=statics, crossings=0.0 * group.crossings)
+
+
+class Equilibria(NamedTuple):
+    """Equilibria of n samples with the same contacts and one layout of the tubes."""
+
+    samples: Indices  #: (n,) numbers of the samples
+    statics: ContactStatics  #: equations of equilibrium
+    state: ContactForces  #: their solutions
+
+
+def find_equilibria(
+    begin: Sequence[Iteration],
+    conditions: ContactConditions,
+    steps: int = MAX_NEWTON_ITERATIONS,
+    reach: float = SETTLED_MOTION,
+) -> list[Equilibria]:
+    """
+    Find equilibria by Newton's method, for samples with the same contacts.
+
+    Tubes are linearised again if a node has moved by more than `reach` [m], and if the error is
+    smaller than at the last time, so that the iteration does not alternate. If a contact crosses a
+    guide ring and returns, they are linearised with this contact at the ring.
+
+    :return: the equilibria found; samples without one are left out.
+    """
+    found: list[Equilibria] = []
+    waiting = list(begin)
+    for _ in range(steps):
+        if len(waiting) > 1:
+            groups: dict[object, list[Iteration]] = {}
+            for iteration in waiting:
+                groups.setdefault(iteration.statics.bent.group_key, []).append(iteration)
+            waiting = list(map(join, groups.values()))
+        waiting = [item for one in waiting for item in _iterate(one, conditions, reach, found)]
+        if not waiting:
+            break
+    return found
+
+
+def _iterate(
+    begin: Iteration, conditions: ContactConditions, reach: float, found: list[Equilibria]
+) -> Iterator[Iteration]:
+    """Yield the samples that continue after a step of Newton's method; add those that end."""
+    samples, statics, unknowns, pushes, wrench, *_ = begin
+    indices = statics.places
+    for _ in samples:
+        count_work()
+    residual, state = statics.equations(unknowns, wrench, conditions, pushes)
+    squeeze = np.abs(unknowns[..., indices.normal]).sum(axis=-1)
+    tolerance = np.full(residual.shape, LENGTH_TOLERANCE)
+    tolerance[:, indices.balance] = FORCE_TOLERANCE * squeeze[:, None]
+    # For NaN the comparisons are false, so NaN is not a solution.
+    error = (np.abs(residual) / tolerance).max(axis=-1)
+    is_solved, is_lost = error <= 1.0, np.zeros(len(error), dtype=bool)
+
+    if not is_solved.all():
+        advanced = _advance(statics, state, residual)
+        is_lost = ~is_solved & ~np.isfinite(advanced).all(axis=-1)
+        unknowns = np.where((is_solved | is_lost)[:, None], unknowns, advanced)
+        pushes = statics.pushes(unknowns)
+        # Beyond these loads the iteration diverges.
+        is_lost |= ~(np.abs(pushes.loads).max(axis=(-2, -1)) <= MAX_LOAD)
+
+    # The end of the iteration. Tubes are not modelled beyond the ends of their members, so
+    # contacts there converge slowly, and are accepted before.
+    feet = unknowns[..., indices.feet]
+    predicted = statics.bent.predict(pushes.loads, feet)
+    motion = statics.bent.distance(predicted)
+    is_linearised = (motion <= reach) | begin.moves_by_rounding
+    is_beyond_end = (motion <= FOLLOWED_MOTION) & ~statics.are_on_members(feet)
+    is_found = ~is_lost & (is_beyond_end | (is_solved & is_linearised))
+    inclination = np.abs(unknowns[..., indices.inclinations]).max(axis=-1)
+    is_valid = is_found & (inclination <= MAX_INCLINATION)
+    if is_valid.any():
+        equilibria = Equilibria(samples, statics, state)
+        equilibria = equilibria if is_valid.all() else take(equilibria, is_valid)
+        residual = residual if is_valid.all() else residual[is_valid]
+        # Errors below a thousandth of the tolerances are those of rounding.
+        is_rough = error[is_valid] > 1e-3
+        is_rough &= is_solved[is_valid]
+        found.append(_polish(equilibria, residual, is_rough) if is_rough.any() else equilibria)
+
+    # The tubes are linearised again. In soft structures, nodes then move by rounding.
+    current = begin._replace(unknowns=unknowns, pushes=pushes)
+    continues = ~is_lost & ~is_found
+    is_better = is_solved | (error < begin.least_error)
+    relinearizes = continues & ~is_linearised & is_better
+    keeps = continues & ~relinearizes
+    if keeps.any():
+        yield current if keeps.all() else take(current, keeps)
+    if relinearizes.all():
+        yield from current.relinearized(predicted, error, motion)
+    elif relinearizes.any():
+        chosen = take((current, predicted, error, motion), relinearizes)
+        yield from chosen[0].relinearized(*chosen[1:])
+
+
+def _polish(equilibria: Equilibria, residual: Array, is_rough: Flags) -> Equilibria:
+    """
+    Return equilibria after a last step of those that are `is_rough`.
+
+    Without it, they would depend on rounding in the steps before.
+    """
+    _, statics, state = equilibria
+    step = -solve_each(state.jacobian, residual[..., None])[..., 0]
+    step[~is_rough | ~np.isfinite(step).all(axis=-1)] = 0.0
+    unknowns = state.unknowns + step
+    pushes = statics.pushes(unknowns)
+    normals = statics.bent.lines.axis * pushes.member_normals
+    polished = ContactForces(unknowns, normals, pushes.loads, state.jacobian)
+    return equilibria._replace(state=polished)
+
+
+def _advance(statics: ContactStatics, state: ContactForces, residual: Array) -> Array:
+    """Return the unknowns after a bounded step of Newton's method; NaN if singular."""
+    step = -solve_each(state.jacobian, residual[..., None])[..., 0]
+    limits = np.empty(step.shape)
+    limits[...] = MAX_TURN * statics.body.arm[:, None]
+    limits[:, ANGLE] = limits[:, state.places.inclinations] = MAX_TURN
+    limits[:, state.places.forces] = np.inf
+    sizes = np.abs(step)
+    # The motion of the centroid does not depend on the frame of the object.
+    centroid = np.exp(1j * state.unknowns[:, ANGLE]) * statics.body.shape.centroid
+    shift = step[:, 0] + 1j * step[:, 1] + 1j * centroid * step[:, ANGLE]
+    sizes[:, CENTER] = np.abs(shift)[:, None]
+    excess = np.maximum((sizes / limits).max(axis=-1), 1.0)
+    return state.unknowns + step / excess[:, None]
+
+
+def settle(
+    statics: ContactStatics,
+    start: Array,
+    wrench: Array,
+    conditions: ContactConditions,
+    steps: int = MAX_NEWTON_ITERATIONS,
+    reach: float = SETTLED_MOTION,
+) -> tuple[ContactStatics, ContactForces] | None:
+    """Find an equilibrium, see `find_equilibria`; return its equations and state, or None."""
+    begin = Iteration.of(statics.as_samples(), np.zeros(1, dtype=int), start[None], wrench[None])
+    for found in find_equilibria([begin], conditions, steps, reach):
+        return take((found.statics, found.state), 0)
+    return None

@@ -1,0 +1,133 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Several objects at their poses, whose quantities are arrays with the objects as first axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import copy
+from functools import cached_property
+from typing import Any
+
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.shapes import Shape, SurfacePoints
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+import numpy as np
+
+
+class ShapeSamples:
+    """Shapes of n objects; the arrays of `Shape` have one more axis, the first one."""
+
+    def __init__(self, shapes: Sequence[Shape]) -> None:
+        self._shapes = shapes
+        self.centroid = np.array([shape.centroid for shape in shapes])
+
+    @cached_property
+    def _distinct(self) -> list[tuple[Shape, Indices]]:
+        """Return each shape with the indices of the objects that have it."""
+        numbers: dict[int, list[int]] = {}
+        for i, shape in enumerate(self._shapes):
+            numbers.setdefault(id(shape), []).append(i)
+        return [(self._shapes[of_shape[0]], np.array(of_shape)) for of_shape in numbers.values()]
+
+    def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
+        """Return points (n, k) and radii of curvature at given normals; see `Shape`."""
+        if len(normals) == 1:
+            at, curved = self._shapes[0].surface_at(corners, normals[0])
+            return at[None], curved[None]
+        points, radii = np.empty(normals.shape, dtype=complex), np.empty(normals.shape)
+        for shape, objects in self._distinct:
+            of_shape = normals[objects]
+            every_corner = np.broadcast_to(corners, of_shape.shape).ravel()
+            at, curved = shape.surface_at(every_corner, of_shape.ravel())
+            points[objects], radii[objects] = (
+                at.reshape(of_shape.shape),
+                curved.reshape(of_shape.shape),
+            )
+        return points, radii
+
+    def support_points(self, normals: Points) -> Points:
+        """Return the points (n, c) where tangents touch; see `Shape`."""
+        points = np.empty(normals.shape, dtype=complex)
+        for shape, objects in self._distinct:
+            of_shape = normals[objects]
+            points[objects] = shape.support_points(of_shape.ravel()).reshape(of_shape.shape)
+        return points
+
+    def nearest(self, points: Points, owners: Indices) -> SurfacePoints:
+        """Return the nearest points of the objects `owners` (q,); see `Shape`."""
+        gaps, normals = np.empty(len(points)), np.empty(len(points), dtype=complex)
+        numbers = np.empty(len(self._shapes), dtype=int)
+        for number, (_, objects) in enumerate(self._distinct):
+            numbers[objects] = number
+        of_points = numbers[owners]
+        for number in np.unique(of_points).tolist():
+            chosen = of_points == number
+            gaps[chosen], normals[chosen] = self._distinct[number][0].nearest(points[chosen])
+        return SurfacePoints(gaps, normals)
+
+    def unroll(self, angles: Array, corners: Indices) -> Array:
+        """Return arc lengths (n, k) to points with given normals; see `Shape`."""
+        lengths = np.empty(angles.shape)
+        for shape, objects in self._distinct:
+            of_shape = angles[objects]
+            every_corner = np.broadcast_to(corners, of_shape.shape).ravel()
+            unrolled = shape.unroll(of_shape.ravel(), every_corner)
+            lengths[objects] = unrolled.reshape(of_shape.shape)
+        return lengths
+
+
+class ObjectSamples:
+    """Objects with the attributes of `ConvexObject` as arrays (n,)."""
+
+    def __init__(self, objects: Sequence[ConvexObject]) -> None:
+        self._objects: Sequence[ConvexObject] | None = objects
+        self._shaped = objects  # at any poses
+        self.center = np.array([body.center for body in objects])
+        self.turn = np.array([body.turn for body in objects])
+        self.middle = np.array([body.middle for body in objects])
+        self.angle = np.array([body.angle for body in objects])
+        self.arm = np.array([body.arm for body in objects])
+
+    @cached_property
+    def shape(self) -> ShapeSamples:
+        """Return the shapes of the objects."""
+        return ShapeSamples([body.shape for body in self.objects])
+
+    def moved_to(self, poses: Array) -> ObjectSamples:
+        """Return the objects at other poses (n, 3)."""
+        moved = copy.copy(self)
+        moved.center = poses[:, 0] + 1j * poses[:, 1]
+        moved.turn = np.exp(1j * poses[:, 2])
+        moved.middle = moved.center + moved.turn * self.shape.centroid
+        moved.angle = np.remainder(poses[:, 2] + np.pi, 2.0 * np.pi) - np.pi
+        moved._objects = None
+        return moved
+
+    @property
+    def objects(self) -> Sequence[ConvexObject]:
+        """Return the objects."""
+        if self._objects is None:
+            poses = np.stack([self.center.real, self.center.imag, self.angle], axis=-1).tolist()
+            objects = zip(self._shaped, poses, strict=True)
+            self._objects = [body.moved_to(pose) for body, pose in objects]
+        return self._objects
+
+    def nearest(self, points: Points, owners: Indices) -> SurfacePoints:
+        """Return nearest points of the surfaces of the objects `owners` (q,); see `nearest`."""
+        turn = self.turn[owners]
+        gaps, normals = self.shape.nearest((points - self.center[owners]) * turn.conj(), owners)
+        return SurfacePoints(gaps, normals * turn)
+
+    def take_samples(self, index: Any) -> ConvexObject | ObjectSamples:
+        """Return chosen objects, or one, see `samples.take`."""
+        chosen = np.arange(len(self.center))[index]
+        if chosen.ndim == 0:
+            return self.objects[chosen]
+        return ObjectSamples([self.objects[i] for i in chosen.tolist()])
+
+    @staticmethod
+    def join_samples(values: Sequence[ObjectSamples]) -> ObjectSamples:
+        """Return the objects of several samples, see `samples.join`."""
+        return ObjectSamples([body for value in values for body in value.objects])
