@@ -4,44 +4,121 @@
 """The view of a robot in Chromium; by night a session of `SESSION_MINUTES` with two pages."""
 
 import contextlib
+import importlib.util
+import io
 import os
 import re
+import shutil
 import time
 
-from browser import (
-    blue,
-    count_green,
-    DEADLINE,
-    find_switch,
-    HARMLESS,
-    launch,
-    MARKS,
-    middle,
-    open_page,
-    pixels,
-    polite_browser,
-    read_address,
-    SERVED,
-    SOME,
-    switch_control,
-    VIEWPORT,
-)
 from geometry_msgs.msg import Twist, WrenchStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.demo.processes import running_nodes
 from isotruss_ros.demo.view import DIAMETER, FRICTION, list_nodes
+import numpy as np
+from PIL import Image
 from probe import world
 import psutil
 import pytest
 from robots import quick_robot
 
 SESSION_MINUTES = float(os.environ.get('SESSION_MINUTES', '10'))
-pytestmark = MARKS
 #: Distance of a drag [pixels], in which a metre has about a hundred, and the least motion that
 #: answers it [m].
 DRAG, ANSWER = 5, 0.01
 #: Text of a finished goal, after its stages with their percentage.
 RESULT = r'{}: (?!sent|[a-z ]+ \d+ %)(.+)'
+CHROMIUM = shutil.which('chromium')
+PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.xdist_group('browser'),
+    pytest.mark.skipif(not PACKAGES, reason='pip install viser playwright'),
+    pytest.mark.skipif(CHROMIUM is None, reason='apt-get install chromium'),
+    pytest.mark.timeout(900),
+]
+#: In which everything here comes about, on a machine that is busy and draws without hardware [s].
+DEADLINE = 240.0
+#: Any port that is free; and a page that draws in software may be slow [s], but no slower than
+#: the websocket, which closes after 20 to 40 s without an answer.
+SERVED = {'port': 0, 'browser_timeout': 20.0}
+VIEWPORT = {'width': 700, 'height': 480}
+#: Width of the scene, left of the panels.
+SCENE = 370
+#: Fewer than the object has, or its handle.
+SOME = 80
+#: What is drawn in software takes the processors from the nodes.
+SLOWLY = """
+const draw = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (show) => setTimeout(() => draw(show), 250);
+window.cancelAnimationFrame = clearTimeout;
+"""
+#: Of the browser's own client: it is no fault of the page.
+HARMLESS = 'Unable to preventDefault inside passive event listener'
+
+
+def pixels(page):
+    """Return the (h, w, 3) colours of the scene, left of the panels."""
+    picture = Image.open(io.BytesIO(page.screenshot(scale='css'))).convert('RGB')
+    return np.asarray(picture).astype(int)[:, :SCENE]
+
+
+def blue(colors):
+    """Return where the handle is drawn: rows and columns."""
+    red, green, last = np.moveaxis(colors, 2, 0)
+    return np.nonzero((last > red + 80) & (last > green + 60))
+
+
+def middle(found):
+    return tuple(float(np.mean(part)) for part in found)
+
+
+def count_green(colors):
+    """Return how many pixels have the colour of a held object."""
+    red, green, last = np.moveaxis(colors, 2, 0)
+    return int(((green > red + 50) & (green > last + 40)).sum())
+
+
+def polite_browser(folder):
+    """Return a browser that leaves the processors to the nodes: it draws in software."""
+    script = folder / 'chromium'
+    script.write_text(f'#!/bin/sh\nexec nice -n 10 {CHROMIUM} "$@"\n')
+    script.chmod(0o755)
+    return script
+
+
+def launch(playwright, program):
+    return playwright.chromium.launch(
+        executable_path=program,
+        args=['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'],
+    )
+
+
+def open_page(browser, scale):
+    """Return a page that draws at most four times a second, scaled in pixels."""
+    page = browser.new_page(viewport=VIEWPORT, device_scale_factor=scale)
+    page.add_init_script(SLOWLY)
+    page.set_default_timeout(1e3 * DEADLINE)
+    return page
+
+
+def read_address(process):
+    """Return the address that a viewer prints, once it does."""
+    end = time.monotonic() + DEADLINE
+    while (line := process.find_line('viewer: http')) is None:
+        process.require_running()
+        assert time.monotonic() < end, process.log.read_text()
+        time.sleep(0.05)
+    return line.removeprefix('viewer: ')
+
+
+def find_switch(page):
+    """Return the switch of the control; the settings of the browser's client have some as well."""
+    return page.get_by_label('control', exact=True)
+
+
+def switch_control(page):
+    find_switch(page).evaluate('box => box.click()')
 
 
 class Session:
