@@ -6,9 +6,9 @@
 from concurrent.futures import Future
 import itertools
 
-import closings
 from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.violations import violation_in_words
@@ -93,14 +93,14 @@ def test_nothing_touches_before_the_touch_and_then_the_grip_alone_presses(plans)
         sides = [ROBOT.member_names.index(name) for name in grasp.members]
         before = np.zeros(len(sides))
         for row, config in along(grasp.path):
-            gaps = closings.gaps(config, body)[0]
+            gaps = -member_depths(config, body)
             assert np.delete(gaps, sides).min() > 0.0
             if row < grasp.touch:
                 assert gaps.min() > -1e-6, row
             else:
                 assert (gaps[sides] <= before + 1e-4).all()
                 before = gaps[sides]
-        at_touch = closings.gaps(ROBOT.home.moved_to(grasp.path[grasp.touch]), body)[0][sides]
+        at_touch = member_depths(ROBOT.home.moved_to(grasp.path[grasp.touch]), body)[sides]
         assert np.abs(at_touch).max() < 1e-6
 
 
@@ -176,7 +176,7 @@ def test_a_plan_without_grasps_has_the_closest_violation(body, needs, missed):
     if missed == 'enclosed':
         assert (miss.value, miss.bound) == (0.0, 1.0)
     if missed == 'free':
-        assert miss.value == pytest.approx(closings.gaps(ROBOT.home, body)[0].min(), abs=1e-4)
+        assert miss.value == pytest.approx(-member_depths(ROBOT.home, body).max(), abs=1e-4)
         assert miss.bound == 0.0
 
 

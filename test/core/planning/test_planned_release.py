@@ -8,7 +8,6 @@ import itertools
 import math
 import re
 
-import closings
 from held_grips import AROUND, HOME
 from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
@@ -39,6 +38,14 @@ def grasped(body, members=MEMBERS):
     return core.plan_grasps(HOME, body, needs, max_rounds=1, thorough=False)[0]
 
 
+def drive(robot, path, parts=30):
+    """Let a simulated robot follow a path."""
+    for begin, end in itertools.pairwise(path):
+        robot.command((end - begin) / parts)
+        for _ in range(parts):
+            robot.advance(1.0)
+
+
 def disc(diameter, angle):
     """Return a disc that lies at an angle."""
     return core.ConvexObject(core.Disc(diameter), (*CENTER, angle))
@@ -61,9 +68,9 @@ def disc(diameter, angle):
 def test_a_released_object_stays_at_its_pose(body, members, moved, parts):
     """A simulated robot follows the path in so many parts of each of its steps."""
     grasp, thing = grasped(body, members), core.ElasticObject(body, 0.5)
-    drive = functools.partial(closings.drive, parts=parts)
+    follow = functools.partial(drive, parts=parts)
     robot = core.SimulatedRobot(HOME, thing, core.RollerFaults())
-    drive(robot, grasp.path)
+    follow(robot, grasp.path)
     assert set(thing.grasp.member_names) == set(grasp.grip.members)
     assert thing.grasp.squeeze == pytest.approx(8.0, rel=0.25)
     held = np.array(robot.object_pose)
@@ -72,16 +79,16 @@ def test_a_released_object_stays_at_its_pose(body, members, moved, parts):
     assert release.violation is None
     squeezes, apart = [thing.grasp.squeeze], release.apart
     for piece in itertools.pairwise(release.path[:apart]):
-        drive(robot, piece)
+        follow(robot, piece)
         squeezes.append(0.0 if thing.grasp is None else thing.grasp.squeeze)
         assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=moved)
     assert (np.diff(squeezes) <= 0.0).all()
     shares = np.array(squeezes) / squeezes[0]
     assert shares == pytest.approx(np.linspace(1.0, 0.0, apart), abs=0.08)
     assert squeezes[-1] < 0.01 * squeezes[0]
-    drive(robot, release.path[[apart - 1, apart]])
+    follow(robot, release.path[[apart - 1, apart]])
     assert thing.grasp is None
-    drive(robot, release.path[apart:])
+    follow(robot, release.path[apart:])
     lies = np.array(robot.object_pose)
     assert ARMS * lies == pytest.approx(ARMS * held, abs=2.0 * moved)
     gaps = object_distances(robot.config, body.moved_to(lies))
@@ -96,16 +103,16 @@ def test_contacts_that_share_a_face_do_not_slip_in_the_release():
     plan = core.plan_grasps(HOME, body, needs, max_rounds=1, thorough=False)
     grasp, thing = plan[0], core.ElasticObject(body, 0.8)
     robot = core.SimulatedRobot(HOME, thing, core.RollerFaults())
-    closings.drive(robot, grasp.path, 3)
+    drive(robot, grasp.path, 3)
     held, friction = robot.object_pose, thing.grasp.required_friction
     record = GripRecord.of(thing.grasp)
     release = plan_release(robot.config, body.moved_to(held), MEMBERS, CLEARANCE, record)
     for piece in itertools.pairwise(release.path[: release.apart - 1]):
-        closings.drive(robot, piece, 4)
+        drive(robot, piece, 4)
         assert thing.grasp.required_friction < friction + 0.2
         assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=2e-3)
     first = release.apart - 2
-    closings.drive(robot, release.path[first:], 4)
+    drive(robot, release.path[first:], 4)
     assert ARMS * robot.object_pose == pytest.approx(ARMS * held, abs=2e-3)
 
 
@@ -166,7 +173,7 @@ def test_a_free_object_stays_at_its_pose_while_the_planned_grip_closes(squeeze, 
     simulated, held = core.ElasticObject(BODY, FRICTION), []
     robot = core.SimulatedRobot(HOME, simulated, core.RollerFaults())
     for piece in itertools.pairwise(grasp.path):
-        closings.drive(robot, piece, parts)
+        drive(robot, piece, parts)
         held.append(simulated.grasp is not None)
     # Nothing presses before the touch, and all of it is held from there on.
     assert held == [False] * grasp.touch + [True] * (len(grasp.path) - 1 - grasp.touch)
