@@ -57,27 +57,6 @@ def test_a_slower_path_to_a_grasp_touches_at_the_same_point():
     assert path.points[1].time_from_start == grasp.touch
 
 
-def test_a_signal_while_nodes_are_started_leaves_none_behind(monkeypatch, tmp_path):
-    running = []
-
-    def start(*_, **__):
-        """Start a process that runs until its signal; the second one is interrupted."""
-        process = SimpleNamespace(poll=lambda: None, wait=lambda _: 0)
-        process.send_signal = lambda _: running.remove(process)
-        running.append(process)
-        if len(running) == 2:
-            signal.raise_signal(signal.SIGINT)
-        return process
-
-    monkeypatch.setattr(subprocess, 'Popen', start)
-    with (
-        pytest.raises(KeyboardInterrupt),
-        processes.running_nodes([('simulator', {}), ('viewer', {})], tmp_path),
-    ):
-        pytest.fail('they are not to be used')
-    assert running == []
-
-
 @pytest.fixture
 def started(monkeypatch):
     """Return the commands of processes by the name of the node; they end at once."""

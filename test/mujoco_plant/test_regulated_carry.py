@@ -218,8 +218,3 @@ def test_squeeze_with_estimated_offsets_is_the_desired_one(kind, names, stiffnes
     assert abs(result.surprise) < 3.0
     assert result.joints < joints
     assert result.encoders > 4.0 * result.joints
-
-
-@pytest.mark.nightly
-def test_squeeze_with_encoders_alone_is_wrong():
-    assert abs(carry(DISC, 2, (), fed=False).squeeze) > 0.1

@@ -12,11 +12,10 @@ from isotruss_ros.core import place_between, settle_grasp
 from mujoco_worlds import needs_mujoco
 import pytest
 from studies.benchmarks.__main__ import NAMES
-from studies.comparison import faces, faulty_carries
+from studies.comparison import faces
 from studies.comparison.friction import lost_at
 from studies.comparison.grips import press_on, release, round_robot
 from studies.comparison.page import FOLDER
-from studies.comparison.random_carries import DISC
 from studies.comparison.sections import SECTIONS
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
@@ -34,14 +33,6 @@ def test_a_box_on_a_face_uses_more_friction_than_that_at_which_it_is_lost():
     assert used > 1.3 * ours
     lost = lost_at(plant, body, faces.FRICTION, faces.NEAR * ours, faces.LOST, faces.PERIOD)
     assert lost == pytest.approx(ours, rel=0.04)
-
-
-@pytest.mark.parametrize(('way', 'arrived'), [(0.0, False), (0.09, False), (0.096, True)])
-def test_a_carry_arrives_only_with_its_path_executed(way, arrived):
-    draw = faulty_carries.Draw((), 0.0)
-    end = faulty_carries.Carry('drawn', DISC, 4, draw, way=way, length=0.1).end
-    assert ('arrived' in end) == arrived
-    assert ('halted' in end) != arrived
 
 
 def test_all_values_of_the_committed_page_are_within_bounds():

@@ -7,7 +7,7 @@ from hypothesis import given
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
-from isotruss_ros.core.planning.grasp_plan import export_path, GraspPlan, path_times, plan_in_words
+from isotruss_ros.core.planning.grasp_plan import export_path, path_times
 from isotruss_ros.core.planning.violations import (
     BOUNDS,
     SearchTally,
@@ -67,25 +67,6 @@ def test_the_closest_violation_is_the_latest_one_and_of_bounds_the_nearest():
         assert tally == SearchTally(14, 7, ordered[-1])
     distances = [violation.distance for violation in ordered]
     assert distances == sorted(distances, reverse=True)
-
-
-@pytest.mark.parametrize(
-    ('violation', 'words'),
-    [
-        (None, 'there was no grasp candidate'),
-        (
-            Violation('min_slip_margin', 0.2, 0.5),
-            'min_slip_margin: the slip margin is 0.2 N; must be at least 0.5 N',
-        ),
-        (
-            Violation('no step', 0.0, 0.0),
-            'the closest grasp candidate cannot be computed: no step',
-        ),
-    ],
-)
-def test_a_plan_without_grasps_says_what_is_violated(violation, words):
-    plan = GraspPlan((), True, violation, 12, 3, 0.1)
-    assert plan_in_words(plan) == f'no grasp found in 12 evaluations; {words}'
 
 
 def test_every_violation_has_words():

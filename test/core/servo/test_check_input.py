@@ -7,13 +7,13 @@ import math
 
 from isotruss_ros import core
 from isotruss_ros.core import Status
-from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, EstimatorSettings
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
-from isotruss_ros.core.servo.decision import describe, describe_squeeze, halt_for
+from isotruss_ros.core.servo.decision import describe, describe_squeeze
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 import numpy as np
 import pytest
@@ -144,15 +144,3 @@ def test_the_message_names_the_closest_twist_and_the_remaining_share(
 def test_a_squeeze_with_a_deviation_above_its_half_is_unknown():
     assert describe_squeeze(10.0, 5.0) == 'squeeze 10.0 N, deviation 5.0 N'
     assert describe_squeeze(10.0, 5.1).startswith('squeeze unknown: 10.0 N, deviation 5.1 N; ')
-
-
-@pytest.mark.parametrize(
-    ('error', 'status'),
-    [
-        (GraspError('no contact'), Status.HALT_NO_GRASP),
-        (ConfigurationError('singular'), Status.HALT_KINEMATICS),
-        (IsotrussError('other'), Status.HALT_KINEMATICS),
-    ],
-)
-def test_errors_of_the_solver_have_the_status_of_their_kind(error, status):
-    assert halt_for(error) is status

@@ -166,18 +166,6 @@ def test_an_error_in_a_step_is_reported_and_the_services_remain(waiting, step, e
     assert manager.state() == 'active'
 
 
-def test_an_error_out_of_a_callback_stops_the_node_and_it_can_be_brought_up_again():
-    with world(Toy) as w:
-        node, manager = w.nodes[1], Manager(w, 'toy')
-        w.probe.listen(Bool, 'output', 'output')
-        w.until(lambda: bool(w.probe.seen['output']))
-        node.fail(ACCIDENT)
-        w.until(lambda: w.probe.last('output').data)
-        assert manager.state() == 'unconfigured'
-        w.until(lambda: 'an accident' in w.report('toy').message)
-        assert all(map(manager.ask, Manager.UP))
-
-
 @pytest.mark.parametrize('step', ['configure', 'activate'])
 @pytest.mark.parametrize('error', [REFUSAL, ACCIDENT])
 def test_a_node_that_fails_to_start_raises_the_reason(step, error):

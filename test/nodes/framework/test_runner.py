@@ -88,17 +88,6 @@ def test_a_twist_moves_the_rollers_with_an_rclpy_that_lacks_a_method_of_handles(
     move(executor, probe)
 
 
-def test_an_error_of_a_callback_reaches_the_caller(nodes):
-    node, probe, executor = nodes
-
-    def fail():
-        raise ArithmeticError('of a timer')
-
-    node.create_timer(0.001, fail)
-    with pytest.raises(ArithmeticError, match='of a timer'):
-        until(executor, probe, lambda: False)
-
-
 def test_the_newest_message_of_a_burst_is_used():
     begin_context()
     node, used, arrived = rclpy.create_node('listener'), [], []
