@@ -90,21 +90,6 @@ def by_steps(times, speeds, before, begin, end):
     return STEP * rates.sum(axis=0)
 
 
-@robots.examples(50)
-@given(robots.generators())
-def test_travel_is_the_integral_of_the_commands(rng):
-    times = 100.0 + STEP * np.sort(rng.integers(0, 5000, 60))
-    speeds, before = rng.uniform(-0.1, 0.1, (60, COUNT)), rng.uniform(-0.1, 0.1, COUNT)
-    sent = inputs.CommandHistory(COUNT)
-    for time, speed in zip(times, speeds, strict=True):
-        sent = sent.recorded(time, speed)
-    begin, end = np.sort(99.8 + STEP * rng.integers(0, 9000, 2))
-    expected = by_steps(times, speeds, before, begin, end)
-    assert sent.travel(begin, end, before) == pytest.approx(expected, abs=1e-4)
-    assert sent.travel(end, begin, before) == pytest.approx(-expected, abs=1e-4)
-    assert (sent.last == speeds[-1]).all()
-
-
 @pytest.mark.parametrize('now', [9.9, 10.9])
 def test_commands_are_discarded_after_a_gap_or_a_clock_set_back(now):
     sent = inputs.CommandHistory(COUNT).recorded(10.0, np.ones(COUNT)).recent(10.5, 0.5)

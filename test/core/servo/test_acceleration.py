@@ -144,20 +144,6 @@ def test_a_robot_of_little_acceleration_stops_before_its_limits():
     assert lengths.max() > file.max_length - 5e-3
 
 
-@examples(50)
-@given(st.integers(0, 2**31))
-def test_commands_on_the_way_keep_contacts_and_limits(seed):
-    rng = np.random.default_rng(seed)
-    one, other = (solve_twist(ROBOT.home, GRIP, 0.1 * rng.standard_normal(3)) for _ in range(2))
-    step = CHANGE * rng.uniform(-1.0, 1.0, N)
-    found = limit_acceleration(other, one.roller_velocities, step, CHANGE, lambda: ROWS)
-    assert np.abs(found.roller_velocities - one.roller_velocities).max() <= CHANGE * (1.0 + 1e-9)
-    jacobian = grip_jacobian(ROBOT.home, GRIP)
-    assert jacobian[3:] @ found.roller_velocities == pytest.approx(0.0, abs=1e-12)
-    assert jacobian[:3] @ found.roller_velocities == pytest.approx(found.achieved_twist)
-    assert ROWS.slack(found.roller_velocities).min() >= -1e-9
-
-
 def test_a_violated_limit_changes_the_speeds_by_the_least():
     """The point of a half space next to another one is on the normal of its bound."""
     rng = np.random.default_rng(0)

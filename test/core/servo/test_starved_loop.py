@@ -13,7 +13,7 @@ from isotruss_ros.core.contact.dents import dent_table
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.numerics.work_limit import count_work, limited_work, WorkLimitError
+from isotruss_ros.core.numerics.work_limit import limited_work
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.core.servo.servo_step import MAX_CYCLE_WORK
 from nightly import some_now
@@ -169,19 +169,3 @@ def test_a_search_after_a_lost_balance_stays_within_the_work_of_a_cycle():
     for _ in range(20):
         loop.cycle()
     assert MAX_CYCLE_WORK // 4 < max(loop.work[-20:]) <= MAX_CYCLE_WORK
-
-
-def test_an_enclosing_bound_counts_and_limits_inner_work():
-    with limited_work(3) as outer:
-        with limited_work(2):
-            count_work()
-            count_work(is_stored=True)
-            with pytest.raises(WorkLimitError, match='2 units of work') as reached:
-                count_work()
-        assert reached.value.advances
-        count_work()
-        with limited_work(2), pytest.raises(WorkLimitError) as reached:
-            count_work()
-        assert not reached.value.advances
-    assert outer.done == 3
-    count_work()  # without a bound
