@@ -28,7 +28,7 @@ from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.samples import take
+from isotruss_ros.core.numerics.samples import plain, take
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
@@ -233,12 +233,12 @@ class HeldGrip:
     @functools.cached_property
     def squeeze(self) -> float:
         """Return the mean normal force of the grasping members [N]."""
-        return self.normal_forces.mean(axis=-1)
+        return plain(self.normal_forces.mean(axis=-1))
 
     @functools.cached_property
     def required_friction(self) -> float:
         """Return the smallest coefficient of friction at which no member slips."""
-        return (np.abs(self.friction_forces) / self.normal_forces).max(axis=-1)
+        return plain((np.abs(self.friction_forces) / self.normal_forces).max(axis=-1))
 
     def hold(self, friction: float) -> HoldStatus:
         """Return the object's hold status for a given coefficient of friction."""

@@ -41,6 +41,11 @@ def pick(values: Array, indices: Indices) -> Array:
     return np.take_along_axis(values, indices, -1)
 
 
+def plain(values: Any) -> Any:
+    """Return the value of one sample as a Python number, which messages need; else the array."""
+    return values.item() if values.ndim == 0 else values
+
+
 def take(value: T, index: Any) -> T:
     """
     Return samples of a record, chosen by an index of the first axis of its arrays.
