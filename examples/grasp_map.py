@@ -13,16 +13,13 @@ with explained_imports():
 
 config = core.load_robot('nine_member').home
 x, y = np.meshgrid(np.linspace(0.62, 0.82, 20), np.linspace(0.31, 0.51, 20))
-
-
-def settle(x: float, y: float) -> object:
-    """Return the grasp by the two or three members that the disc touches at a position [m]."""
-    return core.settle_grasp(config, core.ConvexObject.disc((x, y), 0.6), friction=0.8)
-
-
-grasps = [settle(*center) for center in zip(x.flat, y.flat, strict=True)]
-margin = np.reshape([g.slip_margin if g.force_closure else np.nan for g in grasps], x.shape)
-held = np.reshape([g.held for g in grasps], x.shape)
+# Each disc is grasped by the two or three members that it touches at its position [m].
+poses = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+disc = core.ConvexObject.disc((0.0, 0.0), 0.6)
+grasps = core.settle_grasps(config, disc, friction=0.8, poses=poses)
+has_closure = grasps.required_friction <= grasps.friction
+margin = np.reshape(np.where(has_closure, grasps.slip_margin, np.nan), x.shape)
+held = np.reshape(grasps.held, x.shape)
 figure = Figure(figsize=(9.0, 4.2), layout='constrained')
 left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
 plotting.plot_robot(config, left).plot(x[held], y[held], '.', ms=2)
