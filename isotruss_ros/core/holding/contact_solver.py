@@ -89,8 +89,12 @@ class ContactGroupSolver:
         """Add the equilibria of objects with the same contacts."""
         columns = zip(*(self._inputs[i] for i in numbers), strict=True)
         configs, bodies, _, _, pressures, stiffness = columns
+        wrench, contacts = np.array([self._wrenches[i] for i in numbers]), chosen.contacts
         try:
             structure = structures_under(configs, pressures, stiffness, is_loaded)
+            objects = _Objects(np.array(numbers), structure, ObjectSamples(bodies), wrench)
+            near = self._begin_near(objects, contacts)
+            straight = [] if near else _begin_straight(objects, contacts, is_loaded)
         except StructureError as error:
             if len(numbers) == 1:
                 solved[numbers[0]] = error
@@ -98,17 +102,12 @@ class ContactGroupSolver:
             for i in numbers:  # the others have a structural model
                 self._solve_group([i], chosen, is_loaded, solved)
             return
-        wrench = np.array([self._wrenches[i] for i in numbers])
-        objects = _Objects(np.array(numbers), structure, ObjectSamples(bodies), wrench)
-        contacts = chosen.contacts
         conditions = least_friction_conditions(contacts, chosen.grazing)
-        near = self._begin_near(objects, contacts)
         for begins_near in (True, False) if near else (False,):
-            begins = near
-            if not begins_near:  # from straight tubes at the measured poses
+            begins = near if begins_near else straight
+            if near and not begins_near:  # from straight tubes at the measured poses
                 is_left = np.array([solved[i] is None for i in numbers])
-                left = objects if is_left.all() else take(objects, is_left)
-                begins = _begin_straight(left, contacts, is_loaded)
+                begins = _begin_straight(take(objects, is_left), contacts, is_loaded)
             for found in find_equilibria(begins, conditions, self._steps):
                 of_found = np.array([self._wrenches[i] for i in found.samples.tolist()])
                 grips = HeldGrip.of(found.statics, found.state, of_found)

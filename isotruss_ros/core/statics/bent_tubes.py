@@ -19,8 +19,10 @@ from typing import Any, ClassVar, NamedTuple
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.samples import pick, take
+from isotruss_ros.core.numerics.tolerances import MAX_CONDITION
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.blocks import Layout
+from isotruss_ros.core.statics.equilibrium import irregular_loads
 from isotruss_ros.core.statics.frame import Frame, keep_apart, largest_motion
 from isotruss_ros.core.statics.inclinations import InclinationWeights, RING_HALF_WIDTH
 from isotruss_ros.core.statics.structure import Structure
@@ -253,7 +255,17 @@ class BentTubes:
             len(self.members),
             self._motion_columns,
         )
-        _, unknowns = tangent.solve(self._right_sides())
+        loads = self._right_sides()
+        # Straight tubes lack no loads for equilibrium, so the last column is free for a probe.
+        is_probed = not layout.kept and not self.state.unknowns.any()
+        if is_probed:
+            loads[..., -1] = irregular_loads(self.frame)
+        _, unknowns = tangent.solve(loads)
+        if is_probed:
+            condition = np.abs(unknowns[..., -1] / self.frame.scale).max()
+            if not condition < MAX_CONDITION:
+                _ = self.structure.unloaded  # raises an error that names the moving parts
+            unknowns[..., -1] = 0.0
         # Displacements of the nodes in axes of the members, relative to their places, which move
         # along the members.
         to_member = self.lines.turns.swapaxes(-1, -2)

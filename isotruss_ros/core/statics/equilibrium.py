@@ -70,7 +70,7 @@ def solve_unloaded(tangent: Tangent, loads: Array) -> tuple[Condensed, Array]:
     right = np.zeros((*frame.scale.shape, columns + 1))
     right[..., rows:, :columns] = loads
     # The response to an irregular load is a lower bound of the condition number.
-    right[..., columns] = np.cos(np.arange(frame.scale.shape[-1]) ** 2) / frame.scale
+    right[..., columns] = irregular_loads(frame)
     try:
         condensed, solution = tangent.solve(right)
         condition = np.abs(solution[..., columns] / frame.scale).max()
@@ -85,6 +85,11 @@ def solve_unloaded(tangent: Tangent, loads: Array) -> tuple[Condensed, Array]:
         f'the structure is a mechanism: {", ".join(_find_loose_nodes(tangent))} can move '
         'without resistance; support it or connect it'
     )
+
+
+def irregular_loads(frame: Frame) -> Array:
+    """Return loads (..., u) whose scaled response is a lower bound of the condition number."""
+    return np.cos(np.arange(frame.scale.shape[-1]) ** 2) / frame.scale
 
 
 def _find_loose_nodes(tangent: Tangent) -> list[str]:
