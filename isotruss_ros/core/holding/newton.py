@@ -76,9 +76,10 @@ class Iteration(NamedTuple):
             returned = (crossings > 1.0).any(axis=-1)
             if returned.any():
                 yield from take(group, np.flatnonzero(returned))._at_rings()
+                if returned.all():
+                    continue
                 group, tubes = take((group, tubes), np.flatnonzero(~returned))
-            if len(group.samples):
-                yield group._replace(statics=replace(group.statics, bent=tubes))
+            yield group._replace(statics=replace(group.statics, bent=tubes))
 
     def _at_rings(self) -> Iterator[Iteration]:
         """Yield the samples with tubes linearised with contacts that returned at the ring."""
