@@ -33,6 +33,7 @@ from nav_msgs.msg import Path
 import rclpy
 from rclpy.action import ActionClient
 from rclpy.exceptions import InvalidNamespaceException
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Bool
@@ -53,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Send one goal or service call, and print its result.
 
-    :return: 0 on success, 1 on failure, 130 after Ctrl-C, which cancels the goal.
+    :return: 0 on success, 1 on failure, 130 after a signal; Ctrl-C cancels the goal.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -67,10 +68,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return options.run(node, options)
     except InvalidNamespaceException as error:
         return _fail(' '.join(str(error).split()))
+    except (ExternalShutdownException, KeyboardInterrupt, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and rclpy.ok():
+            raise
+        print('interrupted', file=sys.stderr)  # before a goal was sent, or by SIGTERM
+        return 130
     finally:
         if node is not None:
             node.destroy_node()
-        rclpy.shutdown()
+        rclpy.try_shutdown()
 
 
 def _parser() -> argparse.ArgumentParser:

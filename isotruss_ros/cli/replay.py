@@ -133,6 +133,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help='with --decide: another value of a setting, such as squeeze.force=40',
     )
     options = parser.parse_args(arguments)
+    if options.set and not options.decide:
+        parser.error('--set needs --decide')
     try:
         check_range(options.speed, '--speed', '', *SPEED_RANGE)
         check_range(options.diameter, '--diameter', 'm', MIN_DIAMETER, MAX_SIZE)

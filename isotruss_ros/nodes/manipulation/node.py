@@ -171,7 +171,8 @@ class Manipulation(ManagedNode):
         """Clear the fault of the grip; the control starts anew from the measured pose."""
         squeeze = None if self._servo is None else self._servo.squeeze
         if squeeze is None or squeeze.fault is None:
-            return 'the grip has no fault'
+            halt = None if self._servo is None else self._find_halt()
+            return 'the grip has no fault' + (f'; {halt[1]}' if halt else '')
         fault = squeeze.fault
         self._servo.acknowledge()
         return f'resumed after {fault}'
