@@ -65,12 +65,19 @@ def test_example_runs(name, capsys, monkeypatch, tmp_path):
     assert PRINTED[name] in capsys.readouterr().out.splitlines()
 
 
-NOTEBOOK = EXAMPLES / 'held_object.ipynb'
+@pytest.fixture(scope='module')
+def held_object():
+    return saved_and_run('held_object')
 
 
 @pytest.fixture(scope='module')
-def both():
-    return json.loads(NOTEBOOK.read_text(encoding='utf-8')), notebooks.run(NOTEBOOK)
+def paper():
+    return saved_and_run('paper')
+
+
+def saved_and_run(name):
+    path = EXAMPLES / f'{name}.ipynb'
+    return json.loads(path.read_text(encoding='utf-8')), notebooks.run(path)
 
 
 def outputs(notebook, kind):
@@ -78,19 +85,35 @@ def outputs(notebook, kind):
     return [output['data'].get(kind) if 'data' in output else output['text'] for output in result]
 
 
+def pictures(notebook):
+    return [png for png in outputs(notebook, 'image/png') if isinstance(png, str)]
+
+
 @pytest.mark.nightly
-def test_notebook_prints_and_returns_its_saved_output(both):
-    saved, run = both
+def test_notebook_prints_and_returns_its_saved_output(held_object):
+    saved, run = held_object
     assert outputs(run, 'text/plain') == outputs(saved, 'text/plain')
     assert outputs(run, 'text/html') == outputs(saved, 'text/html')
 
 
 @pytest.mark.nightly
-def test_notebook_draws_the_held_object_and_a_map(both):
-    _, run = both
-    pictures = [png for png in outputs(run, 'image/png') if isinstance(png, str)]
-    assert len(pictures) == 2
-    assert all(len(picture) > 10_000 for picture in pictures)
+def test_notebook_draws_the_held_object_and_a_map(held_object):
+    _, run = held_object
+    assert len(pictures(run)) == 2
+    assert all(len(picture) > 10_000 for picture in pictures(run))
+
+
+def test_each_equation_of_the_paper_in_numpy_agrees_with_the_package(paper):
+    saved, run = paper
+    printed = [line for lines in outputs(run, 'text/plain') for line in lines]
+    assert {f'({number}) agrees with the package\n' for number in range(1, 21)} <= set(printed)
+    assert outputs(run, 'text/plain') == outputs(saved, 'text/plain')
+
+
+def test_the_notebook_of_the_paper_draws_figures_3_6_and_9(paper):
+    _, run = paper
+    assert len(pictures(run)) == 3
+    assert all(len(picture) > 10_000 for picture in pictures(run))
 
 
 #: Runs a command or file in a process in which no package beyond those of the core is installed.
