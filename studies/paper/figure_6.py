@@ -129,7 +129,9 @@ def report(result: Interference) -> Report:
         f'grows as p^{number(reference.min(), 2)} to p^{number(reference.max(), 2)}.',
         difference='Our model reproduces the increase of stiffness with the diameter. For small '
         'cylinders the measurements agree with round sections, and our model does not, because '
-        'flattening halves the stiffness. The gas does not explain the '
+        'flattening halves the stiffness: for the smallest cylinder at '
+        f'{number(1e-3 * PRESSURE)} kPa from {number(result.middle_round[at][0].stiffness, 4)} to '
+        f'{number(result.middle[at][0].stiffness, 4)} N/m. The gas does not explain the '
         f'increase: at an indentation of {1e3 * DEPTH:g} mm the tube loses '
         f'{number(1e6 * DISPLACED[0])} to {number(1e6 * DISPLACED[1])} of its '
         f'{number(1e6 * VOLUME, 4)} cm³, which raises the pressure by '
