@@ -54,6 +54,10 @@ PROGRAMS = {
         'fit the tube stiffness to joints under a known force',
         'isotruss_ros.cli.calibrate:stiffness',
     ),
+    'grasp_dataset': (
+        'write a data set of random grasps',
+        'isotruss_ros.cli.grasp_dataset:main',
+    ),
     'sweep': ('plan grasps for many robots and objects', 'isotruss_ros.cli.sweep:main'),
     'export_mujoco': ('write a robot as a MuJoCo model', 'isotruss_ros.cli.export_mujoco:main'),
 }

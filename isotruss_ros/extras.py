@@ -21,6 +21,7 @@ EXTRAS = {
     'rosbags': 'viewer',
     'viser': 'viewer',
     'mujoco': 'mujoco',
+    'pyarrow': 'parquet',
 }
 #: Packages of ROS that are not named `*_msgs`.
 ROS_PACKAGES = {'ament_index_python', 'builtin_interfaces', 'rcl_interfaces', 'rclpy', 'std_srvs'}

@@ -134,6 +134,7 @@ runpy.run_path(sys.argv[0], run_name='__main__')
 NEEDED = {
     'plan_grasps': "'isotruss_ros[demo]'",
     'fit_tube_stiffness': "'isotruss_ros[demo]'",
+    'grasp_dataset': "'isotruss_ros[demo]'",
     'sweep': "'isotruss_ros[sweep]'",
 } | dict.fromkeys(['demo', 'view', *executables.REQUESTS, *executables.NODES], '`make venv`')
 NEEDED_BY_EXAMPLES = {

@@ -48,7 +48,7 @@ ONLY_FROM_PYPI = {
     'playwright',
     'qpsolvers',
 }
-ONLY_FROM_PYPI |= {'quadprog', 'rosbags', 'vermin', 'viser', 'websockets', 'zstandard'}
+ONLY_FROM_PYPI |= {'pyarrow', 'quadprog', 'rosbags', 'vermin', 'viser', 'websockets', 'zstandard'}
 
 
 @pytest.fixture(scope='module')

@@ -1,0 +1,193 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Data sets of random grasps, which are computed in parts, so that a run can be resumed."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import asdict, dataclass, field
+import hashlib
+import json
+from pathlib import Path
+import shutil
+from typing import Any
+
+from isotruss_ros.core import ConvexObject, Robot
+from isotruss_ros.core.numerics.arrays import check_count
+from isotruss_ros.dataset.columns import check_columns, compute_columns, corner_count
+from isotruss_ros.dataset.random_grasps import DatasetError, draw_grasp, GraspDistribution
+from isotruss_ros.dataset.table_files import (
+    check_path,
+    join_parts,
+    read_settings,
+    write_part,
+    write_text,
+)
+from numpy.typing import NDArray
+
+#: Default number of grasps in a part [-].
+PART_SIZE = 1024
+#: Largest number of grasps of a data set [-].
+MAX_GRASPS = 10**9
+#: Largest number of parts that an executor has at once [-]: enough for all processes.
+MAX_SUBMITTED = 512
+
+
+@dataclass(frozen=True)
+class DatasetRun:
+    """
+    Arguments that determine the rows of a data set.
+
+    :ivar robot: the robot.
+    :ivar count: number of grasps, 1 to `MAX_GRASPS`.
+    :ivar distribution: distribution of the grasps.
+    :ivar seed: random seed, not negative.
+    :ivar columns: names of `COLUMNS`; none: all columns.
+    :ivar part_size: number of grasps in a part, 1 or more. It bounds the memory, and what an
+        interrupted run loses.
+    :raises DatasetError: a number or the name of a column is invalid.
+    """
+
+    robot: Robot
+    count: int
+    distribution: GraspDistribution = field(default_factory=GraspDistribution)
+    seed: int = 0
+    columns: tuple[str, ...] = ()
+    part_size: int = PART_SIZE
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_count(self.seed, 'seed', DatasetError)
+        for name in ('count', 'part_size'):
+            value = check_count(getattr(self, name), name, DatasetError)
+            if not 1 <= value <= MAX_GRASPS:
+                raise DatasetError(f'{name} {value}: must be from 1 to {MAX_GRASPS}')
+        object.__setattr__(self, 'columns', check_columns(self.columns))
+
+    def settings(self) -> dict[str, Any]:
+        """Return the arguments as plain values; the robot file as a hash of its content."""
+        drawn = {name: getattr(self.distribution, name) for name in _DRAWN}
+        items = self.distribution.objects
+        described = [i.to_dict() if isinstance(i, ConvexObject) else i for i in items]
+        content = repr(asdict(self.robot.description) | {'source': ''})
+        settings = {
+            'robot': self.robot.name,
+            'robot_file': hashlib.sha256(content.encode()).hexdigest()[:16],
+            'member_names': self.robot.member_names,
+            'roller_names': self.robot.roller_names,
+            **drawn,
+            'objects': described,
+            'count': self.count,
+            'seed': self.seed,
+            'columns': self.columns,
+            'part_size': self.part_size,
+        }
+        return json.loads(json.dumps(settings))  # as it is read from a file
+
+
+_DRAWN = ('sizes', 'friction', 'depth', 'travel', 'force', 'moment')
+
+
+def write_dataset(
+    run: DatasetRun,
+    path: Path,
+    executor: Executor | None = None,
+    on_progress: Callable[[int], None] | None = None,
+) -> bool:
+    """
+    Write a data set of random grasps; return whether it was written, not complete already.
+
+    Parts are stored in the folder `path` + '.parts'. An interrupted run continues with the parts
+    that are missing, and writes the same rows as a run that was not interrupted.
+
+    :param run: arguments that determine the rows.
+    :param path: file to write, .npz or .parquet.
+    :param executor: executor that computes the parts, for example a process pool; None: this
+        process computes them.
+    :param on_progress: function that is called with the number of stored grasps.
+    :raises DatasetError: the path is invalid, or it is a file or the parts of another run.
+    :raises MissingPackageError: a Parquet file needs pyarrow.
+    """
+    check_path(path)
+    settings, folder = run.settings(), path.with_name(f'{path.name}.parts')
+    if path.exists():
+        _check_same(path, read_settings(path), settings)
+        return False
+    head = folder / 'settings.json'
+    if head.exists():
+        _check_same(folder, head.read_text(encoding='utf-8'), settings)
+    else:
+        if folder.exists():
+            raise DatasetError(f'{folder}: has no {head.name}: must not exist, or be of a run')
+        folder.mkdir()
+        write_text(head, json.dumps(settings))
+    begins = range(0, run.count, run.part_size)
+    parts = [folder / f'{begin:010d}.npz' for begin in begins]
+    missing = [i for i, part in enumerate(parts) if not part.exists()]
+    stored = run.count - sum(_size(run, begins[i]) for i in missing)
+    report = on_progress or (lambda _: None)
+    try:
+        report(stored)
+        computed = _compute(run, [begins[i] for i in missing], executor)
+        for i, columns in zip(missing, computed, strict=True):
+            write_part(parts[i], columns)
+            stored += _size(run, begins[i])
+            report(stored)
+        join_parts(path, parts, run.count, json.dumps(settings))
+    finally:
+        if path.exists() or not any(part.exists() for part in parts):
+            shutil.rmtree(folder)
+    return True
+
+
+def _size(run: DatasetRun, begin: int) -> int:
+    """Return the number of grasps in the part that begins with a number."""
+    return min(run.part_size, run.count - begin)
+
+
+def _check_same(path: Path, stored: str, settings: dict[str, Any]) -> None:
+    """Raise DatasetError for the first setting in which a stored run is another one."""
+    try:
+        other = json.loads(stored)
+        differing = [name for name in settings if other[name] != settings[name]]
+    except (ValueError, KeyError, TypeError) as error:
+        raise DatasetError(f'{path}: no data set of grasps; must be one, or new') from error
+    for name in differing:
+        raise DatasetError(
+            f'{path}: belongs to another run: {name} {_show(other[name])}, now '
+            f'{_show(settings[name])}: must be the same run, or another file'
+        )
+
+
+def _show(value: Any) -> str:
+    """Return a setting as a text, truncated if long."""
+    text = json.dumps(value)
+    return text if len(text) <= 80 else f'{text[:80]}…'
+
+
+def _compute(
+    run: DatasetRun, begins: Sequence[int], executor: Executor | None
+) -> Iterator[dict[str, NDArray[Any]]]:
+    """Yield the columns of parts, in their order."""
+    if executor is None:
+        yield from (compute_part(run, begin) for begin in begins)
+        return
+    submitted: deque[Future[dict[str, NDArray[Any]]]] = deque()
+    for begin in begins:
+        submitted.append(executor.submit(compute_part, run, begin))
+        if len(submitted) == MAX_SUBMITTED:
+            yield submitted.popleft().result()
+    while submitted:
+        yield submitted.popleft().result()
+
+
+def compute_part(run: DatasetRun, begin: int) -> dict[str, NDArray[Any]]:
+    """Return the columns of the part whose first grasp has a number."""
+    numbers = range(begin, begin + _size(run, begin))
+    grasps = [draw_grasp(run.robot, run.distribution, run.seed, i) for i in numbers]
+    corners = corner_count(run.distribution.objects)
+    columns = compute_columns(run.robot, grasps, begin, corners)
+    return {name: columns[name] for name in run.columns}

@@ -1,0 +1,227 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Data sets of random grasps: their rows, their files, and runs that are resumed."""
+
+import importlib.util
+import json
+import sys
+
+from isotruss_ros.cli import grasp_dataset as command
+from isotruss_ros.core import load_robot, read_object, settle_grasp
+from isotruss_ros.dataset.columns import COLUMNS
+from isotruss_ros.dataset.grasp_dataset import DatasetRun, write_dataset
+from isotruss_ros.dataset.random_grasps import draw_grasp, GraspDistribution, KINDS
+import numpy as np
+import pytest
+
+ROBOT = load_robot('triangle')
+LOADED = GraspDistribution(force=1.0, moment=0.05)
+RUN = DatasetRun(ROBOT, 10, LOADED, seed=3, part_size=4)
+HEXAGON = [(0.1 * np.cos(a), 0.1 * np.sin(a)) for a in np.pi / 3.0 * np.arange(6)]
+HEXAGON_FILE = f'{{shape: polygon, vertices: {[[float(x), float(y)] for x, y in HEXAGON]}}}'
+
+
+def written(run, path):
+    """Return the columns of a data set that is written to an NPZ file."""
+    assert write_dataset(run, path)
+    with np.load(path) as file:
+        return dict(file)
+
+
+@pytest.fixture(scope='module')
+def columns(tmp_path_factory):
+    return written(RUN, tmp_path_factory.mktemp('dataset') / 'grasps.npz')
+
+
+def test_rows_are_settled_grasps_of_the_drawn_objects(columns):
+    names = ROBOT.member_names
+    for i in range(RUN.count):
+        grasp = draw_grasp(ROBOT, LOADED, 3, i)
+        assert columns['given_pose'][i].tolist() == list(grasp.body.pose)
+        assert columns['roller_positions'][i].tolist() == grasp.config.roller_positions.tolist()
+        settled = settle_grasp(*grasp[:4])
+        assert columns['held'][i] == settled.held
+        assert columns['hold'][i] == settled.hold.name
+        assert columns['slip_margin'][i] == pytest.approx(settled.slip_margin, rel=1e-9, abs=1e-9)
+        forces = [settled.normal_forces.get(name, 0.0) for name in names]
+        assert columns['normal_forces'][i] == pytest.approx(forces, rel=1e-9, abs=1e-9)
+
+
+def test_columns_have_the_documented_types_and_widths(columns):
+    widths = {'members': len(ROBOT.member_names), 'rollers': len(ROBOT.roller_names)}
+    assert [*columns] == [*COLUMNS, 'settings']
+    for name, column in COLUMNS.items():
+        width = widths.get(column.axis, int(column.axis) if column.axis.isdigit() else 8)
+        assert columns[name].shape == ((RUN.count, width) if column.axis else (RUN.count,)), name
+        assert columns[name].dtype == np.dtype(column.kind)
+    assert json.loads(str(columns['settings'])) == RUN.settings()
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_random_objects_of_a_kind_are_within_the_sizes(kind):
+    for i in range(20):
+        body = draw_grasp(ROBOT, GraspDistribution((kind,), sizes=(0.1, 0.2)), 0, i).body
+        assert type(body.shape).__name__.lower() == kind
+        widths = body.shape.support(np.array([1.0, -1.0, 1j, -1j]))
+        assert widths.max() <= 0.1 + 1e-12
+        assert widths[:2].sum() >= (0.1 if kind != 'polygon' else 0.04) - 1e-12
+
+
+def test_an_object_with_its_own_friction_keeps_it():
+    body = read_object('{shape: disc, diameter: 0.2, friction: 0.77}')
+    grasp = draw_grasp(ROBOT, GraspDistribution((body,)), 0, 0)
+    assert grasp.friction == 0.77
+    assert grasp.body.shape == body.shape
+
+
+class StoppedError(Exception):
+    """End of a run in the middle."""
+
+
+def test_a_resumed_run_writes_the_file_of_an_uninterrupted_run(columns, tmp_path):
+    path, calls = tmp_path / 'grasps.npz', []
+
+    def stop(stored):
+        calls.append(stored)
+        if stored >= 4:
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        write_dataset(RUN, path, on_progress=stop)
+    assert not path.exists()
+    kept = tmp_path / 'grasps.npz.parts' / '0000000000.npz'
+    before = kept.stat()
+    resumed = []
+    assert write_dataset(
+        RUN,
+        path,
+        on_progress=lambda stored: resumed.append(
+            (stored, kept.exists() and kept.stat() == before)
+        ),
+    )
+    assert calls == [0, 4]
+    assert resumed == [(4, True), (8, True), (10, True)]
+    with np.load(path) as file:
+        for name in file.files:
+            np.testing.assert_array_equal(file[name], columns[name])
+    assert [*tmp_path.iterdir()] == [path]
+
+
+def test_a_complete_file_is_not_written_again(tmp_path):
+    path = tmp_path / 'grasps.npz'
+    run = DatasetRun(ROBOT, 1, columns=('held', 'friction'))
+    assert [*written(run, path)] == ['held', 'friction', 'settings']
+    before = path.stat()
+    assert not write_dataset(run, path)
+    assert path.stat() == before
+
+
+@pytest.mark.skipif(importlib.util.find_spec('pyarrow') is None, reason='needs the extra parquet')
+def test_a_parquet_file_has_the_columns_of_the_npz_file(columns, tmp_path):
+    import pyarrow.parquet
+
+    path = tmp_path / 'grasps.parquet'
+    assert write_dataset(RUN, path)
+    assert not write_dataset(RUN, path)
+    table = pyarrow.parquet.read_table(path)
+    for name in COLUMNS:
+        values = np.array(table[name].to_pylist())
+        np.testing.assert_array_equal(values, columns[name], err_msg=name)
+
+
+def call(path, *options, count='2'):
+    """Return the exit code of the command."""
+    arguments = ['triangle', '--out', str(path), '--count', count, '--workers', '1', *options]
+    try:
+        return command.main(arguments)
+    except SystemExit as end:
+        return end.code
+
+
+def test_command_writes_the_rows_of_the_core_by_two_processes(tmp_path, capsys):
+    path = tmp_path / 'grasps.npz'
+    options = ('--seed', '3', '--force', '1', '--moment', '0.05', '--objects', 'disc')
+    assert call(path, *options, HEXAGON_FILE, '--workers', '2') == 0
+    assert '2 grasps, 22 columns: written' in capsys.readouterr().out
+    distribution = GraspDistribution(('disc', read_object(HEXAGON_FILE)), force=1.0, moment=0.05)
+    expected = written(DatasetRun(ROBOT, 2, distribution, 3), tmp_path / 'expected.npz')
+    with np.load(path) as file:
+        for name in file.files:
+            np.testing.assert_array_equal(file[name], expected[name])
+    assert call(path, *options, HEXAGON_FILE) == 0
+    assert 'complete already' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        (['--objects', 'dics'], "'dics': did you mean disc?"),
+        (['--objects', 'my.yaml'], "'my.yaml': must be one of disc, polygon, ellipse, or an obj"),
+        (['--objects', '{shape: disc}'], "key 'diameter' is missing"),
+        (['--count', '0'], 'count 0: must be from 1 to'),
+        (['--count', 'many'], "invalid int value: 'many'"),
+        (['--columns', 'slipmargin'], "'slipmargin': did you mean slip_margin?"),
+        (['--sizes', '0.3', '0.1'], 'sizes 0.3 0.1: must be the smallest'),
+        (['--sizes', '-1', '0.1'], 'sizes -1.0 m: must be from'),
+        (['--sizes', '8', '9'], 'no place between two members of'),
+        (['--friction', 'nan', '1'], 'friction'),
+        (['--seed', '-1'], "'-1': must be an integer, not negative"),
+        (['--out', 'grasps.csv'], 'grasps.csv: must end with .npz or .parquet'),
+        (['--out', 'nowhere/grasps.npz'], 'no folder'),
+    ],
+)
+def test_invalid_arguments_are_named(options, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert call('grasps.npz', *options) == 2
+    assert words in capsys.readouterr().err
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_robot_file_that_does_not_exist_is_named(tmp_path, capsys):
+    assert command.main(['nobody', '--count', '1', '--out', str(tmp_path / 'a.npz')]) == 2
+    assert 'nobody' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('name', 'content', 'words'),
+    [
+        ('grasps.npz', 'x', 'grasps.npz: no data set of grasps'),
+        ('grasps.npz.parts/settings.json', '{}', 'grasps.npz.parts: no data set of grasps'),
+        ('grasps.npz.parts/notes.txt', 'x', 'grasps.npz.parts: has no settings.json'),
+    ],
+)
+def test_files_that_are_no_data_set_are_refused(name, content, words, tmp_path, capsys):
+    file = tmp_path / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(content)
+    assert call(tmp_path / 'grasps.npz') == 2
+    assert words in capsys.readouterr().err
+    assert file.read_text() == content
+
+
+def test_a_file_of_another_run_is_refused_with_the_setting(tmp_path, capsys):
+    path = tmp_path / 'grasps.npz'
+    write_dataset(DatasetRun(ROBOT, 1), path)
+    assert call(path, count='1') == 0
+    assert call(path, '--travel', '0.05', count='1') == 2
+    assert 'belongs to another run: travel 0.1, now 0.05' in capsys.readouterr().err
+
+
+def test_a_damaged_part_is_named(tmp_path, capsys):
+    path = tmp_path / 'grasps.npz'
+    run = DatasetRun(ROBOT, 2, part_size=1)
+
+    def damage(stored):
+        if stored == 2:
+            (tmp_path / 'grasps.npz.parts' / '0000000001.npz').write_bytes(b'PK')
+
+    with pytest.raises(ValueError, match=r'0000000001.npz: damaged: .*delete it'):
+        write_dataset(run, path, on_progress=damage)
+
+
+def test_parquet_without_pyarrow_names_its_installation(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'pyarrow', None)
+    monkeypatch.delitem(sys.modules, 'pyarrow.parquet', raising=False)
+    assert call(tmp_path / 'grasps.parquet') == 2
+    assert "pip install 'isotruss_ros[parquet]'" in capsys.readouterr().err
