@@ -59,6 +59,7 @@ setup(
         'sweep': ['distributed'],
         'viewer': ['viser', 'mcap', 'rosbags'],
         'mujoco': ['mujoco>=3.11,<5'],
+        'learning': ['gymnasium>=1.0,<2'],
         'parquet': ['pyarrow<26'],  # 26 needs NumPy 2, Jazzy has 1.26
         # colcon runs pytest where it finds it here.
         'test': [

@@ -21,6 +21,7 @@ EXTRAS = {
     'rosbags': 'viewer',
     'viser': 'viewer',
     'mujoco': 'mujoco',
+    'gymnasium': 'learning',
     'pyarrow': 'parquet',
 }
 #: Packages of ROS that are not named `*_msgs`.

@@ -41,6 +41,7 @@ ROSDEP_KEYS = {
 ONLY_FROM_PYPI = {
     'daqp',
     'distributed',
+    'gymnasium',
     'mcap',
     'msgspec',
     'mujoco',

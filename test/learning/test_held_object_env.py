@@ -1,0 +1,183 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The Gymnasium environment of a held object."""
+
+import math
+import sys
+import warnings
+
+from isotruss_ros.core import Ellipse, HoldStatus, Pose
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.extras import MissingPackageError
+import numpy as np
+import pytest
+
+try:
+    import gymnasium
+    from gymnasium.utils.env_checker import check_env
+    from isotruss_ros.learning import ENVIRONMENT, HeldObjectEnv, progress_reward, Transition
+except ModuleNotFoundError:
+    gymnasium = None
+
+pytestmark = pytest.mark.skipif(gymnasium is None, reason='needs the extra learning')
+
+
+def episode(env, seed, count=10):
+    """Return the observations and rewards of random actions."""
+    observation, _ = env.reset(seed=seed)
+    env.action_space.seed(seed)
+    rows = [observation]
+    rewards = []
+    for _ in range(count):
+        observation, reward, *_ = env.step(env.action_space.sample())
+        rows.append(observation)
+        rewards.append(reward)
+    return np.array(rows), rewards
+
+
+@pytest.fixture(scope='module')
+def env():
+    return gymnasium.make(ENVIRONMENT)
+
+
+TRIANGLE = {'robot': 'triangle', 'members': ('main/R-T', 'main/T-L'), 'force': 0.5}
+
+
+@pytest.mark.parametrize('arguments', [{}, {**TRIANGLE, 'shape': Ellipse((0.16, 0.15))}])
+def test_gymnasium_finds_no_fault(arguments):
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        check_env(gymnasium.make(ENVIRONMENT, **arguments).unwrapped)
+
+
+def test_the_registered_name_needs_no_import_beyond_gymnasium():
+    assert isinstance(
+        gymnasium.make(f'isotruss_ros.learning:{ENVIRONMENT}').unwrapped, HeldObjectEnv
+    )
+
+
+def test_episodes_of_the_same_seed_are_equal(env):
+    observations, rewards = episode(env, 5)
+    repeated, same = episode(env, 5)
+    assert (observations == repeated).all()
+    assert rewards == same
+    other, _ = episode(env, 6)
+    assert (other[0] != observations[0]).any()
+
+
+def test_observation_has_pose_goal_and_roller_travel(env):
+    goal = (0.72, 0.76, 0.1)
+    observation, info = env.reset(seed=0, options={'goal': goal})
+    pose = observation[:3]
+    assert observation[3:6] == pytest.approx(np.subtract(goal, pose), abs=1e-6)
+    assert info['distance'] == pytest.approx(math.hypot(*observation[3:5]), abs=1e-6)
+    assert observation[6:] == pytest.approx(np.zeros(6))
+    moved, *_ = env.step(np.array([0.0, 0.02, 0.0], dtype=np.float32))
+    assert moved[1] - observation[1] == pytest.approx(0.02 * 0.05, rel=0.05)
+    assert moved[4] - observation[4] == pytest.approx(-0.02 * 0.05, rel=0.05)
+    assert np.abs(moved[6:]).max() > 1e-4
+
+
+def test_twist_toward_the_goal_carries_the_object_there(env):
+    observation, info = env.reset(seed=3)
+    for _ in range(100):
+        action = np.append(observation[3:5], 0.0).astype(np.float32)
+        observation, _, lost, _, info = env.step(action)
+        assert not lost
+        assert info['slip_margin'] > 0.0
+    assert info['distance'] < 0.001
+
+
+def test_an_episode_ends_when_the_object_is_lost_with_the_reason(env):
+    env.reset(seed=0, options={'external_wrench': (0.0, -80.0, 0.0)})
+    _, reward, terminated, truncated, info = env.step(np.zeros(3, dtype=np.float32))
+    assert (terminated, truncated) == (True, False)
+    assert info['reason'] in {hold.value for hold in HoldStatus if hold is not HoldStatus.HELD}
+    assert info['status'] == 'halt not held'
+    assert info['squeeze'] == 0.0
+    assert reward < -0.1
+    with pytest.raises(gymnasium.error.ResetNeeded, match='must be begun by reset'):
+        env.unwrapped.step(np.zeros(3, dtype=np.float32))
+    env.reset(seed=0)
+    assert not env.step(np.zeros(3, dtype=np.float32))[2]
+
+
+def test_vector_environment_of_gymnasium_steps_each_as_alone(env):
+    vector = gymnasium.make_vec(ENVIRONMENT, num_envs=2, vectorization_mode='sync')
+    starts, _ = vector.reset(seed=5)  # the seeds are 5 and 6
+    actions = np.array([[0.01, 0.0, 0.0], [0.0, 0.01, 0.05]], dtype=np.float32)
+    ends, rewards, terminated, _, _ = vector.step(actions)
+    assert not terminated.any()
+    for i, seed in enumerate((5, 6)):
+        observation, _ = env.reset(seed=seed)
+        assert (observation == starts[i]).all()
+        observation, reward, *_ = env.step(actions[i])
+        assert (observation == ends[i]).all()
+        assert reward == rewards[i]
+
+
+def test_reward_is_a_function_of_the_step():
+    steps = []
+
+    def reward(transition):
+        steps.append(transition)
+        return -transition.slip_margin
+
+    env = gymnasium.make(ENVIRONMENT, reward=reward)
+    env.reset(seed=0)
+    _, value, _, _, info = env.step(np.array([0.01, 0.0, 0.0], dtype=np.float32))
+    assert value == -info['slip_margin']
+    (step,) = steps
+    assert step.pose.x - step.previous.x == pytest.approx(0.01 * 0.05, rel=0.05)
+    assert step.twist == pytest.approx([0.01, 0.0, 0.0])
+    assert not step.is_lost
+
+
+def test_default_reward_is_the_progress_less_a_penalty_for_a_loss():
+    previous, pose, goal = Pose(0.0, 0.0, 0.0), Pose(0.3, 0.0, 1.0), Pose(0.3, 0.4, 0.0)
+    step = Transition(previous, pose, goal, np.zeros(3), 1.0, False)
+    assert progress_reward(step) == pytest.approx(0.1)
+    assert progress_reward(step._replace(is_lost=True)) == pytest.approx(-0.1)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        ({'slip': 0.7}, 'slip 0.7: must be from 0 to 0.5'),
+        ({'period': 0.0}, 'period 0.0 s: must be from'),
+        ({'friction': 0.01}, 'must hold the object at the start: .*friction'),
+        ({'max_twist': (0.1, -0.1, 0.1)}, r'max_twist .*: must not be negative'),
+        ({'members': ('north/P-Z', 'nowhere')}, "'nowhere'"),
+    ],
+)
+def test_invalid_arguments_are_named(arguments, words):
+    with pytest.raises(GraspError, match=words):
+        HeldObjectEnv(**arguments)
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        ({'gaol': (0.0, 0.0, 0.0)}, "option 'gaol': did you mean goal?"),
+        ({'goal': (0.0, 0.0)}, 'goal .*must be 3 finite numbers'),
+        ({'external_wrench': 'down'}, 'external wrench'),
+    ],
+)
+def test_invalid_options_of_a_reset_are_named(env, options, words):
+    with pytest.raises(GraspError, match=words):
+        env.reset(options=options)
+
+
+def test_an_action_that_is_not_finite_is_named(env):
+    env.reset(seed=0)
+    with pytest.raises(GraspError, match=r'action .*must be 3 finite numbers'):
+        env.unwrapped.step(np.array([0.0, np.nan, 0.0]))
+
+
+def test_without_gymnasium_its_installation_is_named(monkeypatch):
+    for name in [name for name in sys.modules if name.startswith('isotruss_ros.learning')]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, 'gymnasium', None)
+    with pytest.raises(MissingPackageError, match=r"pip install 'isotruss_ros\[learning\]'"):
+        import isotruss_ros.learning  # noqa: F401
