@@ -34,6 +34,7 @@ BLOCKS: dict[str, Callable[[str, str], str]] = {
     'node-interface': lambda node, text: node_pages.node_tables(node, notes(text)),
     'quality-of-service': lambda _argument, _text: node_pages.quality_table(),
     'plausible-ranges': lambda _argument, _text: reference.range_table(),
+    'dataset-columns': lambda _argument, _text: reference.column_table(),
     'core-names': lambda _argument, _text: reference.facade_table(),
     'promised-tests': lambda path, _text: promises.appendix(TOP / path, TOP / 'test'),
     'source-file': lambda path, _text: source_file(TOP / path),

@@ -13,6 +13,7 @@ import re
 
 from isotruss_ros import core
 from isotruss_ros.core.model.robot_schema import ranged_numbers
+from isotruss_ros.dataset.columns import COLUMNS
 from node_pages import markdown_table
 
 #: File with the example at the head of each page, one section for each.
@@ -42,6 +43,15 @@ def range_table() -> str:
         for key, entry in ranged_numbers().items()
     ]
     return markdown_table(('key', 'range', 'reason'), rows)
+
+
+def column_table() -> str:
+    """Return a table of the columns of a data set of grasps."""
+    rows = [
+        (f'`{name}`', column.axis or '1', column.unit, column.words)
+        for name, column in COLUMNS.items()
+    ]
+    return markdown_table(('column', 'values for each grasp', 'unit', 'quantity'), rows)
 
 
 def write_pages(folder: Path) -> None:
