@@ -3,11 +3,8 @@
 
 """Settle many grasps in processes: select the best of 200 configurations for a disc."""
 
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
-import multiprocessing
-
 from isotruss_ros import core
+from isotruss_ros.workers import WorkerPool
 import numpy as np
 
 MEMBERS = ('north/P-Z', 'north/Z-R')
@@ -20,12 +17,10 @@ if __name__ == '__main__':
         core.place_between(s, MEMBERS, core.Disc(0.3), indentation=0.01).body for s in shapes
     ]
 
-    settle = partial(core.settle_grasp, friction=0.8, members=MEMBERS)
-    # Spawned processes inherit no state of this process, on any operating system.
-    with ProcessPoolExecutor(mp_context=multiprocessing.get_context('spawn')) as processes:
-        grasps = list(processes.map(settle, shapes, bodies, chunksize=20))
+    with WorkerPool() as pool:
+        grasps = core.settle_grasps(shapes, bodies, 0.8, members=MEMBERS, executor=pool.executor)
 
-    margins = np.array([grasp.slip_margin if grasp.held else 0.0 for grasp in grasps])
+    margins = np.where(grasps.held, grasps.slip_margin, 0.0)
     best = margins.argmax()
     print(f'{np.count_nonzero(margins)} of {len(grasps)} hold the disc')
     travel = shapes[best].roller_positions.round(3)
