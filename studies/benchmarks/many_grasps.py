@@ -4,9 +4,9 @@
 Processor time of a grasp among many.
 
 Grasps are those of the nine-member preset at home, with an object at random poses: of one object
-at the top module between two members, or of a large disc between three. `settle_grasp` in a loop
-and `settle_grasps` alternate. Pressures, friction and tables of the dents are the same in all
-grasps, so the tables are computed before.
+at the top module between two members, or of a large disc inside a triangle of three members. Calls
+of `settle_grasp` and of `settle_grasps` alternate. The tables of the dents are the same in all
+grasps, and are computed before.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ROBOT = core.load_robot('nine_member')
 MEMBERS = ('north/P-Z', 'north/Z-R')
 #: Numbers of grasps at once, and number of repetitions.
 COUNTS = (1, 16, 128) if SHARE >= 1.0 else (1, 4)
-REPETITIONS = part(7)
+REPETITIONS = part(3)
 FRICTION, WRENCH = 0.8, (1.0, -0.5, 0.02)
 
 
@@ -46,20 +46,8 @@ def objects() -> dict[str, core.ConvexObject]:
         for name, shape in shapes.items()
     }
     loop = ('south/P-Q', 'south/Q-X', 'south/X-P')
-    return between_two | {'disc, three members': inscribed_disc(loop, 0.01)}
-
-
-def inscribed_disc(members: tuple[str, ...], depth: float) -> core.ConvexObject:
-    """Return a disc that is pressed into the three sides of a triangle."""
-    names, points = ROBOT.member_names, ROBOT.home.points
-    topology = ROBOT.topology
-    corners = points[topology.b[[names.index(name) for name in members]]]
-    sides = np.abs(np.roll(corners, -1) - np.roll(corners, 1))  # opposite to the corners
-    center = (sides @ corners) / sides.sum()
-    axis = (corners[1] - corners[0]) / abs(corners[1] - corners[0])
-    distance = abs(((center - corners[0]) * axis.conjugate()).imag)
-    radius = distance - 0.5 * ROBOT.description.tube_diameter + depth
-    return core.ConvexObject.disc((center.real, center.imag), 2.0 * radius)
+    enclosed = core.place_between(ROBOT.home, loop, core.Disc(0.65), 0.0, 0.01).body
+    return between_two | {'disc, three members': enclosed}
 
 
 def tables() -> Iterator[Table]:
