@@ -39,8 +39,8 @@ def settle_grasps(
     configs: Configurations,
     bodies: Objects,
     friction: ArrayLike | None = None,
-    external_wrenches: ArrayLike = (0.0, 0.0, 0.0),
-    pressures: Pressures | None = None,
+    external_wrench: ArrayLike = (0.0, 0.0, 0.0),
+    pressure: Pressures | None = None,
     members: Sequence[str] | None = None,
     *,
     poses: ArrayLike | None = None,
@@ -58,9 +58,9 @@ def settle_grasps(
     :param bodies: the object at its measured pose, or n objects.
     :param friction: coefficient of friction between tube and object, or (n,) coefficients; None:
         the coefficient of each object, or 0.5 if it has none.
-    :param external_wrenches: (fx, fy, m) on the object about the origin of its frame, or an array
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame, or an array
         (n, 3) [N, N m].
-    :param pressures: gauge pressure [Pa], see `tube_pressures`; or an array (n, t) for t tubes, an
+    :param pressure: gauge pressure [Pa], see `tube_pressures`; or an array (n, t) for t tubes, an
         array (n, 1) of the pressures in all tubes, or a list of n mappings from names of tubes to
         pressures; None: the pressures of the robot file.
     :param members: names `t/j-k` of the two or three members that grasp all objects; None: for
@@ -77,7 +77,7 @@ def settle_grasps(
     :raises StructureError: a pressure is invalid; the message names the grasp.
     """
     inputs, coefficients = check_grasps(
-        configs, bodies, friction, external_wrenches, pressures, members, poses, stiffness
+        configs, bodies, friction, external_wrench, pressure, members, poses, stiffness
     )
     count = len(inputs)
     slices = [slice(begin, begin + GROUP_SIZE) for begin in range(0, count, GROUP_SIZE)]

@@ -53,8 +53,8 @@ def random_grasps(count, seed):
         'configs': configs,
         'bodies': bodies,
         'friction': rng.uniform(0.1, 1.5, count),
-        'external_wrenches': is_loaded[:, None] * rng.uniform(-1.0, 1.0, (count, 3)) * (2, 2, 0.1),
-        'pressures': np.where(rng.random((count, 1)) < 0.5, 4e4, 5e4),
+        'external_wrench': is_loaded[:, None] * rng.uniform(-1.0, 1.0, (count, 3)) * (2, 2, 0.1),
+        'pressure': np.where(rng.random((count, 1)) < 0.5, 4e4, 5e4),
         'stiffness': rng.choice([0.9, 1.0, 1.2], count),
     }
 
@@ -66,8 +66,8 @@ def alone(grasps, i):
         given['configs'],
         given['bodies'],
         given['friction'],
-        given['external_wrenches'],
-        given['pressures'].item(),
+        given['external_wrench'],
+        given['pressure'].item(),
         stiffness=given['stiffness'],
     )
 
@@ -147,7 +147,7 @@ def test_columns_of_a_data_frame_have_a_value_for_each_grasp():
     'pressures', [5e4, [5e4, 5e4, 5e4], {'north': 5e4, 'east': 5e4, 'south': 5e4}, [[5e4]] * 3]
 )
 def test_pressures_are_one_for_all_grasps_or_one_for_each(pressures):
-    settled = settle_grasps(HOME, DISC, 0.8, pressures=pressures, poses=POSES)
+    settled = settle_grasps(HOME, DISC, 0.8, pressure=pressures, poses=POSES)
     assert_equal(settled, 0, settle_grasp(HOME, DISC, 0.8, pressure=5e4))
 
 
@@ -167,8 +167,8 @@ def test_an_executor_computes_the_same_grasps_with_progress():
     ('arguments', 'words'),
     [
         ({'friction': [0.5, -1.0, 0.5]}, r'grasp 1: friction.*-1'),
-        ({'external_wrenches': [(0, 0, 0), (0, 0, 0), (np.nan, 0, 0)]}, r'grasp 2: the external'),
-        ({'pressures': [[5e4], [5e4], [1.0]]}, r'grasp 2: gauge pressure'),
+        ({'external_wrench': [(0, 0, 0), (0, 0, 0), (np.nan, 0, 0)]}, r'grasp 2: the external'),
+        ({'pressure': [[5e4], [5e4], [1.0]]}, r'grasp 2: gauge pressure'),
         ({'stiffness': [1.0, 0.0, 1.0]}, r'grasp 1: stiffness'),
         ({'poses': [(0, 0, 0), (0, 0), (0, 0, 0)]}, r'grasp 1: .*pose'),
         ({'friction': [0.5, 0.5]}, r'friction: 2 values: must be 1, or one for each grasp'),
