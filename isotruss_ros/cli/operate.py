@@ -11,15 +11,16 @@ Each command sends one goal to the running node `pick_and_place`, or one service
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 import sys
 import time
 from typing import Any
 
+from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
-from isotruss_ros.core import Pose
+from isotruss_ros.core import IsotrussError, Pose
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.framework.command_line import (
     separate_ros_arguments,
@@ -32,6 +33,7 @@ from isotruss_ros.nodes.manipulation.emergency_stop import NAME, RELEASE
 from nav_msgs.msg import Path
 import rclpy
 from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -48,6 +50,13 @@ SERVICES = (
 )
 #: Longest time in which the release of a stop is tried [s].
 RELEASE_TIMEOUT = 2.0
+#: Time after which a request is repeated, and after which it fails [s]. rmw_fastrtps sends no
+#: response if the server has not discovered the client within 0.1 s, as on a busy machine.
+RETRY_PERIOD, RESPONSE_TIMEOUT = 1.0, 10.0
+
+
+class SilenceError(IsotrussError):
+    """Error: a server does not respond."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -68,6 +77,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return options.run(node, options)
     except InvalidNamespaceException as error:
         return _fail(' '.join(str(error).split()))
+    except IsotrussError as error:
+        return _fail(str(error))
     except (ExternalShutdownException, KeyboardInterrupt, RuntimeError) as error:
         if isinstance(error, RuntimeError) and rclpy.ok():
             raise
@@ -119,6 +130,9 @@ def _send(node: Node, kind: Any, name: str, goal: Any) -> int:
     client = ActionClient(node, kind, name)
     if not client.wait_for_server(DISCOVERY_TIMEOUT):
         return _fail_to_find(node, 'action', name, 'pick_and_place')
+    # A goal must not be sent twice, so the connection is tested by the result of no goal.
+    unknown = ClientGoalHandle(client, GoalInfo().goal_id, None)
+    _ask(node, name, unknown.get_result_async)
     handle = _await(node, client.send_goal_async(goal))
     if not handle.accepted:
         return _fail(f'{name} was rejected: pick_and_place must be active, without another goal')
@@ -138,15 +152,33 @@ def _call(node: Node, options: argparse.Namespace) -> int:
     client = node.create_client(Trigger, options.service)
     if not client.wait_for_service(DISCOVERY_TIMEOUT):
         return _fail_to_find(node, 'service', options.service, 'manipulation')
-    answer = _await(node, client.call_async(Trigger.Request()))
+
+    def call() -> Trigger.Response:
+        return _ask(node, options.service, lambda: client.call_async(Trigger.Request()))
+
+    answer = call()
     if options.service == RELEASE and not answer.success:
         # The last message of the topic is true, as after a stop in the viewer.
         node.create_publisher(Bool, NAME, LATCHED).publish(Bool(data=False))
         end = time.monotonic() + RELEASE_TIMEOUT
         while not answer.success and time.monotonic() < end:
-            answer = _await(node, client.call_async(Trigger.Request()))
+            answer = call()
     print(f'{options.service}: {answer.message}')
     return 0 if answer.success else 1
+
+
+def _ask(node: Node, name: str, send: Callable[[], Future]) -> Any:
+    """Repeat a request until there is a response, and return it."""
+    sent: list[Future] = []
+    end = time.monotonic() + RESPONSE_TIMEOUT
+    while time.monotonic() < end:
+        sent.append(send())
+        rclpy.spin_until_future_complete(node, sent[-1], timeout_sec=RETRY_PERIOD)
+        for future in sent:
+            if future.done():
+                return future.result()
+    full_name = node.resolve_topic_name(name)
+    raise SilenceError(f'{full_name} has not responded in {RESPONSE_TIMEOUT:g} s')
 
 
 def _await(node: Node, future: Future) -> Any:

@@ -47,7 +47,11 @@ def test_numbers_are_sent_and_the_code_of_the_result_is_that_of_the_exit(
         ended = done(SimpleNamespace(result=result))
         return done(SimpleNamespace(accepted=True, get_result_async=lambda: ended))
 
-    client = SimpleNamespace(wait_for_server=lambda _: True, send_goal_async=send)
+    client = SimpleNamespace(
+        wait_for_server=lambda _: True,
+        send_goal_async=send,
+        _get_result_async=lambda _handle: done(None),
+    )
     # The server of another node; the command has no parameter for its type.
     monkeypatch.setattr(operate, 'ActionClient', lambda *_: client)
     assert operate.main(words.split()) == (result.code != 0)
@@ -72,3 +76,11 @@ def test_release_publishes_false_only_after_a_refusal(last_message, monkeypatch)
     monkeypatch.setattr(Publisher, 'publish', publish)
     assert operate.main(['release']) == 0
     assert published == [False] * last_message
+
+
+def test_a_lost_response_is_asked_for_again(monkeypatch):
+    rclpy.try_shutdown()
+    sent = [Future(), done(Trigger.Response(success=True))]  # the first is lost
+    client = SimpleNamespace(wait_for_service=lambda _: True, call_async=lambda _: sent.pop(0))
+    monkeypatch.setattr(Node, 'create_client', lambda *_: client)
+    assert operate.main(['resume']) == 0
