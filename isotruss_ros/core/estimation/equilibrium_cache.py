@@ -56,9 +56,6 @@ GAP_SHARE = 0.05
 #: equilibria of 8 carries with faults the margin was less than predicted, by at most 0.008 of the
 #: squeeze in 99 %, and by 0.15 once.
 NEAR_SLIP_SHARE = 0.05
-#: Largest predicted change of the utilisation between two equilibria [-]: a wrong prediction
-#: beyond its bound would stop the rollers, and without travel no equilibrium would correct it.
-MAX_USE_CHANGE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +118,8 @@ class EquilibriumCache:
         travel = held.config.roller_positions - nearby.config.roller_positions
         is_near = self.has_own_rates or np.abs(travel).max() <= MAX_FIRST_ORDER_TRAVEL
         can_wait = is_near and nearby.contacts is held.contacts
-        cache = replace(self, **_at_equilibrium(held, self.friction))
+        at_equilibrium = _at_equilibrium(held, self.friction)
+        cache = replace(self, usage=self.usage.at(held), **at_equilibrium)
         return cache if can_wait else cache.with_own_rates()
 
     @property
@@ -165,8 +163,6 @@ class EquilibriumCache:
         width = min((gap.width for gap in self.grip.gaps), default=math.inf)
         is_gap_unknown = GAP_RATE * travel > max(MAX_ERRORS[0], GAP_SHARE * width)
         if is_gap_unknown or (travel > 0.0 and is_near_slip):
-            return True
-        if abs(self.usage.rates[0] @ self.travel) > MAX_USE_CHANGE:
             return True
         by_shifts = self.scale * (self.outputs - np.append(self.held.pose, self.held.squeeze))
         sizes = np.array([np.linalg.norm(by_shifts[:3]), abs(by_shifts[3])])

@@ -52,16 +52,20 @@ class UsageLimits:
         """Return the limits with the utilisation predicted after roller travel (r,) [m]."""
         return replace(self, used=self.used + float(self.rates[0] @ travel))
 
+    def at(self, held: HeldGrip) -> UsageLimits:
+        """Return the limits at another equilibrium, with these gradients."""
+        return replace(UsageLimits.of(held), rates=self.rates)
+
     def learned(self, held: HeldGrip, margin_error: float, travel: Array) -> UsageLimits:
         """
         Return the limits at an equilibrium after travel (r,) [m].
 
         :param margin_error: slip margin there, minus that predicted after this travel [N].
         """
-        learned = UsageLimits.of(held)
+        learned = self.at(held)
         errors = np.array([learned.used - self.used, -margin_error])
         step = travel / float(travel @ travel + LMS_REGULARIZATION**2)
-        return replace(learned, rates=self.rates + np.outer(errors, step))
+        return replace(learned, rates=learned.rates + np.outer(errors, step))
 
     def margin_share(self, command: RollerCommand, period: float, margin: float) -> float:
         """Return the factor (0 to 1) on a command that bounds the loss rate of a margin [N]."""

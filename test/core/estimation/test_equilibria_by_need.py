@@ -84,3 +84,12 @@ def test_each_motion_near_slip_needs_an_equilibrium():
     cache, _ = BELIEF.cache.predict(moved, 0.01)
     assert cache.is_next_due(None, 0.01 * MODEL.squeeze)
     assert not BELIEF.cache.is_next_due(None, 0.01 * MODEL.squeeze)
+
+
+def test_utilisation_is_that_of_the_equilibrium_while_offsets_are_corrected():
+    belief, rng = BELIEF, np.random.default_rng(0)
+    for number in range(1, 100):
+        if number > 50:  # the gradients have been learned
+            belief = belief.with_zeros_corrected(rng.normal(0.0, 1e-6, 6))
+        belief = follow(belief, 0.01 * number, 0.01)
+    assert belief.cache.usage.used == pytest.approx(belief.held.sections.used.max())
