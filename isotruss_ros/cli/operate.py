@@ -17,7 +17,6 @@ import sys
 import time
 from typing import Any
 
-from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_ros.core import IsotrussError, Pose
@@ -30,10 +29,10 @@ from isotruss_ros.nodes.framework.command_line import (
 from isotruss_ros.nodes.framework.supervision import describe_absence
 from isotruss_ros.nodes.framework.topics import LATCHED
 from isotruss_ros.nodes.manipulation.emergency_stop import NAME, RELEASE
+from isotruss_ros.nodes.pick_and_place.action_steps import ask, TICK_PERIOD, unknown_goal
 from nav_msgs.msg import Path
 import rclpy
 from rclpy.action import ActionClient
-from rclpy.action.client import ClientGoalHandle
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -50,9 +49,8 @@ SERVICES = (
 )
 #: Longest time in which the release of a stop is tried [s].
 RELEASE_TIMEOUT = 2.0
-#: Time after which a request is repeated, and after which it fails [s]. rmw_fastrtps sends no
-#: response if the server has not discovered the client within 0.1 s, as on a busy machine.
-RETRY_PERIOD, RESPONSE_TIMEOUT = 1.0, 10.0
+#: Longest wait for a response to a repeated request [s].
+RESPONSE_TIMEOUT = 10.0
 
 
 class SilenceError(IsotrussError):
@@ -131,8 +129,7 @@ def _send(node: Node, kind: Any, name: str, goal: Any) -> int:
     if not client.wait_for_server(DISCOVERY_TIMEOUT):
         return _fail_to_find(node, 'action', name, 'pick_and_place')
     # A goal must not be sent twice, so the connection is tested by the result of no goal.
-    unknown = ClientGoalHandle(client, GoalInfo().goal_id, None)
-    _ask(node, name, unknown.get_result_async)
+    _ask(node, name, unknown_goal(client).get_result_async)
     handle = _await(node, client.send_goal_async(goal))
     if not handle.accepted:
         return _fail(f'{name} was rejected: pick_and_place must be active, without another goal')
@@ -169,14 +166,13 @@ def _call(node: Node, options: argparse.Namespace) -> int:
 
 def _ask(node: Node, name: str, send: Callable[[], Future]) -> Any:
     """Repeat a request until there is a response, and return it."""
-    sent: list[Future] = []
-    end = time.monotonic() + RESPONSE_TIMEOUT
+    steps, end = ask(send, lambda: None), time.monotonic() + RESPONSE_TIMEOUT
     while time.monotonic() < end:
-        sent.append(send())
-        rclpy.spin_until_future_complete(node, sent[-1], timeout_sec=RETRY_PERIOD)
-        for future in sent:
-            if future.done():
-                return future.result()
+        try:
+            next(steps)
+        except StopIteration as ended:
+            return ended.value
+        rclpy.spin_once(node, timeout_sec=TICK_PERIOD)
     full_name = node.resolve_topic_name(name)
     raise SilenceError(f'{full_name} has not responded in {RESPONSE_TIMEOUT:g} s')
 

@@ -27,6 +27,8 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
 
+#: Period of the ticks of a sequence [s].
+TICK_PERIOD = 0.02
 #: Number of ticks after which a request without response is repeated [-]. rmw_fastrtps sends no
 #: response if the server has not discovered the client within 0.1 s, for example at the start on a
 #: busy machine.
@@ -103,9 +105,9 @@ class ActionStep:
         # late response would end its feedback).
         info = GoalInfo()
         info.goal_id.uuid = list(uuid4().bytes)
-        unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
-        yield from _ask(
-            unknown.get_result_async, lambda: self._supervise(info, StepOutcome.NOT_READY)
+        yield from ask(
+            unknown_goal(self._client).get_result_async,
+            lambda: self._supervise(info, StepOutcome.NOT_READY),
         )
         made, server = 0.0, ServerWatch(self._name, self._silence())
 
@@ -146,7 +148,7 @@ class ActionStep:
             supervise()
             yield progress()
         wanted = ClientGoalHandle(self._client, info.goal_id, None)
-        ended = yield from _ask(wanted.get_result_async, supervise, progress)
+        ended = yield from ask(wanted.get_result_async, supervise, progress)
         if ended.status != GoalStatus.STATUS_UNKNOWN:
             return ended.result
         if sent.done() and not sent.result().accepted:
@@ -166,13 +168,18 @@ class ActionStep:
         self._beat(info)
 
 
+def unknown_goal(client: ActionClient) -> ClientGoalHandle:
+    """Return a goal that no server knows; the response to a request about it is harmless."""
+    return ClientGoalHandle(client, GoalInfo().goal_id, None)
+
+
 def _cancel_goal(sent: Any) -> None:
     handle = sent.result()
     if handle.accepted:
         handle.cancel_goal_async()
 
 
-def _ask(
+def ask(
     send: Callable[[], Future],
     require_server: Callable[[], None],
     progress: Callable[[], float] = lambda: 0.0,
@@ -201,7 +208,7 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
             )
 
     request = request_parameters(values)
-    answer = yield from _ask(lambda: client.call_async(request), require_service)
+    answer = yield from ask(lambda: client.call_async(request), require_service)
     for name, result in zip(values, answer.results, strict=True):
         if not result.successful:
             raise StepError(StepOutcome.NOT_READY, f'{client.srv_name}: {name}: {result.reason}')

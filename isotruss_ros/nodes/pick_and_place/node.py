@@ -24,13 +24,12 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     StepError,
     StepOutcome,
     Steps,
+    TICK_PERIOD,
 )
 from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.pick_and_place.object_watch import ObjectWatch
 
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
-#: Period of the ticks of a sequence [s].
-TICK_PERIOD = 0.02
 
 
 class PickAndPlace(ManagedNode):
