@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 import sys
 
+from isotruss_ros.cli.exit_codes import run_program
 from isotruss_ros.cli.plan_options import add_search
-from isotruss_ros.core import ConvexObject, IsotrussError, load_robot, read_object
+from isotruss_ros.core import ConvexObject, load_robot, read_object
 from isotruss_ros.core.errors import quote, suggest
 from isotruss_ros.dataset.columns import COLUMNS
 from isotruss_ros.dataset.grasp_dataset import DatasetRun, write_dataset
@@ -21,24 +21,15 @@ from isotruss_ros.workers import WorkerPool
 from rich.console import Console
 from rich.progress import Progress
 
-#: Exit codes.
-WRITTEN, BAD_ARGUMENTS, FAILED, INTERRUPTED = 0, 2, 3, 130
+#: Exit code of a complete data set.
+WRITTEN = 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write a data set, and return the exit code."""
     options = _parser().parse_args(arguments)
-    try:
-        return _run(options)
-    except (IsotrussError, OSError) as error:
-        print(f'grasp_dataset: {error}', file=sys.stderr)
-        return BAD_ARGUMENTS
-    except BrokenProcessPool as error:
-        print(f'grasp_dataset: a worker process died: {error}', file=sys.stderr)
-        return FAILED
-    except KeyboardInterrupt:
-        print(f'grasp_dataset: stopped; the same command resumes {options.out}', file=sys.stderr)
-        return INTERRUPTED
+    resumes = f'stopped; the same command resumes {options.out}'
+    return run_program('grasp_dataset', lambda: _run(options), resumes)
 
 
 def _run(options: argparse.Namespace) -> int:

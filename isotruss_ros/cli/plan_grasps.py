@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
 import contextlib
 import json
 from pathlib import Path
@@ -15,6 +14,7 @@ import signal
 import sys
 from types import FrameType
 
+from isotruss_ros.cli.exit_codes import run_program
 from isotruss_ros.cli.plan_options import add_requirements, add_search, duration, requirements
 from isotruss_ros.cli.plan_report import as_json, table
 from isotruss_ros.cli.progress_bar import show_progress
@@ -22,7 +22,6 @@ from isotruss_ros.core import (
     Configuration,
     ConvexObject,
     GraspRequirements,
-    IsotrussError,
     load_robot,
     plan_grasps,
     read_object,
@@ -32,23 +31,14 @@ from isotruss_ros.core.planning.grasp_plan import GraspPlan, plan_in_words
 from isotruss_ros.workers import Stop, WorkerPool
 from rich.console import Console
 
-#: Exit codes; a second Ctrl-C ends the process by the signal, without an exit code of this list.
-FOUND, NONE_FOUND, BAD_ARGUMENTS, FAILED, INTERRUPTED = 0, 1, 2, 3, 130
+#: Exit codes of a completed search.
+FOUND, NONE_FOUND = 0, 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Search for grasps and print them; return the exit code."""
     options = _parser().parse_args(arguments)
-    try:
-        return _run(options)
-    except (IsotrussError, OSError) as error:
-        print(f'plan_grasps: {error}', file=sys.stderr)
-        return BAD_ARGUMENTS
-    except BrokenProcessPool as error:
-        print(f'plan_grasps: a worker process died: {error}', file=sys.stderr)
-        return FAILED
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    return run_program('plan_grasps', lambda: _run(options))
 
 
 def _run(options: argparse.Namespace) -> int:
