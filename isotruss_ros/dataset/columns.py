@@ -81,17 +81,6 @@ def check_columns(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names)) or tuple(COLUMNS)
 
 
-def column_shape(name: str, robot: Robot, corners: int) -> tuple[int, ...]:
-    """Return the number of values of a column for each grasp, as a shape."""
-    axis = COLUMNS[name].axis
-    sizes = {
-        'corners': corners,
-        'members': len(robot.member_names),
-        'rollers': len(robot.roller_names),
-    }
-    return () if not axis else (sizes[axis] if axis in sizes else int(axis),)
-
-
 def corner_count(objects: Sequence[Any]) -> int:
     """Return the width of the columns of corners for kinds and objects of a distribution."""
     shapes = [item.shape for item in objects if not isinstance(item, str)]
