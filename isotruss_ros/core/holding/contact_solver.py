@@ -15,7 +15,11 @@ from typing import NamedTuple, TypeAlias
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.holding.contact_search import ContactSet
-from isotruss_ros.core.holding.contact_statics import build_statics, find_feet
+from isotruss_ros.core.holding.contact_statics import (
+    build_statics,
+    ContactConditions,
+    find_feet,
+)
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, scaled_wrench
 from isotruss_ros.core.holding.least_friction import least_friction_conditions
 from isotruss_ros.core.holding.newton import find_equilibria, Iteration
@@ -103,18 +107,24 @@ class ContactGroupSolver:
                 self._solve_group([i], chosen, is_loaded, solved)
             return
         conditions = least_friction_conditions(contacts, chosen.grazing)
-        for begins_near in (True, False) if near else (False,):
-            begins = near if begins_near else straight
-            if near and not begins_near:  # from straight tubes at the measured poses
-                is_left = np.array([solved[i] is None for i in numbers])
-                begins = _begin_straight(take(objects, is_left), contacts, is_loaded)
-            for found in find_equilibria(begins, conditions, self._steps):
-                of_found = np.array([self._wrenches[i] for i in found.samples.tolist()])
-                grips = HeldGrip.of(found.statics, found.state, of_found)
-                for k, i in enumerate(found.samples.tolist()):
-                    solved[i] = HeldGrip.sample(grips, k)
-            if all(solved[i] is not None for i in numbers):
-                return
+        self._solve_from(near or straight, conditions, solved)
+        is_left = np.array([solved[i] is None for i in numbers])
+        if near and is_left.any():
+            straight = _begin_straight(take(objects, is_left), contacts, is_loaded)
+            self._solve_from(straight, conditions, solved)
+
+    def _solve_from(
+        self,
+        begins: Sequence[Iteration],
+        conditions: ContactConditions,
+        solved: dict[int, Solved],
+    ) -> None:
+        """Add the equilibria that iterations find."""
+        for found in find_equilibria(begins, conditions, self._steps):
+            wrench = np.array([self._wrenches[i] for i in found.samples.tolist()])
+            grips = HeldGrip.of(found.statics, found.state, wrench)
+            for k, i in enumerate(found.samples.tolist()):
+                solved[i] = HeldGrip.sample(grips, k)
 
     def _begin_near(self, objects: _Objects, contacts: PressedContacts) -> list[Iteration]:
         """Return the iterations that begin near other equilibria."""
