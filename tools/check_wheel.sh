@@ -36,7 +36,7 @@ for name in demo view plan_grasps move manipulation; do
     fi
     test "$(wc -l < errors)" = 1 || { cat errors; exit 1; }
 done
-pip install --quiet --disable-pip-version-check --only-binary :all: "$(echo dist/*.whl)[demo]"
+pip install --quiet --disable-pip-version-check --only-binary :all: "$(echo dist/*.whl)[demo,learning]"
 for example in clone/examples/[!r]*.py; do
     echo "$example"
     python "$example" > /dev/null
