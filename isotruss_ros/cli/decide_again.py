@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 import itertools
@@ -75,16 +76,24 @@ def find_hindrance(cycle: RepeatedCycle) -> Status | None:
 
 
 def find_events(before: RepeatedCycle | None, cycle: RepeatedCycle) -> Iterator[str]:
-    """Yield a text for each change since the cycle before: memory, settings, rollers, status."""
+    """Yield a text for each change since the cycle before: memory, settings, rollers."""
     if cycle.is_anew and (before is not None or cycle.recorded.number):
         yield 'the cycles before are not recorded: begins with a new memory'
     if before is not None and cycle.settings is not before.settings:
         yield from find_changes(before.settings, cycle.settings)
     if failed := cycle.failed - (before.failed if before is not None else frozenset()):
         yield f'failed rollers: {", ".join(sorted(failed))}'
-    hindrance = find_hindrance(cycle)
-    if before is None or hindrance is not find_hindrance(before):
-        yield cycle.status.name if hindrance is None else f'{hindrance.name}: {cycle.message}'
+
+
+def has_news(printed: Status | None, hindrance: Status | None) -> bool:
+    """
+    Return whether a hindrance is another one than that printed last, or a halt has ended.
+
+    At a limit, cycles that are slowed and cycles that are not alternate.
+    """
+    if hindrance is None:
+        return printed is not None and printed >= Status.HALT_NO_TWIST
+    return hindrance is not printed
 
 
 def print_setup(first: RecordedCycle, change: Callable[[ServoSettings], ServoSettings]) -> None:
@@ -117,6 +126,7 @@ def print_run(path: Path, robot: Robot, diameter: float, changes: Sequence[str])
     change = parse_changes(changes)
     print_setup(first, change)
     began, last = time.perf_counter(), None
+    printed, counts = None, Counter[Status]()
     differences: list[float] = []
     run = itertools.chain([first], cycles)
     try:
@@ -124,6 +134,12 @@ def print_run(path: Path, robot: Robot, diameter: float, changes: Sequence[str])
             where = f'cycle {cycle.recorded.number}, {cycle.recorded.now - first.now:.3f} s'
             for event in find_events(last, cycle):
                 print(f'{where}: {event}')
+            hindrance = find_hindrance(cycle)
+            if last is None or has_news(printed, hindrance):
+                name, words = cycle.status.name, cycle.message
+                print(f'{where}: {name}' if hindrance is None else f'{where}: {name}: {words}')
+                printed = hindrance
+            counts[cycle.status] += 1
             difference, last = find_difference(cycle), cycle
             if difference > ROUNDING >= max(differences, default=0.0):
                 statuses = f'{cycle.recorded.decision.get("status")!s} -> {cycle.status!s}'
@@ -136,5 +152,7 @@ def print_run(path: Path, robot: Robot, diameter: float, changes: Sequence[str])
     count = sum(difference > ROUNDING for difference in differences)
     largest = max(differences, default=0.0)
     print(f'{len(differences)} cycles of {duration:.1f} s decided in {spent:.1f} s')
+    for status, number in sorted(counts.items()):
+        print(f'  {status.name}: {number} cycles')
     print(f'{count} commands differ; largest difference {largest:.3g} m/s or rad/s')
     return not count

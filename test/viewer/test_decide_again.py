@@ -19,6 +19,7 @@ import pytest
 for package in ('mcap', 'rosbags'):
     pytest.importorskip(package)
 from isotruss_ros.cli import replay  # noqa: E402,I100
+from isotruss_ros.cli.decide_again import has_news  # noqa: E402,I100
 from mcap.writer import Writer  # noqa: E402
 from rosbags.typesys import get_typestore, Stores  # noqa: E402
 
@@ -114,3 +115,9 @@ def test_a_recording_without_cycles_decides_from_its_statuses_and_names_what_is_
     assert out.startswith('absent in this recording: settings, ')
     assert '103 cycles' in out
     assert '0 commands differ' in out
+
+
+def test_a_slowing_that_alternates_with_execution_is_printed_once():
+    slowed, halted = Status.SLOWED_BARRIER, Status.HALT_NOT_HELD
+    assert [has_news(slowed, now) for now in (None, slowed, halted)] == [False, False, True]
+    assert has_news(halted, None)
