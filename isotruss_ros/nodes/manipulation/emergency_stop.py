@@ -28,7 +28,8 @@ class EmergencyStop:
     ) -> None:
         self._values, self._changed, self._wait_for_zero = node.values, changed, wait_for_zero
         self._service = node.resolve_service_name(NAME)
-        self._release_service = node.resolve_service_name(RELEASE)
+        service = node.resolve_service_name(RELEASE)
+        self._next_step = f'next step: isotruss release, or the service {service}'
         #: Last message of the topic; None before the first message.
         self._last: bool | None = None
         self._stopped = False
@@ -50,12 +51,9 @@ class EmergencyStop:
         """Return the reason of the stop; None without a stop."""
         if self._stopped:
             last = 'true: publish false' if self._last else 'false'
-            return (
-                f'stopped by the topic {NAME}; its last message is {last}; '
-                f'next step: the service {self._release_service}'
-            )
+            return f'stopped by the topic {NAME}; its last message is {last}; {self._next_step}'
         if self._cause is not None:
-            return f'{self._cause}; next step: the service {self._release_service}'
+            return f'{self._cause}; {self._next_step}'
         if self._last is None and self._values.require_emergency_stop:
             return f'no message of {NAME} yet, which require_emergency_stop demands: publish false'
         return None
