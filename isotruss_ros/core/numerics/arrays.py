@@ -46,9 +46,11 @@ def finite_array(
     # An empty list has one dimension only.
     if 0 in shape and array.size == 0:
         return np.zeros(shape)
-    has_form = array.dtype.kind in 'iuf' and array.shape == shape
-    if has_form and (np.abs(array) <= most).all():
-        return array.astype(np.float64)
+    if array.dtype.kind in 'iuf' and array.shape == shape:
+        # Before the comparison, since NumPy 2 rounds the bound to the type of the array.
+        numbers = array.astype(np.float64)
+        if (np.abs(numbers) <= most).all():
+            return numbers
     # Message with the refused value, truncated, and the valid form.
     text = repr(values.tolist() if hasattr(values, 'tolist') else values)
     shown = text if len(text) <= 80 else text[:77] + '...'

@@ -68,7 +68,10 @@ def test_real_numbers_become_a_new_array_of_floats(values):
     assert values[0] == 1
 
 
-NO_PAIRS = [[1.0], [[1.0, 2.0]], [1.0, np.inf], None, [1.0, 2j], ['1', '2'], [[1.0], [1.0, 2.0]]]
+NO_PAIRS = [
+    *([1.0], [[1.0, 2.0]], [1.0, np.inf], np.float32([1.0, np.inf]), None, [1.0, 2j], ['1', '2']),
+    [[1.0], [1.0, 2.0]],
+]
 
 
 @pytest.mark.parametrize('values', NO_PAIRS)
