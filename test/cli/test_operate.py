@@ -11,6 +11,7 @@ from isotruss_msgs.action import MoveObject, PickObject
 from isotruss_ros.cli import operate
 from isotruss_ros.core import Pose
 from isotruss_ros.nodes.conversions.messages import to_pose_message
+from manual_actions import replace_clients
 from nav_msgs.msg import Path
 import pytest
 import rclpy
@@ -52,8 +53,7 @@ def test_numbers_are_sent_and_the_code_of_the_result_is_that_of_the_exit(
         send_goal_async=send,
         _get_result_async=lambda _handle: done(None),
     )
-    # The server of another node; the command has no parameter for its type.
-    monkeypatch.setattr(operate, 'ActionClient', lambda *_: client)
+    replace_clients(monkeypatch, operate, lambda *_: client)
     assert operate.main(words.split()) == (result.code != 0)
     assert capsys.readouterr().out.endswith('_object: the end\n')
     assert goals == [goal]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from threading import Thread
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 from action_msgs.msg import GoalStatus
@@ -93,6 +93,14 @@ class MotionClient:
         return _finished(SimpleNamespace(status=GoalStatus.STATUS_UNKNOWN))
 
 
+def replace_clients(
+    patch: pytest.MonkeyPatch, module: ModuleType, make: Callable[..., Any]
+) -> None:
+    """Replace the action clients of rclpy by those of a function of node, type and name."""
+    # By the name in the module that creates them: nodes and commands have no parameter for it.
+    patch.setattr(module, 'ActionClient', make)
+
+
 def connect(w: World, patch: pytest.MonkeyPatch) -> None:
     """Connect the clients that nodes of a world create from now on to its servers."""
 
@@ -103,8 +111,7 @@ def connect(w: World, patch: pytest.MonkeyPatch) -> None:
         names = (service.service_name for node in w.nodes for service in node.services)
         return f'/{client.srv_name}' in names
 
-    # The client of rclpy, by the name of the module that creates it.
-    patch.setattr(action_steps, 'ActionClient', lambda _, kind, __: ManualActionClient(w, kind))
+    replace_clients(patch, action_steps, lambda _, kind, __: ManualActionClient(w, kind))
     patch.setattr(Client, 'call_async', call)
     patch.setattr(Client, 'service_is_ready', is_ready)
     # A search computes at once: no thread and no process, whose time is not the test's.

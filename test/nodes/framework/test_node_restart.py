@@ -12,6 +12,7 @@ from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.viewer import view_requests
 from isotruss_ros.nodes.viewer.view_requests import NodeRestart
 from isotruss_ros.viewer.names import OBJECTS
+from manual_actions import replace_clients
 from manual_world import world
 import numpy as np
 from probe import N, overrides
@@ -80,8 +81,7 @@ def test_the_stage_of_an_object_goal_is_reported(monkeypatch):
         return Future()
 
     client = SimpleNamespace(server_is_ready=lambda: True, send_goal_async=send)
-    # The server of another node; the client has no parameter for its type.
-    monkeypatch.setattr(view_requests, 'ActionClient', lambda *_: client)
+    replace_clients(monkeypatch, view_requests, lambda *_: client)
     view_requests.ObjectGoals(None, reports.append).send('place')
     assert reports == ['place: sent', 'place: opening 50 %']
 

@@ -17,6 +17,7 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     StepError,
     StepOutcome,
 )
+from manual_actions import replace_clients
 from manual_world import world
 import pytest
 from rclpy.task import Future
@@ -67,8 +68,7 @@ class Server:
 @pytest.fixture
 def server(monkeypatch):
     server = Server()
-    # The server of another node; the client has no parameter for its type.
-    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: server)
+    replace_clients(monkeypatch, action_steps, lambda *_: server)
     return server
 
 

@@ -23,7 +23,7 @@ from isotruss_ros.nodes.pick_and_place import action_steps
 from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
 from isotruss_ros.nodes.pick_and_place.object_watch import AveragePose, ObjectWatch
-from manual_actions import connect, MotionClient
+from manual_actions import connect, MotionClient, replace_clients
 from manual_world import world
 import numpy as np
 from probe import CENTER, DIAMETER, maker, manipulation, MODULE, ROBOT
@@ -36,8 +36,7 @@ FIRST = AveragePose(Pose(*CENTER, 0.3), NOISE, 25)
 def replace_servers(monkeypatch, result):
     """Return the client whose goals end with a result, in place of those of all actions."""
     client = MotionClient(result)
-    # The server of another node; the client has no parameter for its type.
-    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
+    replace_clients(monkeypatch, action_steps, lambda *_: client)
     return client
 
 
@@ -181,7 +180,7 @@ def test_a_pick_sets_the_grip_and_reports_the_mean_squeeze_and_a_move_its_failur
     def enter(w):
         connect(w, monkeypatch)
         clients = {kind: MotionClient(result) for kind, result in results.items()}
-        monkeypatch.setattr(action_steps, 'ActionClient', lambda _, kind, __: clients[kind])
+        replace_clients(monkeypatch, action_steps, lambda _, kind, __: clients[kind])
 
     makers = maker(PickAndPlace, command_timeout=1.0)(), manipulation()
     with world(*makers, enter=enter) as w:

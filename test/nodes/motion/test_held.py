@@ -16,7 +16,7 @@ from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.pick_and_place import action_steps
 from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
 from isotruss_ros.nodes.pick_and_place.object_watch import CONFIRMATION_TIMEOUT, ObjectWatch
-from manual_actions import MotionClient
+from manual_actions import MotionClient, replace_clients
 from manual_world import world
 from nav_msgs.msg import Path
 from probe import CENTER, maker
@@ -67,8 +67,7 @@ class Mover:
 def mover(monkeypatch):
     """Return a moved object; its motion ends only when it is cancelled."""
     client = MotionClient()
-    # The server of another node; the client has no parameter for its type.
-    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: client)
+    replace_clients(monkeypatch, action_steps, lambda *_: client)
     with world(maker(PickAndPlace, command_timeout=TIMEOUT)()) as w:
         yield Mover(w)
     assert (client.goal.speed, client.goal.turn_rate) == (0.02, 0.3)
