@@ -12,7 +12,7 @@ home = core.load_robot('nine_member').home
 body = core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
 rolling = core.RollingGrip.attach(home, core.Grip.at_module(home.robot, 'north/Z', body))
 faults = core.RollerFaults(slip=0.05)  # slip, which encoders do not measure
-robot = core.SimulatedRobot(home, core.RigidObject.in_grip(rolling), faults, seed=1)
+robot = core.SimulatedRobot(home, core.RigidObject(rolling), faults, seed=1)
 
 start = robot.object_pose
 poses = [(start.x, start.y, 0.0), (start.x, start.y + 0.05, 0.0), (start.x + 0.05, start.y, 0.2)]

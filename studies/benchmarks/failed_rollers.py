@@ -114,7 +114,7 @@ def follow(stuck: str | None, detect: bool) -> float:
     time = FAILURE_TIME if detect else math.inf
     servo = TwistServo(ROBOT, ServoSettings(HELD.grip, PERIOD, timeout=1.0, failure_time=time))
     faults = RollerFaults(stuck=frozenset() if stuck is None else frozenset([stuck]))
-    robot = SimulatedRobot(ROBOT.home, RigidObject.in_grip(HELD), faults)
+    robot = SimulatedRobot(ROBOT.home, RigidObject(HELD), faults)
     start, error = HELD.grip.center, 0.0
     for k in range(round(LAP / PERIOD)):
         now = k * PERIOD

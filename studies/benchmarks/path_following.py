@@ -79,7 +79,7 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
     """Follow the path once, and return its errors."""
     roller_noise, position_noise, angle_noise = NOISE if noisy else (0.0, 0.0, 0.0)
     rng = np.random.default_rng([seed, 2])
-    held = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRIP))
+    held = RigidObject(RollingGrip.attach(ROBOT.home, GRIP))
     faults = RollerFaults(noise=roller_noise, slip=slip)
     robot = SimulatedRobot(ROBOT.home, held, faults, seed)
     servo = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, timeout=0.1))

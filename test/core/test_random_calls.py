@@ -118,9 +118,7 @@ def solve_twist(world):
 def simulate(world):
     """Let a simulated robot with faults run with commands of any size."""
     rng, robot = world.rng, world.robot
-    body = core.RigidObject(world.body, world.number(0.1, 1.0))
-    if rng.integers(2):
-        body = core.ElasticObject(world.body, world.number(0.1, 1.0), world.number(0.5, 2.0))
+    body = core.ElasticObject(world.body, world.number(0.1, 1.0), world.number(0.5, 2.0))
     faults = core.RollerFaults(0.1, 0.01, frozenset(world.failed), 0.3 * rng.random())
     simulated = core.SimulatedRobot(world.config, body, faults, int(rng.integers(100)))
     poses = []

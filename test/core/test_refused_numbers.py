@@ -82,7 +82,6 @@ FRICTION_CALLS = {
     'path of an equilibrium': lambda mu: foresee_path(
         core.settle_grasp(HOME, BODY).equilibrium, mu, POSES
     ),
-    'rigid object': lambda mu: core.RigidObject(BODY, mu),
     'elastic object': lambda mu: core.ElasticObject(BODY, mu),
 }
 
@@ -176,7 +175,7 @@ FORMS = {
         core.Uncertainty(), 1, 0.5
     ),
     'seed -1: must be an integer': lambda: core.SimulatedRobot(
-        HOME, core.RigidObject(BODY, 0.8), core.RollerFaults(), -1
+        HOME, core.ElasticObject(BODY, 0.8), core.RollerFaults(), -1
     ),
     'max_rounds None': lambda: core.plan_grasps(HOME, BODY, max_rounds=None),
 }

@@ -169,7 +169,7 @@ class Simulator(ManagedNode):
 
     def _step(self, now: float) -> None:
         self._move(now, self._plant.advance)
-        if self.values.plant != KINEMATIC:
+        if self.values.plant != KINEMATIC or self.values.object_is_free:
             self._report_hold()
         if self._recorder is not None:
             self._recorder.record(now)

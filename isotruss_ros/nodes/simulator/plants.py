@@ -85,9 +85,11 @@ def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
 
 class StaticPlant(SimulatedRobot):
     """
-    Robot and object without dynamics; the object is rigid or in equilibrium on elastic tubes.
+    Robot and object without dynamics; the object is in equilibrium on elastic tubes, or rigid.
 
-    :ivar elastic: object between elastic tubes; None for a rigid object.
+    A rigid object is held from the start: only friction between elastic tubes can hold a free one.
+
+    :ivar elastic: object that elastic tubes can hold; None for a rigid object.
     :ivar lag: None, because this plant never lags behind the clock.
     """
 
@@ -98,19 +100,17 @@ class StaticPlant(SimulatedRobot):
         self, robot: Robot, body: ConvexObject, values: Parameters, faults: RollerFaults
     ) -> None:
         self._values, self._body = values, body
+        simulated: SimulatedObject
         if values.plant == ELASTIC or values.object_is_free:
             simulated = self._put_object(body.pose)
         else:
             members = common.select_grip(robot, values)
-            simulated = RigidObject.in_grip(RollingGrip.attach(robot.home, Grip(members, body)))
+            simulated = RigidObject(RollingGrip.attach(robot.home, Grip(members, body)))
         super().__init__(robot.home, simulated, faults, values.seed)
 
-    def _put_object(self, pose: Pose) -> SimulatedObject:
+    def _put_object(self, pose: Pose) -> ElasticObject:
         """Return a free object at a pose, which only friction can hold."""
-        values, body = self._values, self._body.moved_to(pose)
-        if values.plant == KINEMATIC:
-            return RigidObject(body, body.friction_or(None))
-        self.elastic = ElasticObject(body, body.friction_or(None))
+        self.elastic = ElasticObject(self._body.moved_to(pose), self._body.friction_or(None))
         return self.elastic
 
     @property

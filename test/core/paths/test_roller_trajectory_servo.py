@@ -54,7 +54,7 @@ class Run:
     def __init__(self, faults=PERFECT, seed=0, late=0, begin=None):
         config = ROBOT.home if begin is None else ROBOT.configuration(begin)
         self.robot = SimulatedRobot(
-            config, RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRASP)), faults, seed
+            config, RigidObject(RollingGrip.attach(ROBOT.home, GRASP)), faults, seed
         )
         self.servo = RollerTrajectoryServo(ROBOT, TIMEOUT, LatestInputs())
         self.now, self.commands, self.places = 100.0, [], []

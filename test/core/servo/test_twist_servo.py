@@ -214,7 +214,7 @@ def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
 def simulated(*stuck):
     held = core.RollingGrip.attach(ROBOT.home, GRIP)
     return core.SimulatedRobot(
-        ROBOT.home, core.RigidObject.in_grip(held), core.RollerFaults(stuck=frozenset(stuck))
+        ROBOT.home, core.RigidObject(held), core.RollerFaults(stuck=frozenset(stuck))
     )
 
 

@@ -5,7 +5,9 @@
 
 from geometry_msgs.msg import PoseStamped
 from held_grips import ANGLE, APART, box_between, BOX_FILE, DEPTH, HOME
-from isotruss_ros.core import Pose, solve_twist
+from isotruss_ros.core import Disc, place_between, Pose, solve_twist
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.mujoco_plant.recording import read_recording
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.sensor_messages import read_joint_markers
@@ -13,7 +15,7 @@ from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import check_refused, world
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import CENTER, maker, N, ROBOT
+from probe import CENTER, DIAMETER, maker, MODULE, N, ROBOT
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Header
@@ -93,6 +95,20 @@ def test_the_box_is_carried_by_the_two_sides(is_free):
         went = w.place() - start
         assert abs(went[1]) < 0.05 * went[0]
         assert abs(went[2]) < 0.05 * went[0]
+
+
+def test_a_planned_release_leaves_a_free_object_where_it_is():
+    members = members_at(HOME.robot, MODULE)
+    body = place_between(HOME, members, Disc(DIAMETER), 0.0, 0.01).body
+    free = {'object_is_free': True, 'object_pose': list(body.pose)}
+    path = plan_release(HOME, body, members, 0.02).path
+    with world(maker(Simulator, object_diameter=DIAMETER, friction=0.8, rate=50.0, **free)()) as w:
+        w.until(lambda: w.place() is not None)
+        start = w.place()
+        for ahead in np.diff(path, axis=0):
+            w.spin(0.5, lambda speeds=2.0 * ahead: w.probe.send_command(speeds))
+        assert np.abs(w.travel() - path[-1]).max() < 0.2 * np.abs(path[-1] - path[0]).max()
+        assert w.place() == pytest.approx(start, abs=1e-3)
 
 
 def test_a_load_in_the_frame_of_the_turned_object_moves_it_and_lets_it_back():
