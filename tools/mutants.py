@@ -61,7 +61,7 @@ FOLDERS = {
 TESTS = [
     *(f'test/core/{name}' for name in ('safety', 'servo', 'estimation', 'holding')),
     *(f'test/core/{name}' for name in ('contact', 'manipulation', 'paths', 'simulation')),
-    *(f'test/core/test_{name}.py' for name in ('command_history', 'inputs', 'symmetries')),
+    *(f'test/core/test_{name}.py' for name in ('inputs', 'symmetries')),
     *(f'test/nodes/{name}' for name in ('inputs', 'motion', 'trajectories', 'grasp')),
 ]
 #: Endings of the operators of Cosmic Ray whose faults every test finds, as bits of floating point
