@@ -18,6 +18,7 @@ from functools import cached_property
 import math
 from typing import Any, TYPE_CHECKING
 
+from isotruss_ros.core.holding.friction_range import find_friction_range, FrictionRange
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus, scaled_wrench
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -84,11 +85,10 @@ class SettledGrasp(
     Without an equilibrium the pose is the given pose, the forces are zero, and the slip margin is
     negative and computed from the gaps between members and object, see `LostContact`.
 
-    For a face contact with unknown contact history, the distribution of forces with the least
-    friction is assumed. The friction that a contact uses may be larger. When friction or loads
-    change slowly, it is redistributed before the object is lost. For sudden changes, `held`,
-    `required_friction` and `slip_margin` are best cases: in MuJoCo, an object is lost at up to
-    6 % above its required friction if the coefficient falls in one step.
+    For an unknown contact history, the distribution of forces with the least friction is assumed.
+    The friction that a contact uses may be larger, but when friction or loads change slowly, it is
+    redistributed before the object is lost. So `held`, `required_friction` and `slip_margin` are
+    best cases for sudden changes, see `friction_range`.
     """
 
     hold: HoldStatus  #: hold status
@@ -148,6 +148,18 @@ class SettledGrasp(
     def required_friction(self) -> float:
         """Return the smallest friction coefficient without slip; infinite without equilibrium."""
         return math.inf if self.equilibrium is None else self.equilibrium.required_friction
+
+    @cached_property
+    def friction_range(self) -> FrictionRange:
+        """
+        Return the coefficients of friction between which the contact history decides [-].
+
+        Below the first one the object is lost, from the second one it is held also after a sudden
+        fall from `friction`. Both are infinite without an equilibrium. See `FrictionRange`.
+        """
+        if self.equilibrium is None:
+            return FrictionRange(math.inf, math.inf)
+        return find_friction_range(self.equilibrium, self.friction)
 
     @cached_property
     def slip_margin(self) -> float:
