@@ -71,5 +71,5 @@ class RepeatedPose:
         if age > timeout and distance > MAX_REPEATED_MOTION:
             change = f'while the rollers moved the object by {1e3 * distance:.0f} mm'
             message = f'object pose: equal to the last bit for {age:.3f} s {change}'
-            remedy = 'the tracker repeats its last pose; it must send new ones'
+            remedy = 'the tracker must send new poses, or the object has left the grip'
             raise InputError(InputFault.STALE, 'object_pose', f'{message}: {remedy}')
