@@ -72,6 +72,12 @@ def test_halts_with_the_status_of_each_input_fault(name, stated):
         assert decision.twist.tolist() == ([0.0, 0.0, 0.0] if name == 'twist' else TWIST)
 
 
+def test_the_status_of_a_slowed_twist_names_the_roller_at_its_limit():
+    decision = servo(twist=StampedInput([0.0, 5.0, 0.0], NOW)).decide(NOW)
+    assert decision.command.status is core.Status.SLOWED_ROLLER_SPEED
+    assert f'by the limits of {decision.command.limiting[0]}' in decision.message
+
+
 def test_the_status_states_the_age_of_a_late_twist_but_not_of_the_last_twist():
     last = servo().inputs.twist
     late, ended = (servo(twist=last._replace(time=NOW - age)).decide(NOW) for age in (0.3, 0.7))
