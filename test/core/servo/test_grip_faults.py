@@ -33,11 +33,12 @@ def held(load=0.0, **settings):
     return loop
 
 
-def shake(loop, twist=CLOSED):
-    """Shake the object until it is said to oscillate; return the decision."""
+def shake(loop, twist=CLOSED, every=1):
+    """Shake the object, with a pose in some cycles, until it oscillates; return the decision."""
     for number in range(125):
         displacement = 6e-3 * math.sin(FREQUENCY * number * loop.period)
-        decision = loop.cycle(twist, away=(0.0, displacement, 0.0))
+        repeated = {'pose': loop.servo.inputs.pose} if number % every else {}
+        decision = loop.cycle(twist, away=(0.0, displacement, 0.0), **repeated)
         if decision.command.status is Status.HALT_OSCILLATES:
             return decision
     raise AssertionError('no oscillation')
@@ -54,10 +55,11 @@ def slip(speed=0.03, **settings):
     raise AssertionError('no slip')
 
 
-def test_an_oscillation_stops_the_rollers_for_one_second_and_halves_the_gain():
+@pytest.mark.parametrize('every', [1, 2])
+def test_an_oscillation_stops_the_rollers_for_one_second_and_halves_the_gain(every):
     loop = held(load=40.0, more=1.1)
     for gain in (2.0, 1.0):
-        command = shake(loop, (0.02, 0.0, 0.0)).command
+        command = shake(loop, (0.02, 0.0, 0.0), every).command
         assert not command.roller_velocities.any()
         assert (command.achieved_twist.any(), command.scale) == (False, 0.0)
         # Without noise, the poses of an object at rest are equal.

@@ -139,7 +139,7 @@ def test_a_late_pose_of_an_object_that_begins_to_move_is_not_repeated():
 
 @pytest.mark.parametrize(
     ('rollers_late', 'pose_late', 'every'),
-    some_now([(5, 0, 1), (0, 5, 1), (0, 1, 2), (0, 0, 1), (1, 0, 1)]),
+    some_now([(5, 0, 1), (0, 5, 1), (0, 1, 2), (0, 0, 1), (1, 0, 1)], 2),
 )
 def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, every):
     loop = SqueezeLoop(CONFIG, HELD, period=0.01, servo={'timeout': 1.0})
