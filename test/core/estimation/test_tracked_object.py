@@ -10,7 +10,7 @@ import math
 from carries import make_robot
 from grips import gripped, MASSLESS
 from isotruss_ros.core import Grip, place_between, Polygon, Pose, Status
-from isotruss_ros.core.estimation.contact_walk import PoseNoise
+from isotruss_ros.core.estimation.contact_walk import ContactWalk, PoseNoise
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
@@ -131,6 +131,15 @@ def test_noise_of_poses_is_estimated_from_their_steps():
     assert np.mean(noise.variances) == pytest.approx(deviation**2, rel=0.1)
 
 
+def test_a_jump_of_the_derivatives_by_offsets_is_no_slip():
+    rates, jump = np.eye(3, 6), np.ones((3, 6))
+    covariances, offsets = (1e-6 * np.eye(3), 1e-6 * np.eye(3)), 1e-4 * np.eye(6)
+    walk = ContactWalk().added(0.0, np.zeros(3), *covariances, rates, offsets)
+    step = 0.1, np.array([2e-3, 0.0, 0.0]), *covariances
+    jumped = walk.without_jump(jump).added(*step, rates + jump, offsets)
+    assert jumped.deviations == walk.added(*step, rates, offsets).deviations > 1.0
+
+
 def test_a_constant_offset_of_the_pose_is_no_squeeze():
     carry, offset = Carry(scale=0.0, noise=1e-4), (3e-3, 0.0, 0.0)
     before = carry.run(3.0).squeeze
@@ -185,6 +194,27 @@ def test_the_slip_margin_is_that_of_contacts_before_they_slid():
     margin = MODEL.slip_margin(GRIP.friction)
     assert abs(belief.held.slip_margin(GRIP.friction) - margin) > 0.005 * margin
     assert belief.slip_margin == pytest.approx(margin, rel=1e-6)
+
+
+def test_a_jump_is_in_part_a_shift_of_the_contacts_which_changes_the_squeeze():
+    shifts = np.array([12e-3, -12e-3])
+    slid = roll_grip(replace(MODEL, anchors=MODEL.anchors + shifts), CONFIG)
+    belief = GripBelief.of(MODEL, GRIP.moved_to(MODEL.pose), EstimatorSettings())
+    jumped = belief.observed(Pose(*slid.pose), 0.0)
+    assert jumped.state.jump > 0.0
+    share = (jumped.squeeze - belief.squeeze) / (slid.squeeze - belief.squeeze)
+    assert 0.2 < share < 1.0
+
+
+def test_rates_of_displaced_joints_are_those_at_other_offsets():
+    def belief(offsets):
+        model = attach_model(CONFIG.moved_to(CONFIG.roller_positions + offsets), GRIP)
+        return GripBelief.of(model, GRIP.moved_to(MODEL.pose), EstimatorSettings())
+
+    rates = belief(0.0).estimate.displacement_rates
+    for step, rate in zip(1e-4 * np.eye(6), rates.T, strict=True):
+        ends = [belief(way * step).estimate.displacements for way in (1.0, -1.0)]
+        assert (ends[0] - ends[1]) / 2e-4 == pytest.approx(rate, abs=2e-4)
 
 
 def test_error_of_the_squeeze_with_wrong_offsets_agrees_with_stated_deviations():
