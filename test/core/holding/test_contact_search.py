@@ -109,6 +109,13 @@ def test_mean_pressure_times_area_is_the_normal_force(shape, angle):
         assert np.ptp(patches.spans, axis=1) == pytest.approx(patches.lengths)
 
 
+def test_both_ends_of_a_dent_under_uneven_curvature_are_equally_deep():
+    body = core.place_between(HOME, CORNER, core.Ellipse((0.25, 0.08)), 0.6, 0.01).body
+    grip = core.settle_grasp(HOME, body, 5.0, members=CORNER).equilibrium
+    ends, _ = grip.bent_lines(np.repeat(grip.members, 2), grip.patches.spans.ravel())
+    assert np.ptp(grip.body.nearest(ends).gaps.reshape(2, 2), axis=1).max() < 6e-5
+
+
 @pytest.mark.parametrize('depth', [0.004, 0.012])
 def test_pressure_of_a_disc_is_gas_pressure_plus_wall_tension_over_its_radius(depth):
     grasp = settled(core.Disc(0.4), depth=depth)

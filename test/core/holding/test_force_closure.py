@@ -115,6 +115,9 @@ def test_gap_is_the_distance_to_contact():
     assert grasp.hold is core.HoldStatus.NO_CONTACT
     assert grasp.lost.gap == pytest.approx(0.02, abs=1e-6)
     assert settle(np.zeros(6), -0.01).lost is None
+    # Without named members it is that of the two nearest, at a module with 60 degrees.
+    far = settle_grasp(HOME, ConvexObject.disc((CENTER[0], CENTER[1] - 0.25), 0.3))
+    assert far.lost.gap == pytest.approx(0.12, abs=1e-6)
 
 
 def test_slip_margin_without_contact_is_minus_the_external_wrench():
