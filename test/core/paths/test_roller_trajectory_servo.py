@@ -252,6 +252,19 @@ def test_a_goal_time_replaces_the_progress_timeout_at_the_end():
     assert run.now - 100.0 > path.duration + 2.0 * PROGRESS_TIMEOUT
 
 
+def test_arrives_once_the_rollers_were_measured_at_rest_at_the_end():
+    run = Run()
+    run.servo.begin(RollerTrajectory(ROBOT, np.zeros((2, N)), [0.0, 0.05]), run.now)
+    for _ in range(8):
+        assert not run.cycle().ended
+    late = run.now + REST_TIME
+    assert not run.servo.decide(late).ended
+    run.now = late
+    run.measure()
+    step = run.servo.decide(run.now)
+    assert (step.ended, step.failure) == (True, '')
+
+
 STATE = RollerState(np.zeros(N), np.zeros(N))
 
 

@@ -136,7 +136,7 @@ def test_best_comes_first_by_every_measure(measure):
             Measure.STIFFNESS: unit @ grasp.equilibrium.response.stiffness @ unit,
         }[measure]
         assert grasp.score == pytest.approx(value, rel=1e-9)
-        assert (grasp.path[-1] == grasp.config.roller_positions).all()
+        assert (grasp.path[-1] == grasp.equilibrium.config.roller_positions).all()
 
 
 def test_external_wrench_is_held():
