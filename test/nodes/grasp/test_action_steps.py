@@ -20,6 +20,7 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
 from manual_actions import replace_clients
 from manual_world import world
 import pytest
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.task import Future
 
 
@@ -193,6 +194,18 @@ def test_a_fault_cancels_the_goal_and_is_the_error_once_that_has_ended(server, c
     with pytest.raises(StepError, match='lost') as error:
         steps.throw(CancelledError()) if cancelled else next(steps)
     assert error.value is fault
+
+
+def test_a_refused_parameter_ends_the_steps_with_its_reason():
+    client, answer = SimpleNamespace(srv_name='work/set_parameters'), Future()
+    client.service_is_ready, client.call_async = lambda: True, lambda _: answer
+    steps = action_steps.set_parameters(client, {'force': 2.0, 'rate': 0.0})
+    next(steps)
+    results = [SetParametersResult(successful=True), SetParametersResult(reason='too small')]
+    answer.set_result(SimpleNamespace(results=results))
+    with pytest.raises(StepError, match='work/set_parameters: rate: too small') as error:
+        last_of(steps)
+    assert error.value.outcome is StepOutcome.NOT_READY
 
 
 def test_heartbeats_of_another_goal_do_not_replace_those_of_the_own_client():
