@@ -126,6 +126,20 @@ def test_a_motion_ends_where_a_margin_reaches_its_bound(rng):
     assert min(excess(share * violation.share).min() for share in np.linspace(0, 1, 20)) > -1e-9
 
 
+@pytest.mark.parametrize(
+    ('travel', 'speed', 'is_violated'), [(1e-2, 0.0, False), (0.0, 1.0, False), (1e-3, 0.1, True)]
+)
+def test_effects_of_second_order_are_those_of_this_or_the_previous_sample(
+    travel, speed, is_violated
+):
+    law = BarrierLaw(0.5, 0.2)
+    barrier = SimpleNamespace(law=law, status=1, values=lambda *_: np.array([0.495]), names=list)
+    active = ActiveValues(np.array([0]), np.array([0.5]), np.zeros((1, 0)))
+    limit = BarrierLimit(barrier, active, np.zeros((1, 1)))
+    violation = limit.violation(None, None, np.array([travel]), np.array([speed]), 0.01)
+    assert (violation is not None) is is_violated
+
+
 @pytest.mark.parametrize('share', [0.02, 0.1, 0.5, 0.9, 1.0])
 def test_margins_fall_by_the_class_k_function(share):
     """The function of docs/safety.md, for the margin less a hundredth of the band."""

@@ -241,6 +241,11 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
     decision = run(made, robot, 0.1, begin=NOW + 2.2)[-1]
     moved = (np.subtract(robot.object_pose, before))[:2] / 0.1
     assert moved == pytest.approx(decision.command.achieved_twist[:2], abs=2e-4)
+    # Another servo takes the failures of the rollers that its robot has.
+    for robot, taken in ((ROBOT, {name}), (core.load_robot('triangle'), set())):
+        other = core.TwistServo(robot, made.settings)
+        other.take_failures(made)
+        assert other.failed == taken
     # It stays failed until somebody says otherwise.
     made.reset_failures([name])
     assert made.failed == set()
