@@ -157,18 +157,6 @@ def test_modes_are_strings_on_a_foundation():
     assert matrix[0, far] == pytest.approx(plain, rel=1e-3)
 
 
-@pytest.mark.parametrize('fabric', [FABRIC, None])
-def test_pressure_rates_of_the_compliance_agree_with_finite_differences(fabric):
-    points, spacing, step = np.array([0, 3, 4, 9]), 0.004, 1.0
-
-    def matrix(pressure):
-        return Flattening(RADIUS, pressure, fabric).compliance(points, spacing)
-
-    slope = (matrix(PRESSURE + step) - matrix(PRESSURE - step)) / (2.0 * step)
-    rates = Flattening(RADIUS, PRESSURE, fabric).compliance_rates(points, spacing)
-    assert rates == pytest.approx(slope, rel=1e-6)
-
-
 def test_flattening_kernel_agrees_with_the_robot_file():
     robot = load_robot('nine_member')
     stiffer = Robot(replace(robot.description, local_stiffness=1.7))

@@ -114,19 +114,6 @@ def test_a_linear_update_is_least_squares():
     assert covariance == pytest.approx(np.linalg.inv(rows.T @ rows))
 
 
-def test_considered_parameters_increase_the_covariance_of_functions_of_the_state():
-    prior, rates, noise = drawn(4, 6)
-    by_offsets = RNG.normal(size=(6, 2))
-    known, unknown = (
-        SchmidtFilter(prior, np.zeros((4, 2)), offsets).conditioned(rates, by_offsets, noise)[0]
-        for offsets in (np.zeros((2, 2)), np.eye(2))
-    )
-    functions, none = RNG.normal(size=(3, 4)), np.zeros((3, 2))
-    more = unknown.spread(functions, none) - known.spread(functions, none)
-    errors = functions @ condition(prior, rates, noise)[0] @ by_offsets
-    assert more == pytest.approx(errors @ errors.T)
-
-
 def test_the_filter_is_a_kalman_filter_whose_gain_for_the_parameters_is_zero():
     prior, _, _ = drawn(3, 2)
     considered = SchmidtFilter(prior, np.zeros((3, 2)), np.eye(2))
