@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import check_range, MAX_FRICTION, MAX_MASS, Pose, pose_fault
+from isotruss_ros.core.model.scaled_shape import ScaledShape
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
 from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD, MAX_MAGNITUDE, Points
@@ -161,6 +162,19 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         object.__setattr__(smooth, 'shape', shape)
         smooth._place(self.pose)
         return smooth
+
+    def scaled(self, factor: float, interpolated: bool = False) -> ConvexObject:
+        """
+        Return the object enlarged by a factor about its centroid, see `ScaledShape`.
+
+        :param factor: ratio of lengths to those of this object [-].
+        :param interpolated: whether the depths of its dents are interpolated.
+        """
+        larger, shape = copy.copy(self), ScaledShape(self.shape, factor, interpolated)
+        object.__setattr__(larger, 'shape', shape)
+        moved = self.turn * self.shape.centroid * (1.0 - factor)
+        larger._place(np.add(self.pose, (moved.real, moved.imag, 0.0)))
+        return larger
 
     def support(self, normals: Points) -> Array:
         """

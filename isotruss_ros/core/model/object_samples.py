@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any
 
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.scaled_shape import ScaledShape
 from isotruss_ros.core.model.shapes import Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
@@ -24,12 +25,18 @@ class ShapeSamples:
         self.centroid = np.array([shape.centroid for shape in shapes])
 
     @cached_property
-    def _distinct(self) -> list[tuple[Shape, Indices]]:
-        """Return each shape with the indices of the objects that have it."""
+    def _distinct(self) -> list[tuple[Shape, Array, Indices]]:
+        """Return each shape that is not similar to another, with factors and objects (q,)."""
         numbers: dict[int, list[int]] = {}
-        for i, shape in enumerate(self._shapes):
-            numbers.setdefault(id(shape), []).append(i)
-        return [(self._shapes[of_shape[0]], np.array(of_shape)) for of_shape in numbers.values()]
+        scaled = [
+            (shape.base, shape.factor) if isinstance(shape, ScaledShape) else (shape, 1.0)
+            for shape in self._shapes
+        ]
+        for i, (base, _) in enumerate(scaled):
+            numbers.setdefault(id(base), []).append(i)
+        factors = np.array([factor for _, factor in scaled])
+        groups = map(np.array, numbers.values())
+        return [(scaled[objects[0]][0], factors[objects], objects) for objects in groups]
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points (n, k) and radii of curvature at given normals; see `Shape`."""
@@ -37,44 +44,45 @@ class ShapeSamples:
             at, curved = self._shapes[0].surface_at(corners, normals[0])
             return at[None], curved[None]
         points, radii = np.empty(normals.shape, dtype=complex), np.empty(normals.shape)
-        for shape, objects in self._distinct:
-            of_shape = normals[objects]
+        for shape, factors, objects in self._distinct:
+            of_shape, scales = normals[objects], factors[:, None]
             every_corner = np.broadcast_to(corners, of_shape.shape).ravel()
             at, curved = shape.surface_at(every_corner, of_shape.ravel())
-            points[objects], radii[objects] = (
-                at.reshape(of_shape.shape),
-                curved.reshape(of_shape.shape),
-            )
+            points[objects] = scales * at.reshape(of_shape.shape)
+            radii[objects] = scales * curved.reshape(of_shape.shape)
         return points, radii
 
     def support_points(self, normals: Points) -> Points:
         """Return the points (n, c) where tangents touch; see `Shape`."""
         points = np.empty(normals.shape, dtype=complex)
-        for shape, objects in self._distinct:
+        for shape, factors, objects in self._distinct:
             of_shape = normals[objects]
-            points[objects] = shape.support_points(of_shape.ravel()).reshape(of_shape.shape)
+            at = shape.support_points(of_shape.ravel()).reshape(of_shape.shape)
+            points[objects] = factors[:, None] * at
         return points
 
     def nearest(self, points: Points, owners: Indices) -> SurfacePoints:
         """Return the nearest points of the objects `owners` (q,); see `Shape`."""
         gaps, normals = np.empty(len(points)), np.empty(len(points), dtype=complex)
-        numbers = np.empty(len(self._shapes), dtype=int)
-        for number, (_, objects) in enumerate(self._distinct):
-            numbers[objects] = number
-        of_points = numbers[owners]
+        numbers, factors = np.empty(len(self._shapes), dtype=int), np.empty(len(self._shapes))
+        for number, (_, of_shape, objects) in enumerate(self._distinct):
+            numbers[objects], factors[objects] = number, of_shape
+        of_points, scales = numbers[owners], factors[owners]
         for number in np.unique(of_points).tolist():
             chosen = of_points == number
-            gaps[chosen], normals[chosen] = self._distinct[number][0].nearest(points[chosen])
+            shape, of_chosen = self._distinct[number][0], scales[chosen]
+            gaps[chosen], normals[chosen] = shape.nearest(points[chosen] / of_chosen)
+            gaps[chosen] *= of_chosen
         return SurfacePoints(gaps, normals)
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return arc lengths (n, k) to points with given normals; see `Shape`."""
         lengths = np.empty(angles.shape)
-        for shape, objects in self._distinct:
+        for shape, factors, objects in self._distinct:
             of_shape = angles[objects]
             every_corner = np.broadcast_to(corners, of_shape.shape).ravel()
             unrolled = shape.unroll(of_shape.ravel(), every_corner)
-            lengths[objects] = unrolled.reshape(of_shape.shape)
+            lengths[objects] = factors[:, None] * unrolled.reshape(of_shape.shape)
         return lengths
 
 
