@@ -27,8 +27,8 @@ from dataclasses import dataclass, replace
 import functools
 from typing import Any, ClassVar, NamedTuple
 
-from isotruss_ros.core.contact.dents import dent_table, Dents, DentTable
-from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.dent_interpolation import find_table, InterpolatedTable
+from isotruss_ros.core.contact.dents import Dents, DentTable
 from isotruss_ros.core.holding.pressed_contacts import (
     ANGLE,
     CENTER,
@@ -354,10 +354,10 @@ def find_dents(
     robot, corners = structure.config.robot, contacts.corners.tolist()
     tubes = robot.topology.tube[contacts.members].tolist()
 
-    def tables(pressures: Sequence[float], shape: Shape) -> list[DentTable]:
+    def tables(pressures: Sequence[float], shape: Shape) -> list[DentTable | InterpolatedTable]:
         """Return the tables of one object."""
         return [
-            dent_table(flattening_of(robot, pressures[tube]), shape, corner)
+            find_table(robot, tube, pressures[tube], shape, corner)
             for tube, corner in zip(tubes, corners, strict=True)
         ]
 
