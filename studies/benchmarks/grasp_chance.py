@@ -29,7 +29,6 @@ from isotruss_ros.core import (
     settle_grasp,
     Uncertainty,
 )
-from isotruss_ros.core.chance.criteria import scaled
 from isotruss_ros.core.chance.probability import find_chance
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -111,7 +110,7 @@ def draw_afresh(settled: SettledGrasp, change: np.ndarray) -> SettledGrasp:
     columns, names = GraspParameters.of(inputs.config), inputs.config.robot.member_names
     stiffness = max(1.0 + change[columns.stiffness], 0.05)
     robot = Robot(replace(inputs.config.robot.description, stiffness_scale=stiffness))
-    body = scaled(inputs.body, 1.0 + change[-1])
+    body = inputs.body.scaled(1.0 + change[-1])
     return settle_grasp(
         robot.home.moved_to(inputs.config.roller_positions + change[columns.rollers]),
         body.moved_to(np.array(body.pose) + change[columns.place]),

@@ -11,9 +11,7 @@ of slip is mu - |T| / N, whose derivatives vary much less than those of the slip
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
-import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_search import depths_in_others
@@ -21,7 +19,6 @@ from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.kinematics.distances import collision_model
-from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
@@ -117,17 +114,6 @@ def _invariant_rates(grip: HeldGrip, tubes: LoadedTubes) -> Array:
     rates[:, : len(grip.config.roller_positions)] += statics.anchor_rates
     rates[:, -1] -= grip.body.shape.unroll(grip.angles, contacts.corners)
     return rates
-
-
-@functools.lru_cache(maxsize=8)
-def scaled(body: ConvexObject, factor: float) -> ConvexObject:
-    """Return the object enlarged by a factor about its centroid; its fields are lengths."""
-    shape: Any = body.shape
-    lengths = {field.name: np.array(getattr(shape, field.name)) for field in fields(shape)}
-    larger = replace(shape, **{name: (factor * x).tolist() for name, x in lengths.items()})
-    moved = body.turn * shape.centroid * (1.0 - factor)
-    pose = np.add(body.pose, (moved.real, moved.imag, 0.0))
-    return replace(body, shape=larger).moved_to(pose)
 
 
 def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, rates: Array) -> Criteria:

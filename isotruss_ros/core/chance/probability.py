@@ -11,16 +11,13 @@ two conditions, and has no random error. It does not bound the error of the line
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from isotruss_ros.core.chance.criteria import find_criteria, find_unknown_rates, scaled
-from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
-from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.chance.criteria import find_criteria
 from isotruss_ros.core.holding.held_gradient import GraspParameters
-from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip
-from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -47,8 +44,9 @@ class Chance(Record, headline=('probability', 'method', 'limit', 'shares', 'stan
     #: shares of the quantities in the variance of this criterion to first order, largest first;
     #: zeros without any deviation, empty without a nominal equilibrium [-]
     shares: dict[str, float]
-    #: standard error of a probability from samples, positive also if all agree; 0 to first order
-    standard_error: float = 0.0
+    #: standard error of a probability from samples, positive also if all agree; to first order its
+    #: error as estimated by `first_order_error`, NaN if not estimated [-]
+    standard_error: float = math.nan
     reliability: float = 0.0  #: standard normal quantile of the probability; larger is better [-]
 
 
@@ -88,72 +86,6 @@ def failure_probability(sigmas: Array, correlation: Array) -> float:
     # The largest overlap of each condition with a more probable one.
     overlap = np.tril(pairs, -1).max(axis=1).sum()
     return min(1.0, float(scipy.special.ndtr(-sigmas).sum() - overlap))
-
-
-def changed_inputs(inputs: GraspInputs, change: Array) -> GraspInputs:
-    """Return the inputs of a grasp after changes (p,) of parameters."""
-    columns, config = GraspParameters.of(inputs.config), inputs.config
-    resized = scaled(inputs.body, 1.0 + change[-1])
-    return inputs._replace(
-        config=config.moved_to(config.roller_positions + change[columns.rollers]),
-        body=resized.moved_to(np.array(resized.pose) + change[columns.place]),
-        wrench=inputs.wrench + change[columns.wrench],
-        pressures=tuple(inputs.pressures + change[columns.pressures]),
-        # A normal number may be negative.
-        stiffness=max(inputs.stiffness + change[columns.stiffness], 0.05),
-    )
-
-
-def changed_grip(grip: HeldGrip, change: Array) -> HeldGrip:
-    """Return the equilibrium with unknown contact history after changes (p,) of parameters."""
-    starts = [(grip, grip.state.unknowns)]
-    return attach_grip(*changed_inputs(grip.inputs, change), starts=starts)
-
-
-def sample_friction(
-    inputs: GraspInputs,
-    grip: HeldGrip | None,
-    covariance: Array,
-    samples: int,
-    seed: int,
-    on_progress: Callable[[float], None] | None,
-) -> Array:
-    """
-    Return the required friction (s,) in random samples; infinite if the object is not held.
-
-    :param inputs: nominal inputs of the grasp.
-    :param grip: nominal equilibrium; None: there is none.
-    """
-    rng = np.random.default_rng(seed)
-    changes = rng.multivariate_normal(np.zeros(len(covariance)), covariance, samples)
-    required: list[float] = []
-    # The first equilibrium with each set of corners in contact, its change, and the derivatives of
-    # its unknowns, by which Newton's method starts at linearly extrapolated unknowns.
-    models = {}
-    if grip is not None:
-        nominal = np.zeros(len(covariance))
-        models[grip.contacts.corners.tobytes()] = grip, nominal, find_unknown_rates(grip)[0]
-    for i, change in enumerate(changes):
-        starts = [
-            (near, near.state.unknowns + rates @ (change - near_change))
-            for near, near_change, rates in models.values()
-        ]
-        try:
-            drawn = attach_grip(*changed_inputs(inputs, change), starts=starts)
-            held = assess_equilibrium(drawn.statics.body.pose, drawn, math.inf).held
-            required.append(drawn.required_friction if held else math.inf)
-            corners = drawn.contacts.corners.tobytes()
-            if held and corners not in models:
-                models[corners] = drawn, change, find_unknown_rates(drawn)[0]
-        except ConfigurationError:
-            pass  # The true robot has a configuration, so a sample without one is left out.
-        except IsotrussError:  # no equilibrium
-            required.append(math.inf)
-        if on_progress is not None:
-            on_progress((i + 1) / samples)
-    if not required:
-        raise GraspError('no sample has a configuration: the roller offsets must deviate less')
-    return np.array(required)
 
 
 def standard_error(chances: Array) -> float:

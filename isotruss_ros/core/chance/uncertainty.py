@@ -10,13 +10,9 @@ from dataclasses import dataclass, fields, replace
 import math
 from typing import Any
 
-from isotruss_ros.core.chance.probability import (
-    Chance,
-    changed_grip,
-    find_chance,
-    sample_friction,
-    standard_error,
-)
+from isotruss_ros.core.chance.first_order_error import first_order_error
+from isotruss_ros.core.chance.probability import Chance, find_chance, standard_error
+from isotruss_ros.core.chance.random_inputs import changed_grip, sample_friction
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grasp_gradient import GraspGradient
 from isotruss_ros.core.holding.held_gradient import GraspParameters
@@ -36,6 +32,9 @@ import scipy
 
 #: Step of the differences of the probability, in standard deviations [-].
 STEP = 3e-4
+#: Number of samples where first order is not proved good [-], and largest estimated error of the
+#: probability to first order where it is.
+SAMPLES, FIRST_ORDER_ERROR = 200, 0.02
 COVARIANCE = 'offset_covariance [m^2]'
 
 
@@ -157,21 +156,23 @@ class Uncertainty(Record):
         """
         Return the probability that the object is held.
 
+        It is computed to first order if exact equilibria within two deviations prove that its
+        error is at most `FIRST_ORDER_ERROR`, otherwise from samples.
+
         :param settled: the grasp.
-        :param samples: number of equilibria with random parameters; 0: to first order; None: 200
-            (standard error below 0.036, some seconds) for objects with corners and without a
-            nominal equilibrium, otherwise to first order.
+        :param samples: number of equilibria with random parameters; 0: to first order without
+            this proof, as a first guess; None: 200 (standard error below 0.036) where first order
+            is not proved good.
         :param seed: seed of the random parameters.
-        :param on_progress: function that is called with the completed fraction, 0 to 1.
+        :param on_progress: function that is called with the completed fraction of the samples, 0
+            to 1.
         :raises GraspError: the equilibrium is neutral, there is none to linearise about to first
             order, or an integer is invalid.
         """
         grip = settled.equilibrium
-        if samples is None:
-            samples = 200 if grip is None or grip.body.shape.faces_at(0) else 0
-        samples = check_count(samples, 'samples', GraspError)
+        count = None if samples is None else check_count(samples, 'samples', GraspError)
         seed = check_count(seed, 'seed', GraspError)
-        if grip is None and not samples:
+        if grip is None and count == 0:
             raise GraspError('samples 0: must be positive, because there is no equilibrium')
         nominal = settled.lost if grip is None else grip
         covariance = self.covariance(nominal)
@@ -179,10 +180,15 @@ class Uncertainty(Record):
             chance = Chance(0.0, 'samples', settled.hold.value, {})
         else:
             chance = find_chance([grip], settled.friction, covariance)
-        if not samples:
-            return chance
-        # The equilibrium does not depend on friction, so friction is not drawn.
-        required = sample_friction(nominal.inputs, grip, covariance, samples, seed, on_progress)
+            if count is None:
+                error = first_order_error(grip, settled.friction, covariance)
+                chance = replace(chance, standard_error=error)
+                count = 0 if error <= FIRST_ORDER_ERROR else None
+            if count == 0:
+                return chance
+        # Friction is not drawn: its normal distribution gives the chance of each sample.
+        count = SAMPLES if count is None else count
+        required = sample_friction(nominal.inputs, covariance, count, seed, on_progress)
         chances = scipy.special.ndtr((settled.friction - required) / max(self.friction, EPSILON))
         return replace(
             chance,

@@ -79,6 +79,16 @@ def settle_grasps(
     inputs, coefficients = check_grasps(
         configs, bodies, friction, external_wrench, pressure, members, poses, stiffness
     )
+    return settle_inputs_together(inputs, coefficients, executor, on_progress)
+
+
+def settle_inputs_together(
+    inputs: Sequence[GraspInputs],
+    coefficients: Array,
+    executor: Executor | None = None,
+    on_progress: Callable[[float], None] | None = None,
+) -> SettledGrasps:
+    """Return the settled grasps of n checked inputs, see `settle_grasps`."""
     count = len(inputs)
     slices = [slice(begin, begin + GROUP_SIZE) for begin in range(0, count, GROUP_SIZE)]
     groups = [(inputs[chosen], coefficients[chosen]) for chosen in slices]

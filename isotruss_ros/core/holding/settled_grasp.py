@@ -187,9 +187,10 @@ class SettledGrasp(
 
         :param uncertainty: standard deviations of the parameters.
         :param samples: number of equilibria with random parameters; 0: to first order; None: 200
-            for objects with corners and without a nominal equilibrium, otherwise to first order.
+            where first order is not proved good.
         :param seed: seed of the random parameters.
-        :param on_progress: function that is called with the completed fraction, 0 to 1.
+        :param on_progress: function that is called with the completed fraction of the samples, 0
+            to 1.
         :raises GraspError: an integer is invalid, the equilibrium is neutral, or there is none to
             linearise about to first order.
         """

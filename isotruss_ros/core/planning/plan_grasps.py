@@ -29,6 +29,7 @@ from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.planning.approach import Closing
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate, Judgement
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress
+from isotruss_ros.core.planning.rank_by_chance import rank_by_chance
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.seeds import find_seeds, required_members
 from isotruss_ros.core.planning.violations import SearchTally, Violation
@@ -80,7 +81,9 @@ def plan_grasps(
     :param max_rounds: largest number of rounds. No further round begins when that many grasps are
         found.
     :param uncertainty: uncertainty of robot and object. Then grasps are ranked by the chance that
-        the object is held, also along the path `carry` of the requirements.
+        the object is held, also along the path `carry` of the requirements. The search uses the
+        chance to first order. The grasps found are ranked by samples, unless there are more than
+        twelve, or a path or an external wrench is required.
     :raises GraspError: the robot has no such module or members, or an integer is invalid.
     :raises StructureError: the robot cannot be analysed.
     """
@@ -110,6 +113,9 @@ def plan_grasps(
         if search.stopped or len(search.best()) >= needs.count:
             break
     best, tally = tuple(search.best()), search.tally
+    is_moved = bool(needs.carry) or any(needs.external_wrench)
+    if uncertainty is not None and not is_moved and not search.stopped:
+        best = rank_by_chance(best, needs.friction, uncertainty)
     closest = None if best else tally.closest
     evaluations, duration = tally.evaluations + tally.analyses, time.perf_counter() - search.began
     return GraspPlan(best, not search.stopped, closest, evaluations, tally.analyses, duration)

@@ -8,7 +8,8 @@ from functools import cache
 from carries import make_robot, place
 from isotruss_ros import core
 from isotruss_ros.core.chance.criteria import find_criteria
-from isotruss_ros.core.chance.probability import changed_grip, find_chance
+from isotruss_ros.core.chance.probability import find_chance
+from isotruss_ros.core.chance.random_inputs import changed_grip
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.roll_grip import roll_grip
