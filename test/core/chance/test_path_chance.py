@@ -96,6 +96,15 @@ def test_grasps_are_ranked_by_their_chance(plans):
     assert [grasp.score for grasp in plans[1]] == [g.chance.reliability for g in plans[1]]
 
 
+def test_the_chance_of_planned_grasps_is_that_from_samples_unless_they_are_carried():
+    grasps = plan(is_certain=False)
+    best = grasps[0]
+    settled = core.settle_grasp(best.config, best.grip.body, 0.5, members=best.members)
+    assert best.chance == settled.chance(UNCERTAIN, samples=200)
+    assert len(grasps) == 3
+    assert {grasp.chance.method for grasp in plan(CARRY, is_certain=False)} == {'first order'}
+
+
 def test_the_best_grasp_has_a_larger_chance_than_the_nominal_one(plans):
     grasp = plans[0][0]
     body = grasp.grip.body
