@@ -35,7 +35,7 @@ def follow(belief, time, period, pressures=None):
 
 
 @pytest.mark.parametrize('period', [0.01, 0.05])
-def test_predicted_pose_and_squeeze_are_within_the_bounds_of_their_errors(period):
+def test_predicted_pose_squeeze_and_slip_margin_are_within_the_bounds_of_their_errors(period):
     belief, held = BELIEF, MODEL
     for number in range(1, round(1.0 / period) + 1):
         belief = follow(belief, number * period, period)
@@ -46,6 +46,7 @@ def test_predicted_pose_and_squeeze_are_within_the_bounds_of_their_errors(period
         ) * (1.0, 1.0, held.arm, 1.0)
         assert np.linalg.norm(errors) < MAX_ERRORS[0]
         assert abs(squeeze_error) < MAX_ERRORS[1]
+        assert belief.slip_margin == pytest.approx(held.slip_margin(GRIP.friction), abs=0.2)
 
 
 def test_a_short_motion_needs_no_equilibrium():

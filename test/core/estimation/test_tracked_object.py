@@ -16,6 +16,7 @@ from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
@@ -131,13 +132,14 @@ def test_noise_of_poses_is_estimated_from_their_steps():
     assert np.mean(noise.variances) == pytest.approx(deviation**2, rel=0.1)
 
 
-def test_a_jump_of_the_derivatives_by_offsets_is_no_slip():
+def test_an_earlier_walk_and_a_jump_of_the_derivatives_by_offsets_are_no_slip():
     rates, jump = np.eye(3, 6), np.ones((3, 6))
     covariances, offsets = (1e-6 * np.eye(3), 1e-6 * np.eye(3)), 1e-4 * np.eye(6)
-    walk = ContactWalk().added(0.0, np.zeros(3), *covariances, rates, offsets)
+    walk = ContactWalk().spread(np.eye(3))
+    walk = walk.added(0.0, np.zeros(3), *covariances, rates, offsets).without_jump(jump)
     step = 0.1, np.array([2e-3, 0.0, 0.0]), *covariances
-    jumped = walk.without_jump(jump).added(*step, rates + jump, offsets)
-    assert jumped.deviations == walk.added(*step, rates, offsets).deviations > 1.0
+    slipped = walk.added(*step, rates + jump, offsets)
+    assert slipped.deviations == pytest.approx(2e-3 / math.sqrt(2e-6))
 
 
 def test_a_constant_offset_of_the_pose_is_no_squeeze():
@@ -204,6 +206,15 @@ def test_a_jump_is_in_part_a_shift_of_the_contacts_which_changes_the_squeeze():
     assert jumped.state.jump > 0.0
     share = (jumped.squeeze - belief.squeeze) / (slid.squeeze - belief.squeeze)
     assert 0.2 < share < 1.0
+
+
+@pytest.mark.parametrize('away', [(4e-3, -2e-3, 0.02), (8e-3, 0.0, 0.0)])
+def test_a_search_changes_neither_pose_nor_squeeze_for_control(away):
+    belief = GripBelief.of(MODEL, GRIP.moved_to(MODEL.pose), EstimatorSettings())
+    belief = belief.observed(Pose(*np.add(MODEL.pose, away)), 0.0)
+    searched, _ = replace(belief, search_due=HoldStatus.HELD).followed(CONFIG, 0.01, None)
+    assert searched.cache is not belief.cache
+    assert searched.regulated == pytest.approx(belief.regulated, abs=1e-5)
 
 
 def test_rates_of_displaced_joints_are_those_at_other_offsets():
