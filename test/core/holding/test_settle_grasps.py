@@ -88,29 +88,12 @@ def assert_equal(settled, i, expected):
         assert found == pytest.approx({**dict.fromkeys(NAMES, 0.0), **getattr(expected, name)})
 
 
-def permuted(grasps, order):
-    """Return the arguments of grasps in another order."""
-    lists = {name: [grasps[name][i] for i in order] for name in ('configs', 'bodies')}
-    return {name: lists.get(name, np.take(v, order, 0)) for name, v in grasps.items() if name}
-
-
 @pytest.mark.parametrize('seed', range(3))
 def test_each_of_many_grasps_is_that_of_settle_grasp(seed):
     grasps = random_grasps(12, seed)
     settled = settle_grasps(**grasps)
     for i in range(len(settled)):
         assert_equal(settled, i, alone(grasps, i))
-
-
-def test_grasps_do_not_depend_on_those_beside_them():
-    grasps = random_grasps(10, 7)
-    settled = settle_grasps(**grasps)
-    order = np.random.default_rng(1).permutation(10)[:6]
-    others = settle_grasps(**permuted(grasps, order))
-    for k, i in enumerate(order):
-        assert others.hold[k] is settled.hold[i]
-        assert others.pose[k] == pytest.approx(settled.pose[i], rel=1e-10, abs=1e-10)
-        assert others.slip_margin[k] == pytest.approx(settled.slip_margin[i], rel=1e-10, abs=1e-10)
 
 
 DISC = place_between(HOME, MEMBERS, ConvexObject.disc((0.0, 0.0), 0.3).shape, 0.0, 0.01).body
