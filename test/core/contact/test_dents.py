@@ -95,6 +95,8 @@ def test_derivative_by_the_angle_agrees_with_finite_differences(shape, angle, fo
     )
     depth, _, turned = dent(table, force, angle)
     assert turned == pytest.approx(slope, rel=1e-4, abs=1e-6 * abs(depth))
+    # Angles of a rolling object are continued beyond half a turn.
+    assert dent(table, force, angle + 2.0 * np.pi)[0] == pytest.approx(depth, rel=1e-9)
 
 
 @pytest.mark.parametrize('force', [0.3, 40.0, -5.0])

@@ -138,6 +138,10 @@ def test_stiffness_of_a_bent_member_is_that_of_the_stability_functions(share, sh
     # Of an S, and of a bow.
     stiffness = 4.0 * flexural / length * np.array([3.0 / softening, ratio])
     assert bent.stiffness[0].diagonal()[1:] == pytest.approx(stiffness, rel=1e-3)
+    # With a pinned start, both moments are that of the end: flexibilities add up.
+    pinned = BeamColumns.of(np.array([length]), section, np.array([True]))
+    bent = pinned.evaluate(np.zeros(1), np.zeros((2, 1)), np.array([axial]))
+    assert bent.stiffness[0, 1, 1] == pytest.approx(1.0 / (1.0 / stiffness).sum(), rel=1.5e-3)
 
 
 @pytest.mark.parametrize('shear', [np.inf, 1.9e3])
