@@ -21,7 +21,7 @@ from isotruss_ros.core.servo.recorded_servo import find_versions
 from isotruss_ros.core.servo.recorded_values import find_changes
 from isotruss_ros.core.servo.repeated_run import decide_again, read_robot, RepeatedCycle
 from isotruss_ros.core.servo.servo_settings import ServoSettings
-from isotruss_ros.viewer.recorded_cycles import has_cycles, read_cycles, read_older_cycles
+from isotruss_ros.viewer.recorded_cycles import find_cycles
 from isotruss_ros.viewer.recording import BrokenRecordingError, RecordingError
 import numpy as np
 
@@ -118,7 +118,7 @@ def print_run(path: Path, robot: Robot, diameter: float, changes: Sequence[str])
     :param diameter: diameter of the disc of recordings without settings [m].
     :return: whether no command differs by more than rounding.
     """
-    cycles = read_cycles(path) if has_cycles(path) else read_older_cycles(path, robot, diameter)
+    cycles = find_cycles(path, robot, diameter)
     try:
         first = next(cycles)
     except StopIteration:

@@ -54,6 +54,33 @@ def read_cycles(path: str | Path) -> Iterator[RecordedCycle]:
         yield read_cycle(message.data)
 
 
+def find_cycles(path: str | Path, robot: Robot, diameter: float) -> Iterator[RecordedCycle]:
+    """
+    Yield each cycle of a recording, with or without records of cycles.
+
+    :param robot: robot of recordings without robot file.
+    :param diameter: diameter of the disc of recordings without settings [m].
+    """
+    return read_cycles(path) if has_cycles(path) else read_older_cycles(path, robot, diameter)
+
+
+def read_told_squeeze(path: str | Path) -> np.ndarray | None:
+    """Return the times [s], squeezes and deviations [N] of the statuses, (k, 3), if recorded."""
+    kind = OLDER['manipulation/status']
+    rows = []
+    try:
+        for _, _, message in read_recording(path, {'manipulation/status': kind}):
+            stamp = message.header.stamp
+            squeeze = getattr(message, 'squeeze', math.nan)
+            deviation = getattr(message, 'squeeze_deviation', math.nan)
+            rows.append((stamp.sec + 1e-9 * stamp.nanosec, squeeze, deviation))
+    except RecordingError:  # without statuses, or damaged behind those that were read
+        pass
+    table = np.array(rows).reshape(-1, 3)
+    known = table[np.isfinite(table).all(axis=1)]
+    return known if len(known) else None
+
+
 def has_cycles(path: str | Path) -> bool:
     """Return whether a file contains records of cycles."""
     try:
