@@ -41,6 +41,10 @@ PROGRAMS = {
     'demo': ('plan a grasp, grip an object, carry and hold it', 'isotruss_ros.demo.__main__:main'),
     'view': ('drag a simulated robot in the browser', 'isotruss_ros.demo.view:main'),
     'replay': ('show a recording in the browser', 'isotruss_ros.cli.replay:main'),
+    'compare': (
+        'compare a recorded run with the model and name what deviates',
+        'isotruss_ros.cli.compare:main',
+    ),
     'plan_grasps': ('search grasps of an object', 'isotruss_ros.cli.plan_grasps:main'),
     'fit_tube_stiffness': (
         'fit the stiffness of a tube to measured points',
