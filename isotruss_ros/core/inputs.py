@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 import enum
 from operator import itemgetter
 from typing import Any, NamedTuple
 
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 import numpy as np
 from numpy.typing import ArrayLike
 

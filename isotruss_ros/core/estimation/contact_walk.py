@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 import math
 from typing import NamedTuple
 
 from isotruss_ros.core.estimation.fault_thresholds import SUM_INTERVALS
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 import numpy as np
 
 #: Prior standard deviations of the coordinates [m] and of the angle [rad].

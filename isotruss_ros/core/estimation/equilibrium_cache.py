@@ -15,7 +15,8 @@ Last equilibrium of the held object, with the changes of pose and squeeze since 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import dataclasses
+from dataclasses import dataclass
 from functools import cached_property
 import math
 from typing import Any
@@ -36,6 +37,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
 
@@ -179,7 +181,7 @@ class EquilibriumCache:
         equilibrium and by further `shifts` (k,) [m].
         """
         inflated = with_pressures(self.held, pressures)
-        return roll_grip(replace(inflated, anchors=self.anchors + shifts), config)
+        return roll_grip(dataclasses.replace(inflated, anchors=self.anchors + shifts), config)
 
     def shifted(self, shifts: Array) -> EquilibriumCache:
         """Return the equilibrium with contacts shifted along members (m,) [m], to first order."""

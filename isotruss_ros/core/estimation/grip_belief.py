@@ -19,7 +19,7 @@ stiffer, so the relative error of the squeeze is at most that of the stiffness, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 import math
 
@@ -44,6 +44,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.tolerances import SMALLEST_NORMAL
 from isotruss_ros.core.numerics.work_limit import WorkLimitError
 import numpy as np

@@ -9,7 +9,7 @@ The mean of the shifts is contained in the equilibrium, see `EquilibriumCache`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 import math
 
@@ -21,6 +21,7 @@ from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, SLIP_LENGTH
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -12,7 +12,7 @@ squeeze is assumed instead, and the squeeze gets the large standard deviation of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
@@ -25,6 +25,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.work_limit import WorkLimitError
 import numpy as np
 

@@ -11,11 +11,12 @@ by poses reach the control behind two low-pass filters, because the loop is stab
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 
 from isotruss_ros.core.inputs import MAX_TIMEOUT, Timeline
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 import numpy as np
 
 

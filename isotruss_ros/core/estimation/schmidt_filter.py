@@ -10,11 +10,13 @@ e + S c, where e is an error with the covariance P, and S is the sensitivity to 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 import numpy as np
+from scipy.linalg import lapack
 
 F = TypeVar('F', bound='SchmidtFilter')
 
@@ -68,7 +70,10 @@ class SchmidtFilter:
         # Parameters with the covariance C drift to C' = C + D. Linear regression of the earlier on
         # the later ones has the matrix R = C C'^-1 and residuals with the covariance C - R C.
         prior = self.prior + np.diag(drift)
-        regression = self.prior @ np.linalg.pinv(prior, hermitian=True)
+        _, transposed, info = lapack.dposv(prior, self.prior)
+        if info:  # a parameter is known exactly
+            transposed = np.linalg.pinv(prior, hermitian=True) @ self.prior
+        regression = transposed.T
         residual = self.prior - regression @ self.prior
         # S' = A S R, and P' = A P A^T + N + A S (C - R C) (A S)^T.
         decayed = decay[:, None] * self.sensitivity

@@ -11,11 +11,12 @@ travel. So delays, oscillating commands, and noise without drift do not lead to 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 
 from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.frozen import replace
 import numpy as np
 
 #: A commanded roller that does not move for this time has failed [s].

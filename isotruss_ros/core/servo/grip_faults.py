@@ -10,13 +10,14 @@ as well, see `SqueezeControl`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 
 from isotruss_ros.core.estimation.fault_thresholds import JUMP_LENGTH, REST_TIME
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
 

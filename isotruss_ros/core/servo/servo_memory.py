@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 import math
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from isotruss_ros.core.inputs import CommandHistory, Timeline
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
+from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
 from isotruss_ros.core.servo.repeated_pose import RepeatedPose

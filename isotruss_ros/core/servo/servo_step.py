@@ -11,7 +11,6 @@ measurement have no influence, so motion can resume from any state of robot and 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from isotruss_ros.core.errors import ConfigurationError, IsotrussError
@@ -30,6 +29,7 @@ from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.work_limit import limited_work
 from isotruss_ros.core.servo.cycle_motion import largest_change, predict, Prediction, solve
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError

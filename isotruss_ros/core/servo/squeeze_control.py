@@ -10,7 +10,7 @@ Squeeze control of a held object: the tracked grip, its faults, and the desired 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 
 from isotruss_ros.core.errors import IsotrussError
@@ -24,6 +24,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.servo.grip_faults import GripFaults
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings

@@ -13,7 +13,6 @@ of the held object, see `swing_watch`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
@@ -21,6 +20,7 @@ from isotruss_ros.core.holding.held_grip import MIN_RELATIVE_MARGIN
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.servo.swing_watch import MAX_SQUEEZE_GAIN
 import numpy as np

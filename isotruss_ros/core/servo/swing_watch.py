@@ -17,7 +17,7 @@ holds up to a larger p. The gain of the squeeze is p, up to `MAX_SQUEEZE_GAIN`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 import itertools
 import math
@@ -34,6 +34,7 @@ from isotruss_ros.core.estimation.fault_thresholds import (
     TRAVEL_SHARE,
 )
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.frozen import replace
 import numpy as np
 
 #: Ratio of the pose gain to the natural frequency [-]. The loop is stable even if the frequency is
