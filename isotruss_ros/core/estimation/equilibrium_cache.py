@@ -6,9 +6,12 @@ Last equilibrium of the held object, with the changes of pose and squeeze since 
 
 - `predicted` is the change by roller travel to first order, because computing an equilibrium in
   each cycle would take too long. The next one is due if the error of the prediction may exceed a
-  bound, see `is_next_due`.
+  bound, see `travel_limit`.
 - `drift` is the rate of the part of this change that (19) neglects, because commands that follow
   from (19) must compensate it: the bending that (19) neglects is up to a tenth of the motion.
+- The work of an equilibrium is spread over three cycles if no bound is exceeded thereby: a
+  step of Newton's method before it is due (`begun`), then the equilibrium, then its utilisation
+  and the derivatives by offsets (`completed`).
 - `outputs` contain the linear change by corrections of the contacts, because an estimate must
   contain a measured pose at once, and the next equilibrium follows later.
 """
@@ -19,7 +22,7 @@ import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from isotruss_ros.core.estimation.grip_model import (
     OffsetRates,
@@ -32,12 +35,13 @@ from isotruss_ros.core.estimation.grip_model import (
 from isotruss_ros.core.holding.contact_search import measure_gaps
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
+from isotruss_ros.core.holding.roll_grip import begin_roll, roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.frozen import replace
+from isotruss_ros.core.numerics.work_limit import WorkLimitError
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
 
@@ -60,6 +64,14 @@ GAP_SHARE = 0.05
 NEAR_SLIP_SHARE = 0.05
 
 
+class UsageErrors(NamedTuple):
+    """Prediction at the last equilibrium, from which `UsageLimits` learn when they follow."""
+
+    usage: UsageLimits  #: limits predicted by travel
+    margin_error: float  #: slip margin minus its prediction [N]
+    travel: Array  #: (r,) travel of the prediction [m]
+
+
 @dataclass(frozen=True, eq=False)
 class EquilibriumCache:
     """
@@ -80,7 +92,11 @@ class EquilibriumCache:
     :ivar zero_corrections: (r,) corrections of the roller offsets since the equilibrium [m].
     :ivar corrections_since_search: (r,) the same since the last search for contacts [m].
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
+    :ivar usage_errors: prediction at the equilibrium while its utilisation is unknown, so that
+        `usage` is that of the last equilibrium before; None if it is known.
+    :ivar begun: the grip after a first step to the next equilibrium; None before it.
     :ivar travel: (r,) roller travel since the equilibrium [m].
+    :ivar step: (r,) roller travel in the last cycle [m].
     :ivar drift: present rate (4,) of the changes that (19) neglects [m/s, m/s, rad/s, N/s].
     """
 
@@ -100,7 +116,10 @@ class EquilibriumCache:
     corrections_since_search: Array
     usage: UsageLimits
     travel: Array
+    step: Array
     drift: Array
+    usage_errors: UsageErrors | None = None
+    begun: HeldGrip | None = None
 
     @classmethod
     def of(cls, held: HeldGrip, friction: float) -> EquilibriumCache:
@@ -113,36 +132,52 @@ class EquilibriumCache:
             **_at_equilibrium(held, friction),
         )
 
-    def taken(self, held: HeldGrip) -> EquilibriumCache:
-        """Return another equilibrium and the derivatives at it, without changes since then."""
-        # Those by offsets take longest, so they follow in a later cycle.
-        nearby = self.by_offsets.held
+    def taken(self, held: HeldGrip, errors: UsageErrors | None = None) -> EquilibriumCache:
+        """
+        Return another equilibrium and the derivatives at it, without changes since then.
+
+        For the errors of the prediction there see `usage_errors_at`.
+        """
+        nearby, has_all = self.by_offsets.held, self.is_complete
         travel = held.config.roller_positions - nearby.config.roller_positions
-        is_near = self.has_own_rates or np.abs(travel).max() <= MAX_FIRST_ORDER_TRAVEL
-        can_wait = is_near and nearby.contacts is held.contacts
-        at_equilibrium = _at_equilibrium(held, self.friction)
-        cache = replace(self, usage=self.usage.at(held), **at_equilibrium)
-        return cache if can_wait else cache.with_own_rates()
+        is_near = has_all or np.abs(travel).max() <= MAX_FIRST_ORDER_TRAVEL
+        # Derivatives by offsets take longest; they and the utilisation follow in a later cycle.
+        cache = replace(
+            self,
+            usage_errors=errors or UsageErrors(self.usage, 0.0, 0.0 * travel),
+            drift=self.drift if held.contacts is self.held.contacts else np.zeros(4),
+            **_at_equilibrium(held, self.friction),
+        )
+        if not is_near or nearby.contacts is not held.contacts:
+            return cache.completed()
+        return cache if has_all else cache.with_own_usage()
 
     @property
-    def has_own_rates(self) -> bool:
-        """Return whether the derivatives by offsets are those at this equilibrium."""
-        return self.by_offsets.held is self.held
+    def is_complete(self) -> bool:
+        """Return whether utilisation and derivatives by offsets are those at this equilibrium."""
+        return self.by_offsets.held is self.held and self.usage_errors is None
 
-    def with_own_rates(self) -> EquilibriumCache:
-        """Return the equilibrium with the derivatives by offsets at it."""
-        return replace(self, by_offsets=OffsetRates.of(self.held))
+    def completed(self) -> EquilibriumCache:
+        """Return the equilibrium with its utilisation and the derivatives by offsets at it."""
+        return replace(self.with_own_usage(), by_offsets=OffsetRates.of(self.held))
+
+    def with_own_usage(self) -> EquilibriumCache:
+        """Return the equilibrium with `usage` at it, learned from the errors of its prediction."""
+        if self.usage_errors is None:
+            return self
+        before, margin_error, travel = self.usage_errors
+        usage = before.learned(self.held, margin_error, travel).rolled(self.travel)
+        return replace(self, usage=usage, usage_errors=None)
 
     def motion(self, travel: Array) -> Array:
         """Return the change (4,) of the outputs by roller travel (r,) [m], to first order."""
         return self.by_offsets.by_travel @ travel / self.scale
 
-    def predict(self, config: Configuration, elapsed: float) -> tuple[EquilibriumCache, Array]:
+    def predict(self, config: Configuration, elapsed: float) -> EquilibriumCache:
         """
         Predict the change of pose and squeeze by roller travel since the equilibrium.
 
         :param elapsed: time since the last prediction [s].
-        :return: the equilibrium with the prediction, and the travel (r,) in this time [m].
         """
         start = self.held.config.roller_positions + self.zero_corrections
         travel = config.roller_positions - start
@@ -150,26 +185,48 @@ class EquilibriumCache:
         if elapsed > 0.0:
             drift = (self.motion(step) - self.travel_rates @ step) / elapsed
         usage, predicted = self.usage.rolled(step), self.motion(travel)
-        return replace(self, predicted=predicted, travel=travel, usage=usage, drift=drift), step
+        changes = {'predicted': predicted, 'travel': travel, 'step': step, 'drift': drift}
+        return replace(self, usage=usage, **changes)
 
-    def is_next_due(self, pressures: Pressures, margin: float) -> bool:
-        """
-        Return whether errors of the prediction may exceed `MAX_ERRORS`, or have no bound.
+    @property
+    def next_travel(self) -> Array:
+        """Return the travel (r,) that is expected in the next cycle [m]."""
+        return self.travel + self.step
 
-        For the slip `margin` [N] see `GripBelief.slip_margin`.
+    def travel_limit(self, pressures: Pressures, margin: float) -> float:
         """
-        if self.zero_corrections.any() or pressures not in (None, self.held.pressures):
-            return True
-        travel = float(np.linalg.norm(self.travel))
-        is_near_slip = margin < NEAR_SLIP_SHARE * self.held.squeeze
+        Return the norm of the travel beyond which the next equilibrium is due [m].
+
+        Up to it the errors of the prediction are within `MAX_ERRORS`. Without a bound on them it
+        is negative; near slip each motion needs an equilibrium.
+
+        :param margin: slip margin [N], see `GripBelief.slip_margin`.
+        """
+        held = self.held
+        if self.zero_corrections.any() or pressures not in (None, held.pressures):
+            return -1.0
+        x, y, angle, squeeze = self.outputs.tolist()
+        shift = math.hypot(x - held.pose.x, y - held.pose.y, held.arm * (angle - held.pose.angle))
+        changes = shift, abs(squeeze - held.squeeze)
+        rows = zip(MAX_ERRORS.tolist(), changes, CURVATURES.tolist(), strict=True)
+        squares = [(limit - SHIFT_SHARE * change) / by_travel for limit, change, by_travel in rows]
+        if min(squares) < 0.0:
+            return -1.0
+        if margin < NEAR_SLIP_SHARE * held.squeeze:
+            return 0.0
         width = min((gap.width for gap in self.grip.gaps), default=math.inf)
-        is_gap_unknown = GAP_RATE * travel > max(MAX_ERRORS[0], GAP_SHARE * width)
-        if is_gap_unknown or (travel > 0.0 and is_near_slip):
-            return True
-        by_shifts = self.scale * (self.outputs - np.append(self.held.pose, self.held.squeeze))
-        sizes = np.array([np.linalg.norm(by_shifts[:3]), abs(by_shifts[3])])
-        errors = CURVATURES * travel**2 + SHIFT_SHARE * sizes
-        return bool((errors > MAX_ERRORS).any())
+        to_gap = max(float(MAX_ERRORS[0]), GAP_SHARE * width) / GAP_RATE
+        return min(math.sqrt(min(squares)), to_gap)
+
+    def with_begun(self, config: Configuration) -> EquilibriumCache:
+        """Return the equilibrium with a first step to that in the cycle after a configuration."""
+        if np.abs(self.step).max() > MAX_FIRST_ORDER_TRAVEL:
+            return self
+        current = dataclasses.replace(self.held, anchors=self.anchors)
+        try:
+            return replace(self, begun=begin_roll(current, config.predict(self.step)))
+        except WorkLimitError:  # the next cycle goes on
+            return self
 
     def roll(
         self, config: Configuration, pressures: Pressures, shifts: Array | float = 0.0
@@ -180,8 +237,13 @@ class EquilibriumCache:
         Before that, the k contacts are shifted along their members by all corrections since the
         equilibrium and by further `shifts` (k,) [m].
         """
-        inflated = with_pressures(self.held, pressures)
-        return roll_grip(dataclasses.replace(inflated, anchors=self.anchors + shifts), config)
+        for start in filter(None, (self.begun, self.held)):
+            inflated = with_pressures(start, pressures)
+            current = dataclasses.replace(inflated, anchors=self.anchors + shifts)
+            rolled = roll_grip(current, config)
+            if rolled is not None:
+                return rolled
+        return None
 
     def shifted(self, shifts: Array) -> EquilibriumCache:
         """Return the equilibrium with contacts shifted along members (m,) [m], to first order."""
@@ -213,12 +275,12 @@ class EquilibriumCache:
         reserves = planes.reserve + planes.rows @ self.pending_forces
         return float((reserves / planes.size).min()) - float(self.usage.rates[1] @ self.travel)
 
-    def learned(self, held: HeldGrip) -> EquilibriumCache:
-        """Return the equilibrium with `usage` that is learned from the next one."""
+    def usage_errors_at(self, held: HeldGrip) -> UsageErrors:
+        """Return the predicted limits at the next equilibrium, and the error of the margin."""
         if held.contacts is not self.held.contacts:  # a discontinuity
-            return replace(self, usage=UsageLimits.of(held), drift=np.zeros(4))
+            return UsageErrors(UsageLimits.of(held), 0.0, 0.0 * self.travel)
         margin_error = held.slip_margin(self.friction) - self.margin
-        return replace(self, usage=self.usage.learned(held, margin_error, self.travel))
+        return UsageErrors(self.usage, margin_error, self.travel)
 
 
 def _at_equilibrium(held: HeldGrip, friction: float) -> dict[str, Any]:
@@ -241,4 +303,6 @@ def _at_equilibrium(held: HeldGrip, friction: float) -> dict[str, Any]:
         'pending_forces': np.zeros(2 * len(held.anchors)),
         'zero_corrections': np.zeros(len(held.config.roller_positions)),
         'travel': np.zeros(len(held.config.roller_positions)),
+        'step': np.zeros(len(held.config.roller_positions)),
+        'begun': None,
     }

@@ -24,7 +24,7 @@ from functools import cached_property
 import math
 
 from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
-from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
+from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache, UsageErrors
 from isotruss_ros.core.estimation.fault_thresholds import ASSUMED_DEVIATIONS, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_model import (
     attach_model,
@@ -232,7 +232,7 @@ class GripBelief:
         Return the belief rolled to the current configuration, and the new hold status.
 
         Pose and squeeze are predicted from the last equilibrium until the next one is due, see
-        `EquilibriumCache.is_next_due`. If a contact slips or opens in the model, the equilibrium
+        `EquilibriumCache.travel_limit`. If a contact slips or opens in the model, the equilibrium
         near the estimated pose is searched once, in the next call. With `limited_work` it is
         predicted until the work is done.
 
@@ -241,24 +241,27 @@ class GripBelief:
             configuration is measured.
         """
         lag = replace(self.lag, time=self.lag.time + elapsed)
-        cache, step = self.cache.predict(config, elapsed)
+        cache = self.cache.predict(config, elapsed)
         belief = replace(self, lag=lag, cache=cache)
         measured, age = rollers or (config.roller_positions, 0.0)
         motion_since_reading = cache.motion(config.roller_positions - measured)[:3]
-        motion_in_step = self.scale * cache.motion(step)[:3]
+        motion_in_step = self.scale * cache.motion(cache.step)[:3]
         pose, hold = lag.pose_at_equilibrium + cache.predicted[:3], HoldStatus.HELD
+        limit = cache.travel_limit(pressures, belief.slip_margin)
         if self.search_due is not None:
             belief, hold = belief._searched(config, pressures)
             if belief.cache is not cache:  # the new equilibrium is that in this configuration
                 belief = replace(belief, lag=replace(belief.lag, pose_at_equilibrium=pose))
-        elif cache.is_next_due(pressures, belief.slip_margin):
+        elif math.hypot(*cache.travel) > limit:
             belief, pose = belief._rolled(config, pressures, pose)
-        elif not cache.has_own_rates:
-            belief = replace(belief, cache=cache.with_own_rates())
+        elif not cache.is_complete:
+            belief = replace(belief, cache=cache.completed())
+        elif cache.begun is None and math.hypot(*cache.next_travel) > limit:
+            belief = replace(belief, cache=cache.with_begun(config))
         lag = belief.lag.recorded(pose, motion_since_reading, age)
 
         # Process noise; the expected load decays, which moves the estimated pose.
-        moved = motion_in_step, np.abs(step), belief.cache
+        moved = motion_in_step, np.abs(cache.step), belief.cache
         state, load_change = belief.state.propagated(elapsed, *moved)
         by_load = belief.cache.rates[:, LOAD] @ load_change / belief.cache.scale
         belief = replace(belief, state=state, lag=lag.held_back(by_load))
@@ -276,7 +279,7 @@ class GripBelief:
         :param pose: predicted pose (3,) by roller travel alone [m, m, rad].
         :return: the belief, and this pose with the motion to the equilibrium.
         """
-        cache, state, lag = self.cache, self.state, self.lag
+        cache, state, lag, errors = self.cache, self.state, self.lag, None
         rolled, search_due = self._roll(config, pressures)
         if rolled is None:
             return replace(self, search_due=search_due), pose
@@ -286,9 +289,9 @@ class GripBelief:
             unexplained = self.scale * (change - cache.predicted[:3])
             state = replace(state, bias=state.bias - unexplained)
         else:
-            pose, cache = lag.pose_at_equilibrium + change, cache.learned(rolled)
+            pose, errors = lag.pose_at_equilibrium + change, cache.usage_errors_at(rolled)
         lag = replace(lag, pose_at_equilibrium=pose)
-        return replace(self, cache=cache, lag=lag, state=state).taken(rolled), pose
+        return replace(self, lag=lag, state=state).taken(rolled, errors), pose
 
     def _roll(
         self, config: Configuration, pressures: Pressures
@@ -425,9 +428,9 @@ class GripBelief:
         """Return the belief with another covariance (r, r) of the roller offsets [m^2]."""
         return replace(self, state=replace(self.state, prior=covariance))
 
-    def taken(self, held: HeldGrip) -> GripBelief:
-        """Return the belief at another equilibrium, for example one that another belief found."""
-        return replace(self, cache=self.cache.taken(held))._fitted()
+    def taken(self, held: HeldGrip, errors: UsageErrors | None = None) -> GripBelief:
+        """Return the belief at another equilibrium, see `EquilibriumCache.taken`."""
+        return replace(self, cache=self.cache.taken(held, errors))._fitted()
 
     def _fitted(self) -> GripBelief:
         """Return the belief with a state for the equilibrium's members; shifts have a prior."""

@@ -25,6 +25,8 @@ from isotruss_ros.core.holding.newton import settle
 from isotruss_ros.core.holding.pressed_contacts import Places, POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.factorization import solve_each
+from isotruss_ros.core.numerics.samples import take
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 from isotruss_ros.core.statics.section import tube_pressures
@@ -48,6 +50,28 @@ def roll_grip(
         return roll_contacts(before or grip, config, chosen, wrench)
 
     return run_search(search_contacts(grip.contacts, rolls=True), solve)
+
+
+def begin_roll(grip: HeldGrip, config: Configuration) -> HeldGrip | None:
+    """
+    Return a grip without a load after a step of Newton's method in a near configuration.
+
+    It is not in equilibrium: `roll_grip` has to follow, in a configuration near this one, where
+    the tubes are linearised again. None if the equations are singular.
+    """
+    travel = config.roller_positions - grip.config.roller_positions
+    structure = structure_under(config, grip.pressures, grip.statics.bent.structure.stiffness)
+    unknowns = grip.extrapolate(travel)
+    statics = replace(grip.statics, bent=grip.statics.bent_under(unknowns, structure))
+    conditions = rolling_conditions(grip.anchors, grip.angles, np.zeros(0, dtype=int))
+    samples = statics.as_samples()
+    residual, state = samples.equations(unknowns[None], np.zeros((1, 3)), conditions)
+    unknowns = unknowns - solve_each(state.jacobian, residual[..., None])[0, :, 0]
+    if not np.isfinite(unknowns).all():
+        return None
+    motion = travel, unknowns - grip.state.unknowns
+    state = replace(take(state, 0), unknowns=unknowns)
+    return replace(grip, statics=statics, state=state, motion=motion)
 
 
 def roll_contacts(

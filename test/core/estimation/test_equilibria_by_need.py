@@ -56,13 +56,40 @@ def test_a_short_motion_needs_no_equilibrium():
     assert belief.held is BELIEF.held
 
 
-def test_derivatives_by_offsets_follow_one_cycle_after_their_equilibrium():
-    belief, number = BELIEF, 0
-    while belief.held is BELIEF.held:
-        number += 1
-        belief = follow(belief, 0.01 * number, 0.01)
-    assert not belief.cache.has_own_rates
-    assert follow(belief, 0.01 * (number + 1), 0.01).cache.has_own_rates
+def follow_to_equilibrium():
+    """Return the beliefs of all cycles at constant speed until the next equilibrium."""
+    beliefs = [BELIEF]
+    while beliefs[-1].held is BELIEF.held:
+        beliefs.append(follow(beliefs[-1], 0.01 * len(beliefs), 0.01))
+    return beliefs
+
+
+def test_utilisation_and_derivatives_by_offsets_follow_one_cycle_after_their_equilibrium():
+    *_, predicted, belief = beliefs = follow_to_equilibrium()
+    usage, step = predicted.cache.usage, belief.cache.usage_errors.travel - predicted.cache.travel
+    assert belief.cache.usage.used == pytest.approx(usage.rolled(step).used)
+    assert belief.cache.by_offsets is predicted.cache.by_offsets
+    complete = follow(belief, 0.01 * len(beliefs), 0.01)
+    assert complete.held is belief.held
+    assert complete.cache.by_offsets.held is belief.held
+    at_equilibrium = complete.cache.usage.rolled(-complete.cache.travel).used
+    assert at_equilibrium == pytest.approx(belief.held.sections.used.max())
+
+
+def test_the_first_step_to_an_equilibrium_is_taken_before_it_is_due():
+    *_, predicted, belief = follow_to_equilibrium()
+    assert predicted.cache.begun is not None
+    without_step = roll_grip(predicted.held, belief.held.config)
+    np.testing.assert_allclose(
+        belief.held.state.unknowns, without_step.state.unknowns, rtol=1e-6, atol=1e-9
+    )
+
+
+def test_an_equilibrium_is_complete_at_once_in_the_cycle_after_another_one():
+    pressures = [tuple(factor * np.array(MODEL.pressures)) for factor in (1.05, 1.1)]
+    belief = follow(follow(BELIEF, 0.0, 0.01, pressures[0]), 0.0, 0.01, pressures[1])
+    assert belief.held.pressures == pressures[1]
+    assert belief.cache.usage.used == pytest.approx(belief.held.sections.used.max())
 
 
 def test_other_pressures_and_offsets_need_an_equilibrium_at_once():
@@ -72,19 +99,24 @@ def test_other_pressures_and_offsets_need_an_equilibrium_at_once():
     assert follow(corrected, 0.0, 0.01).held is not BELIEF.held
 
 
+def is_next_due(cache, margin):
+    """Return whether the next equilibrium is due at a slip margin [N]."""
+    return np.linalg.norm(cache.travel) > cache.travel_limit(None, margin)
+
+
 def test_travel_that_may_close_a_gap_needs_an_equilibrium():
     moved = CONFIG.moved_to(CONFIG.roller_positions + 0.02 * SPEED)
-    cache, _ = BELIEF.cache.predict(moved, 0.01)
-    assert not cache.is_next_due(None, BELIEF.slip_margin)
+    cache = BELIEF.cache.predict(moved, 0.01)
+    assert not is_next_due(cache, BELIEF.slip_margin)
     with_gap = replace(cache, grip=replace(cache.grip, gaps=(CornerGap(0, 0, 1e-3),)))
-    assert with_gap.is_next_due(None, BELIEF.slip_margin)
+    assert is_next_due(with_gap, BELIEF.slip_margin)
 
 
 def test_each_motion_near_slip_needs_an_equilibrium():
     moved = CONFIG.moved_to(CONFIG.roller_positions + 1e-3 * SPEED)
-    cache, _ = BELIEF.cache.predict(moved, 0.01)
-    assert cache.is_next_due(None, 0.01 * MODEL.squeeze)
-    assert not BELIEF.cache.is_next_due(None, 0.01 * MODEL.squeeze)
+    cache = BELIEF.cache.predict(moved, 0.01)
+    assert is_next_due(cache, 0.01 * MODEL.squeeze)
+    assert not is_next_due(BELIEF.cache, 0.01 * MODEL.squeeze)
 
 
 def test_utilisation_is_that_of_the_equilibrium_while_offsets_are_corrected():
