@@ -156,8 +156,8 @@ class Uncertainty(Record):
         """
         Return the probability that the object is held.
 
-        It is computed to first order if exact equilibria within two deviations prove that its
-        error is at most `FIRST_ORDER_ERROR`, otherwise from samples.
+        For objects without corners it is computed to first order if exact equilibria within two
+        deviations prove that its error is at most `FIRST_ORDER_ERROR`, otherwise from samples.
 
         :param settled: the grasp.
         :param samples: number of equilibria with random parameters; 0: to first order without
@@ -180,7 +180,8 @@ class Uncertainty(Record):
             chance = Chance(0.0, 'samples', settled.hold.value, {})
         else:
             chance = find_chance([grip], settled.friction, covariance)
-            if count is None:
+            # With corners the proof seldom succeeds, and takes a third of the time of the samples.
+            if count is None and not grip.shape.faces_at(0):
                 error = first_order_error(grip, settled.friction, covariance)
                 chance = replace(chance, standard_error=error)
                 count = 0 if error <= FIRST_ORDER_ERROR else None

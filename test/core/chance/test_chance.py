@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from carries import make_robot, place
-from held_grips import CORNER, HOME
+from held_grips import APART, BOX, CORNER, HOME
 from isotruss_ros import core
 from isotruss_ros.core.chance.criteria import find_criteria
 from isotruss_ros.core.chance.probability import failure_probability, find_chance
@@ -156,6 +156,14 @@ def test_first_order_is_the_default_for_small_deviations_only():
 def test_samples_are_the_default_where_a_contact_is_lost_within_two_deviations(grasp, uncertainty):
     chance = settle(**grasp).chance(uncertainty)
     assert chance.method == 'samples'
+
+
+def test_samples_are_the_default_for_an_object_with_corners():
+    box = core.settle_grasp(
+        HOME, core.place_between(HOME, APART, BOX, 0.4, 0.01).body, 0.9, members=APART
+    )
+    certain = replace(CERTAIN, friction=0.01)
+    assert box.chance(certain).method == 'samples'
 
 
 def test_one_uncertain_quantity_has_the_whole_share_and_its_normal_distribution():
