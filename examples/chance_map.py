@@ -4,31 +4,24 @@
 """Map slip margin and chance of being held over the position of a disc: chance_map.png."""
 
 from isotruss_ros import core
-from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.extras import explained_imports
 import numpy as np
 
 with explained_imports():
     from matplotlib.figure import Figure
 
+SAMPLES = 50  # at each position
 config = core.load_robot('nine_member').home
 uncertainty = core.Uncertainty(stiffness=0.1, roller_offset=0.003)
 left, low = core.tangent_center(config, 'north/Z', 0.3) - np.array([0.05, 0.005])
 x, y = np.meshgrid(np.linspace(left, left + 0.1, 25), np.linspace(low, low + 0.06, 16))
-
-
-def settle(x: float, y: float) -> SettledGrasp:
-    """Return the grasp with the disc at a position [m]."""
-    members, disc = ('north/P-Z', 'north/Z-R'), core.ConvexObject.disc((x, y), 0.3)
-    return core.settle_grasp(config, disc, 0.7, members=members)
-
-
-grasps = [settle(*center) for center in zip(x.flat, y.flat, strict=True)]
-margin = np.reshape([g.slip_margin if g.held else np.nan for g in grasps], x.shape)
-# Without an equilibrium the chance takes samples, a second each, and is small.
-chance = np.reshape(
-    [g.chance(uncertainty).probability if g.equilibrium else 0.0 for g in grasps], x.shape
-)
+poses = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+disc, members = core.ConvexObject.disc((0.0, 0.0), 0.3), ('north/P-Z', 'north/Z-R')
+grasps = core.settle_grasps(config, disc, 0.7, members=members, poses=poses)
+margin = np.reshape(np.where(grasps.held, grasps.slip_margin, np.nan), x.shape)
+# With the same random numbers at all positions, few samples of each give a smooth map.
+chances = [grasp.chance(uncertainty, samples=SAMPLES).probability for grasp in grasps]
+chance = np.reshape(chances, x.shape)
 safest = np.unravel_index(chance.argmax(), x.shape)
 firmest = np.nanargmax(margin[:, safest[1]]), safest[1]  # the margin does not depend on x
 figure = Figure(figsize=(9.0, 2.8), layout='constrained')
