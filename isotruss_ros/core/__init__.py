@@ -33,6 +33,8 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.object_file import read_object
+from isotruss_ros.core.model.obstacle import Obstacle
+from isotruss_ros.core.model.obstacle_file import read_obstacles
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
@@ -59,6 +61,7 @@ __all__ = [
     'HoldStatus',
     'IsotrussError',
     'ObjectPath',
+    'Obstacle',
     'PathTracker',
     'Polygon',
     'Pose',
@@ -80,6 +83,7 @@ __all__ = [
     'reach_pose',
     'reachable_twists',
     'read_object',
+    'read_obstacles',
     'settle_grasp',
     'settle_grasps',
     'solve_joint_velocity',

@@ -15,7 +15,7 @@ Reading of objects from YAML, given as a file or as the text of a parameter.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, MISSING
 from pathlib import Path
 from typing import Any
@@ -42,33 +42,57 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
     :raises ObjectFileError: the file is missing, is not YAML 1.2, or does not describe an object.
         The message names file, key and valid range.
     """
+    return make_object(*read_content(path_or_text, 'object'))
+
+
+def read_content(path_or_text: str | Path, what: str) -> tuple[Any, str]:
+    """Return the content of a YAML file or text, and the name of its source in messages."""
     if isinstance(path_or_text, str) and path_or_text.lstrip().startswith('{'):
-        source, text = 'object', path_or_text
+        source, text = what, path_or_text
     else:
         source = str(path_or_text)
         if not isinstance(path_or_text, str | Path) or not source.strip():
             raise ObjectFileError(
-                f'object {path_or_text!r}: must be the path of a file, or a text that begins '
+                f'{what} {path_or_text!r}: must be the path of a file, or a text that begins '
                 'with {'
             )
         text = read_text(Path(path_or_text), 'an object file', ObjectFileError)
-    return make_object(parse_yaml(source, text, 'object files', ObjectFileError), source)
+    return parse_yaml(source, text, 'object files', ObjectFileError), source
 
 
 def make_object(content: Any, source: str) -> ConvexObject:
     """Return the object of an object file's keys and values, at the origin of the robot frame."""
+    shape = make_shape(content, source, OPTIONAL_KEYS)
+    optional_values = {key: content[key] for key in OPTIONAL_KEYS if key in content}
+    for fault in find_faults(content.get('uncertainty', {}), 'uncertainty'):
+        raise ObjectFileError(f'{source}: uncertainty: {fault}')
+    try:
+        return ConvexObject(shape, **optional_values)
+    except GraspError as error:
+        raise ObjectFileError(f'{source}: {error}') from error
+
+
+def make_shape(
+    content: Any, source: str, other_keys: Sequence[str], shapes: Mapping[str, type] = SHAPES
+) -> Any:
+    """
+    Return the shape of the keys and values of an object.
+
+    :param other_keys: keys that the shape does not use.
+    :param shapes: classes of the possible shapes by name.
+    """
     if not isinstance(content, Mapping):
         raise ObjectFileError(
             f'{source}: {quote(repr(content))}: must be keys and values, with the key shape'
         )
-    shapes = ', '.join(SHAPES)
+    known = ', '.join(shapes)
     if 'shape' not in content:
-        raise ObjectFileError(f"{source}: key 'shape' is missing; it is one of {shapes}")
+        raise ObjectFileError(f"{source}: key 'shape' is missing; it is one of {known}")
     kind = content['shape']
-    if not isinstance(kind, str) or kind not in SHAPES:
-        raise ObjectFileError(f'{source}: shape: {quote(str(kind))}: must be one of {shapes}')
-    size_fields = fields(SHAPES[kind])
-    allowed = ('shape', *(field.name for field in size_fields), *OPTIONAL_KEYS)
+    if not isinstance(kind, str) or kind not in shapes:
+        raise ObjectFileError(f'{source}: shape: {quote(str(kind))}: must be one of {known}')
+    size_fields = [field for field in fields(shapes[kind]) if field.init]
+    allowed = ('shape', *(field.name for field in size_fields), *other_keys)
     for key in content:
         if key not in allowed:
             hint = f'{suggest(str(key), allowed)}those of shape {kind} are {", ".join(allowed)}'
@@ -77,10 +101,7 @@ def make_object(content: Any, source: str) -> ConvexObject:
         if field.default is MISSING and field.name not in content:
             raise ObjectFileError(f'{source}: key {field.name!r} is missing; a {kind} needs it')
     sizes = {field.name: content[field.name] for field in size_fields if field.name in content}
-    optional_values = {key: content[key] for key in OPTIONAL_KEYS if key in content}
-    for fault in find_faults(content.get('uncertainty', {}), 'uncertainty'):
-        raise ObjectFileError(f'{source}: uncertainty: {fault}')
     try:
-        return ConvexObject(SHAPES[kind](**sizes), **optional_values)
+        return shapes[kind](**sizes)
     except GraspError as error:
         raise ObjectFileError(f'{source}: {error}') from error

@@ -29,6 +29,7 @@ EXAMPLES = {
     'LostContact': 'settle_grasp(config, body).lost',
     'Mapping[str, ArrayLike]': "{'Z': (1.0, 0.0)}",
     'Mechanism': "load_robot('nine_member')",
+    'Obstacle': "Obstacle('post', ConvexObject.disc((x, y), diameter))",
     'ObjectPath': 'ObjectPath(poses, speed, turn_rate)',
     'Robot': "load_robot('nine_member')",
     'RollerState': 'RollerState(positions, velocities)',
@@ -36,6 +37,7 @@ EXAMPLES = {
     'RollingGrip': 'RollingGrip.attach(config, grip)',
     'Sequence[Barrier]': '[barrier]',
     'Sequence[Limit]': 'default_limits(robot)',
+    'Sequence[Obstacle]': '[obstacle]',
     'ServoSettings': 'ServoSettings(grip, period, timeout)',
     'SettledGrasp': 'settle_grasp(config, body)',
     'Shape': 'Disc(diameter)',
@@ -52,6 +54,7 @@ ABSTRACT_KINDS = {
     'Mapping[str, ArrayLike]': Mapping,
     'Sequence[Barrier]': Sequence,
     'Sequence[Limit]': Sequence,
+    'Sequence[Obstacle]': Sequence,
 }
 
 P = ParamSpec('P')
