@@ -88,6 +88,7 @@ class LatestInputs:
     #: of the robot file are used
     pressures: Input = None
     wrench: Input = None  #: external wrench (fx, fy, m) on the object [N, N m]; None: zero
+    obstacles: Input = None  #: moving obstacles, a tuple of `Obstacle` with stamps
     held_grip: Input = None  #: `GripRecord` of the control loop that holds the object
     grasp: Input = None  #: message `GraspState` of the node `grasp_analysis`
     servo_feedback: Input = None  #: `ServoFeedback` of the manipulation node

@@ -33,6 +33,7 @@ class Status(enum.IntEnum):
     SLOWED_UTILISATION = 15  #: scaled twist: a tube is near its wrinkling moment
     SLOWED_BARRIER = 16  #: scaled twist: a user-defined barrier or limit binds
     SLOWED_SLIP_MARGIN = 17  #: scaled twist: the slip margin is near its bound
+    SLOWED_OBSTACLE = 18  #: scaled twist: robot or object is near an obstacle, or evades it
     UNREACHABLE = 20  #: the closest reachable twist is executed, possibly scaled
     SLIDING = 21  #: `slide_along_limits`: the closest twist within limits is executed
     HALT_NO_TWIST = 30  #: no twist was received yet, or the last twist is too old
@@ -56,6 +57,9 @@ class Status(enum.IntEnum):
     HALT_OSCILLATES = 48  #: the object oscillates with growing amplitude; the rollers are stopped
     HALT_STALE_TUBE_PRESSURES = 50
     HALT_INVALID_TUBE_PRESSURES = 51
+    HALT_STALE_OBSTACLES = 52  #: a moving obstacle is not published any more
+    HALT_INVALID_OBSTACLES = 53
+    HALT_OBSTACLE = 54  #: an obstacle approaches faster than the robot can evade it
 
     def __str__(self) -> str:
         """Return the name of the code in lower case, with spaces."""

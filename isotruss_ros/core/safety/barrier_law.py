@@ -100,6 +100,9 @@ class ActiveValues(NamedTuple):
     node_rows: Array
     #: (k, r) derivatives of the values with respect to roller travel with fixed nodes, or zero
     roller_rows: Array | float = 0.0
+    #: (k,) rates of the values while the robot is at rest, by the motion of obstacles [1/s]; None:
+    #: nothing moves but the robot
+    drift: Array | None = None
 
 
 NO_ACTIVE_VALUES = ActiveValues(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, 0)))
@@ -161,11 +164,23 @@ class BarrierLimit:
         self.matrix = rows + active.roller_rows
         self.margins = active.values - barrier.law.bound  #: (k,) margins of the values
         self.status = barrier.status  #: status of a command that this limit reduces
+        self._drift = active.drift
+
+    @cached_property
+    def required(self) -> Array:
+        """
+        Return lower bounds (k,) of the rates by which rollers change the values [1/s].
+
+        They are positive if an obstacle approaches faster than the law allows; see `evade`.
+        """
+        required = -self.barrier.law.class_k_bound(self.margins)
+        # An obstacle that recedes allows no faster approach.
+        return required if self._drift is None else required - np.minimum(self._drift, 0.0)
 
     def rows(self, config: Configuration) -> Rows:
-        """Return one row for each barrier value h, dh/dt >= -class-K bound; see `Limit.rows`."""
-        bound = self.barrier.law.class_k_bound(self.margins)
-        return Rows(self.matrix, -bound, np.full(len(bound), np.inf))
+        """Return one row for each barrier value, which zero speed fulfils; see `Limit.rows`."""
+        bound = self.required if self._drift is None else np.minimum(self.required, 0.0)
+        return Rows(self.matrix, bound, np.full(len(bound), np.inf))
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
         """Return the names of the barrier's values; see `Limit.row_names`."""

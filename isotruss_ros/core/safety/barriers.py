@@ -21,6 +21,8 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.barrier_law import (
     ActiveValues,
@@ -39,19 +41,32 @@ class EvaluatedState(NamedTuple):
     config: Configuration  #: configuration of the robot
     grip: Grip | None  #: grip; None if the distances do not depend on it
     spare: float  #: lower bound of the distances, minus `BarrierLaw.active_below` [m]
+    obstacles: tuple[Obstacle, ...] = ()  #: obstacles
 
-    def holds(self, config: Configuration, grip: Grip | None) -> bool:
+    def holds(
+        self, config: Configuration, grip: Grip | None, obstacles: tuple[Obstacle, ...]
+    ) -> bool:
         """Return whether all distances have fallen by less than `spare` since the evaluation."""
         moved = float(np.abs(config.points - self.config.points).max())
-        return moved + max(moved, _bound_displacement(grip, self.grip)) < self.spare
+        if grip is not self.grip:
+            if grip.members != self.grip.members:
+                return False
+            moved += max(moved, _bound_displacement(grip.body, self.grip.body))
+        else:
+            moved += moved
+        if obstacles is not self.obstacles:
+            if len(obstacles) != len(self.obstacles):
+                return False
+            pairs = zip(obstacles, self.obstacles, strict=True)
+            moved += max(_bound_displacement(end.body, start.body) for end, start in pairs)
+        return moved < self.spare
 
 
-def _bound_displacement(grip: Grip | None, previous: Grip | None) -> float:
-    """Return an upper bound of the object's displacement [m]; infinite for another object."""
-    if grip is previous:
+def _bound_displacement(end: ConvexObject, start: ConvexObject) -> float:
+    """Return an upper bound of an object's displacement [m]; infinite for another shape."""
+    if end is start:
         return 0.0
-    end, start = grip.body, previous.body
-    if grip.members != previous.members or end.shape != start.shape:
+    if end.shape != start.shape:
         return math.inf
     return abs(end.center - start.center) + abs(end.turn - start.turn) * end.shape.reach
 
@@ -75,25 +90,30 @@ class NeighborList:
         self._list_state: EvaluatedState | None = None
 
     def find_close(
-        self, config: Configuration, grip: Grip | None, measure: Callable[[Selection], Array]
+        self,
+        config: Configuration,
+        grip: Grip | None,
+        measure: Callable[[Selection], Array],
+        obstacles: tuple[Obstacle, ...] = (),
     ) -> tuple[Indices, Array]:
         """Return indices and distances [m] of close pairs; `measure` evaluates distances."""
         # Verlet list: all pairs are measured after a motion by the skin, the listed ones after a
         # motion by which one of them could become close.
-        if self._all_state is None or not self._all_state.holds(config, grip):
+        state = config, grip, obstacles
+        if self._all_state is None or not self._all_state.holds(*state):
             measured = measure(ALL_VALUES)
             self._list = np.flatnonzero(measured < self.listed_below)
             distances = measured[self._list]
             # Pairs outside of the list are farther by at least the skin.
             smallest = measured.min(initial=np.inf)
             spare = self._skin if len(self._list) else smallest - self._close_below
-            self._all_state = EvaluatedState(config, grip, float(spare))
-        elif self._list_state.holds(config, grip):
+            self._all_state = EvaluatedState(config, grip, float(spare), obstacles)
+        elif self._list_state.holds(*state):
             return self._list[:0], np.zeros(0)
         else:
             distances = measure(self._list)
         spare = float(distances.min(initial=np.inf)) - self._close_below
-        self._list_state = EvaluatedState(config, grip, spare)
+        self._list_state = EvaluatedState(config, grip, spare, obstacles)
         is_close = distances < self._close_below
         return self._list[is_close], distances[is_close]
 

@@ -24,6 +24,7 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.model.setting_ranges import check_settings
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
@@ -35,6 +36,7 @@ from isotruss_ros.core.safety.barrier_law import (
     BarrierViolation,
 )
 from isotruss_ros.core.safety.barriers import ClearanceBarrier, RigidityBarrier
+from isotruss_ros.core.safety.obstacle_barrier import ObstacleBarrier
 import numpy as np
 
 #: Largest roller travel in a sample in which no value can cross a whole `BarrierLaw.band` [m].
@@ -46,6 +48,7 @@ BOUND_RANGES = {
     'min_rigidity': ('', 0.0, 0.99),
     'min_clearance': ('m', 0.0, 1.0),
     'min_object_clearance': ('m', 0.0, 1.0),
+    'min_obstacle_clearance': ('m', 0.0, 1.0),
     'rigidity_band': ('', 1e-9, 1.0),
     'clearance_band': ('m', 1e-9, 1.0),
     'rate': ('1/s', 1e-3, 1e3),
@@ -60,6 +63,7 @@ class ShapeBounds:
     :ivar min_rigidity: smallest rigidity index, 1 at home; see `rigidity_index`.
     :ivar min_clearance: smallest distance between parts of the robot [m].
     :ivar min_object_clearance: smallest distance between object and robot [m].
+    :ivar min_obstacle_clearance: smallest distance of robot and object from obstacles [m].
     :ivar rigidity_band: margin above `min_rigidity` below which the robot is slowed.
     :ivar clearance_band: margin above the smallest distances below which the robot is slowed [m].
     :ivar rate: largest decay rate of a small margin [1/s].
@@ -71,6 +75,7 @@ class ShapeBounds:
     rigidity_band: float = 0.2
     clearance_band: float = 0.1
     rate: float = 5.0
+    min_obstacle_clearance: float = 0.02
 
     def __post_init__(self) -> None:
         """Raise ConfigurationError if a bound is out of its range."""
@@ -84,11 +89,16 @@ class ShapeGuard:
     :param robot: the robot.
     :param bounds: bounds on the configuration; None: the defaults of `ShapeBounds`.
     :param barriers: user-defined barriers in addition to those of rigidity and clearances.
+    :param obstacles: obstacles at rest.
     """
 
     @check_kinds
     def __init__(
-        self, robot: Mechanism, bounds: ShapeBounds | None = None, barriers: Sequence[Barrier] = ()
+        self,
+        robot: Mechanism,
+        bounds: ShapeBounds | None = None,
+        barriers: Sequence[Barrier] = (),
+        obstacles: Sequence[Obstacle] = (),
     ) -> None:
         bounds = ShapeBounds() if bounds is None else bounds
         law = partial(BarrierLaw, rate=min(bounds.rate, robot.description.braking_rate))
@@ -99,6 +109,11 @@ class ShapeGuard:
             ClearanceBarrier(robot, between_parts, needs_object=False),
             ClearanceBarrier(robot, to_object, needs_object=True),
             *barriers,
+        )
+        to_obstacles = law(bounds.min_obstacle_clearance, bounds.clearance_band)
+        self._obstacle_barriers = tuple(
+            ObstacleBarrier(robot, to_obstacles, obstacles, needs_object)
+            for needs_object in (False, True)
         )
 
     def limits(self, config: Configuration, grip: Grip | None) -> tuple[Limit, ...]:
@@ -112,16 +127,21 @@ class ShapeGuard:
         """
         return (*default_limits(config.robot), *self.watch(config, grip).limits)
 
-    def watch(self, config: Configuration, grip: Grip | None) -> Watch:
+    def watch(
+        self, config: Configuration, grip: Grip | None, moving: Sequence[Obstacle] = ()
+    ) -> Watch:
         """
         Return limits on a command, one for each barrier with values close to its bound.
 
         :param config: predicted configuration at the midpoint of a command's sample.
         :param grip: grip at this midpoint; None without an object.
+        :param moving: moving obstacles, at their poses at the end of the sample.
         :raises ConfigurationError: the configuration is singular.
         :raises GraspError: see `find_contacts`.
         """
-        barriers = tuple(b for b in self._barriers if grip is not None or not b.needs_object)
+        obstacles = (barrier.with_moving(moving) for barrier in self._obstacle_barriers)
+        every = (*self._barriers, *(barrier for barrier in obstacles if barrier.obstacles))
+        barriers = tuple(b for b in every if grip is not None or not b.needs_object)
         evaluated = [(barrier, barrier.active(config, grip)) for barrier in barriers]
         limiting = [(barrier, active) for barrier, active in evaluated if len(active.indices)]
         if not limiting:

@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.errors import GraspError, IsotrussError
+from collections.abc import Sequence
+
+from isotruss_ros.core.errors import GraspError, IsotrussError, quote
 from isotruss_ros.core.inputs import Input, RejectedInput, StampedInput
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import EXTERNAL_WRENCH
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, MAX_LOAD
 from isotruss_ros.core.statics.section import tube_pressures
@@ -40,6 +43,8 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
             finite_array(value, 3, words, GraspError)
         elif name == 'wrench':
             finite_array(value, 3, EXTERNAL_WRENCH, GraspError, MAX_LOAD)
+        elif name == 'obstacles':
+            _check_obstacles(value)
         elif name == 'pressures':
             tube_pressures(robot.description, value)
         elif name == 'rollers':
@@ -53,3 +58,16 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
     except IsotrussError as error:
         return RejectedInput(str(error))
     return given
+
+
+def _check_obstacles(obstacles: Sequence[Obstacle]) -> None:
+    """Raise GraspError unless moving obstacles have stamps and different names."""
+    check_kind('obstacles', obstacles, 'Sequence[Obstacle]')
+    names = [obstacle.name for obstacle in obstacles]
+    for number, obstacle in enumerate(obstacles):
+        words = f'moving obstacle {quote(obstacle.name)}'
+        if obstacle.stamp is None:
+            raise GraspError(f'{words}: has no stamp; must be the time of its pose [s]')
+        finite_array([obstacle.stamp], 1, f'stamp of {words} [s]', GraspError)
+        if obstacle.name in names[:number]:
+            raise GraspError(f'{words}: is given twice; names must differ')

@@ -18,9 +18,11 @@ from isotruss_ros.core.manipulation.limits import Limit, stack_rows
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.solve_twist import solve_joint_velocity, solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.servo.decision import HaltError
+from isotruss_ros.core.servo.obstacle_evasion import evade
 from isotruss_ros.core.servo.servo_memory import ServoMemory, ServoSetup
 import numpy as np
 
@@ -64,8 +66,13 @@ def solve(
     failed: frozenset[str],
     twist: Array,
     now: float,
-) -> tuple[ServoMemory, RollerCommand]:
-    """Return the command for the state predicted at the cycle's midpoint."""
+    moving: Sequence[Obstacle] = (),
+) -> tuple[ServoMemory, RollerCommand, str]:
+    """
+    Return the command for the state predicted at the cycle's midpoint, and a note on obstacles.
+
+    The poses of `moving` obstacles are those at the end of the cycle.
+    """
     settings, squeeze, (config, contacts, last_speeds) = setup.settings, memory.squeeze, predicted
     # The twist moves the `contacts` of the equilibrium without load; the limits are those of the
     # object at its estimated pose (`grip`).
@@ -77,7 +84,7 @@ def solve(
         grip = contacts.moved_to(squeeze.belief.pose)
 
     # Command within the limits on roller speeds.
-    watch = None if setup.guard is None else setup.guard.watch(config, grip)
+    watch = None if setup.guard is None else setup.guard.watch(config, grip, moving)
     limits = setup.limits if watch is None else (*setup.limits, *watch.limits)
     handling = LimitHandling(settings.slide_along_limits, True, LOOP_SOFT_RANK)
 
@@ -93,18 +100,20 @@ def solve(
         squeeze, desired, correction = squeeze.command(*wanted)
 
     # Command within the limits on acceleration and, in discrete time, on the barriers.
-    command = desired
-    if desired.status < Status.HALT_NO_TWIST:
+    command, note = desired, ''
+    if watch is not None:
+        command, note = evade(desired, watch, limits, failed)
+    if command.status < Status.HALT_NO_TWIST:
         last_step, largest = memory.history.step, largest_change(setup, memory, now)
         arm = None if grip is None else grip.body.arm
         rows = partial(stack_rows, config, limits)
-        command = limit_acceleration(desired, last_speeds, last_step, largest, rows, arm)
+        command = limit_acceleration(command, last_speeds, last_step, largest, rows, arm)
     if watch is not None:
         command = watch.keep(command, last_speeds, settings.period)
     if squeeze is not None:
         missing = desired.achieved_twist - command.achieved_twist
         memory = replace(memory, squeeze=squeeze.advanced(twist, desired, correction, missing))
-    return memory, command
+    return memory, command, note
 
 
 def largest_change(setup: ServoSetup, memory: ServoMemory, now: float) -> float:

@@ -20,7 +20,7 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 
 #: Inputs that the servo uses.
-INPUTS = ('twist', 'rollers', 'estimate', 'pose', 'pressures', 'failed', 'halt')
+INPUTS = ('twist', 'rollers', 'estimate', 'pose', 'pressures', 'obstacles', 'failed', 'halt')
 #: Types of the fields of a record.
 FIELDS: dict[str, Any] = {
     'number': int,

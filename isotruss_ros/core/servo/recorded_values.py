@@ -21,6 +21,7 @@ from isotruss_ros.core.manipulation.grip import CornerGap, Grip
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
+from isotruss_ros.core.model.obstacle import HalfPlane, Obstacle
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
@@ -43,6 +44,8 @@ KINDS: dict[str, Any] = {
         Disc,
         Ellipse,
         Polygon,
+        HalfPlane,
+        Obstacle,
         ServoSettings,
         SqueezeSettings,
         ShapeBounds,

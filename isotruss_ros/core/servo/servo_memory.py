@@ -33,8 +33,9 @@ class ServoSetup(NamedTuple):
     def of(cls, robot: Robot, settings: ServoSettings) -> ServoSetup:
         """Return the setup of a robot with settings."""
         limits = (*default_limits(robot), *settings.limits)
-        bounds, barriers = settings.bounds, settings.barriers
-        guard = None if bounds is None else ShapeGuard(robot, bounds, barriers)
+        guard = None
+        if settings.bounds is not None:
+            guard = ShapeGuard(robot, settings.bounds, settings.barriers, settings.obstacles)
         return cls(robot, settings, limits, guard)
 
 

@@ -14,12 +14,15 @@ from isotruss_ros.core.inputs import MAX_TIMEOUT, PRESSURE_TIMEOUT
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.model.setting_ranges import check_settings
 from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.safety.barrier_law import Barrier
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 
 DEFAULT_BOUNDS = ShapeBounds()
+#: Largest age of moving obstacles [s]; at 0.3 m/s an obstacle moves by 0.15 m meanwhile.
+OBSTACLE_TIMEOUT = 0.5
 #: Unit, smallest and largest plausible value of each number, as of the parameters of the node.
 SQUEEZE_RANGES = {
     'force': ('N', 0.0, 1e3),
@@ -34,6 +37,7 @@ SERVO_RANGES = {
     'timeout': ('s', 1e-3, MAX_TIMEOUT),
     'failure_time': ('s', 1e-3, math.inf),
     'pressure_timeout': ('s', 1e-3, 3600.0),
+    'obstacle_timeout': ('s', 1e-3, MAX_TIMEOUT),
 }
 
 
@@ -91,6 +95,8 @@ class ServoSettings:
     :ivar failure_time: a commanded roller that does not move for this time has failed [s].
     :ivar pressure_timeout: largest age of measured pressures [s]; older pressures stop the
         rollers.
+    :ivar obstacles: obstacles at rest, from which barriers keep robot and object.
+    :ivar obstacle_timeout: largest age of moving obstacles [s]; an older one stops the rollers.
     """
 
     grip: Grip
@@ -104,6 +110,8 @@ class ServoSettings:
     slide_along_limits: bool = True
     failure_time: float = math.inf
     pressure_timeout: float = PRESSURE_TIMEOUT
+    obstacles: tuple[Obstacle, ...] = ()
+    obstacle_timeout: float = OBSTACLE_TIMEOUT
 
     def __post_init__(self) -> None:
         """Raise ConfigurationError if a time is out of its range, or ArgumentError for a kind."""
@@ -113,3 +121,4 @@ class ServoSettings:
         check_kind('bounds', self.bounds, 'ShapeBounds', 'None')
         check_kind('barriers', self.barriers, 'Sequence[Barrier]')
         check_kind('limits', self.limits, 'Sequence[Limit]')
+        check_kind('obstacles', self.obstacles, 'Sequence[Obstacle]')

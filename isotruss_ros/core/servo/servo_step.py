@@ -33,6 +33,7 @@ from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.work_limit import limited_work
 from isotruss_ros.core.servo.cycle_motion import largest_change, predict, Prediction, solve
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError
+from isotruss_ros.core.servo.obstacle_evasion import predict_obstacles
 from isotruss_ros.core.servo.servo_memory import ServoMemory, ServoSetup
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
@@ -41,7 +42,14 @@ import numpy as np
 #: Period of the updates of the estimated grip while the object is at rest [s].
 WATCH_PERIOD = 0.1
 #: Statuses in which the object is at rest.
-AT_REST = (Status.HALT_NO_TWIST, Status.HALT_INVALID_TWIST, Status.HALT_EMERGENCY_STOP)
+AT_REST = (
+    Status.HALT_NO_TWIST,
+    Status.HALT_INVALID_TWIST,
+    Status.HALT_EMERGENCY_STOP,
+    Status.HALT_STALE_OBSTACLES,
+    Status.HALT_INVALID_OBSTACLES,
+    Status.HALT_OBSTACLE,
+)
 #: Largest work of a cycle, see `work_limit` [-]. In 4,800 cycles with random grips, no search took
 #: more than 60 steps of Newton's method. One start in ten takes a third of this bound; three times
 #: of it is more than any of these cycles did without a bound (138).
@@ -83,11 +91,13 @@ def step(
             if memory.squeeze.belief is None:
                 reasons = f'the object is not held: {hold.value}', memory.squeeze.note()
                 raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, reasons)))
-        memory, command = solve(setup, memory, predicted, failed, twist, now)
+        moving = predict_obstacles(inputs.obstacles, settings, now)
+        memory, command, note = solve(setup, memory, predicted, failed, twist, now, moving)
         repeated = replace(memory.repeated_pose, velocity=command.achieved_twist)
         memory = replace(memory, repeated_pose=repeated)
         ok = command.status is Status.OK
         message, is_solved = '' if ok else describe(command, settings.joint is None), True
+        message = '; '.join(filter(None, (message, note)))
     except IsotrussError as error:
         status, message = halt_for(error), str(error)
         if status is Status.HALT_NO_TWIST and has_ended(now, settings.timeout, inputs.twist):

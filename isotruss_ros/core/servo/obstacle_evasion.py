@@ -1,0 +1,115 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Evasion of moving obstacles by the least change of a command.
+
+The barriers bound the rates of the distances by roller travel, including the velocities of the
+obstacles. If a command violates such a bound because an obstacle approaches, the change v of the
+roller speeds minimises the change of the twist and the cost (11) under all limits, with constant
+contacts; see `least_deviation`. If the limits admit no such change, the rollers stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.inputs import Input, InputError, InputFault, RejectedInput
+from isotruss_ros.core.manipulation.limit_handling import least_deviation, PROGRESS_WEIGHT
+from isotruss_ros.core.manipulation.limits import Limit, Rows, stack_rows
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.manipulation.task import working_rollers
+from isotruss_ros.core.model.obstacle import Obstacle
+from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.safety.barrier_law import BarrierLimit
+from isotruss_ros.core.safety.shape_guard import Watch
+from isotruss_ros.core.servo.decision import HaltError
+from isotruss_ros.core.servo.servo_settings import ServoSettings
+import numpy as np
+
+#: Clearance below its bound that is reported [m].
+REPORTED_SHORTFALL = 1e-4
+
+
+def predict_obstacles(given: Input, settings: ServoSettings, now: float) -> tuple[Obstacle, ...]:
+    """Return the moving obstacles at the end of the cycle; raise InputError for a silent one."""
+    if given is None:
+        return ()
+    if isinstance(given, RejectedInput):
+        raise InputError(given.fault, 'obstacles', given.reason)
+    for obstacle in given.value:
+        age = now - obstacle.stamp
+        if age > settings.obstacle_timeout:
+            rejected = '' if given.rejected is None else f': {given.rejected.reason}'
+            words = f'must be at most {settings.obstacle_timeout:g} s, or cleared{rejected}'
+            message = f'moving obstacle {obstacle.name}: {age:.3f} s old; {words}'
+            raise InputError(InputFault.STALE, 'obstacles', message)
+    return tuple(obstacle.at(now + settings.period) for obstacle in given.value)
+
+
+def evade(
+    command: RollerCommand, watch: Watch, limits: Sequence[Limit], failed: frozenset[str]
+) -> tuple[RollerCommand, str]:
+    """
+    Return the command by which robot and object evade obstacles, and a note on obstacles.
+
+    :param limits: all limits on the command, those of `watch` last.
+    :raises HaltError: the limits do not admit an evasion.
+    """
+    obstacles = [limit for limit in watch.limits if limit.status is Status.SLOWED_OBSTACLE]
+    if not obstacles:
+        return command, ''
+    note, nearest = '', min(obstacles, key=lambda limit: limit.margins.min())
+    if nearest.margins.min() < -REPORTED_SHORTFALL:
+        note = describe_shortfall(nearest, int(nearest.margins.argmin()))
+    speeds, names = command.roller_velocities, list[str]()
+    for limit in obstacles:
+        # The command fulfils the bounds that are not positive.
+        rates, required = limit.matrix @ speeds, limit.required
+        is_short = (required > 0.0) & (rates < required - ROUNDING)
+        names += limit.barrier.names(limit.indices[is_short]) if is_short.any() else []
+    if not names:
+        return command, note
+    # Rows of all limits; rates of distances are bounded with the velocities of the obstacles.
+    rows, unit = stack_rows(watch.config, limits), watch.config.robot.description.max_speed
+    required = np.concatenate([limit.required for limit in watch.limits])
+    lower = np.concatenate([rows.lower[: -len(required)], required])
+    working = working_rollers(watch.config.robot.topology, failed)
+    bounds = Rows(rows.matrix, lower, rows.upper).about(speeds)
+    matrix = bounds.matrix.take(working.indices, -1)
+    scaled = Rows(matrix, bounds.lower / unit, bounds.upper / unit)
+    task_rows = np.concatenate([command.motion, command.contact_rows]).take(working.indices, -1)
+    dof, contacts = len(command.motion), np.zeros(len(command.contact_rows))
+    try:
+        change = least_deviation(
+            working.cost, task_rows, dof, contacts, scaled, 1.0 / PROGRESS_WEIGHT
+        )
+    except SolverError:
+        words = f'{", ".join(names)}: the obstacle approaches faster than the robot can evade it'
+        raise HaltError(Status.HALT_OBSTACLE, '; '.join(filter(None, (words, note)))) from None
+    velocities = speeds + unit * working.spread(change)
+    achieved = command.achieved_twist.copy()
+    achieved[:dof] = command.motion @ velocities
+    evading = replace(
+        command,
+        roller_velocities=velocities,
+        achieved_twist=achieved,
+        scale=0.0,
+        status=Status.SLOWED_OBSTACLE,
+        limiting=tuple(dict.fromkeys((*command.limiting, *names))),
+    )
+    return evading, note
+
+
+def describe_shortfall(limit: BarrierLimit, place: int) -> str:
+    """Return a sentence about a clearance that is smaller than its bound."""
+    margin, bound = float(limit.margins[place]), limit.barrier.law.bound
+    (name,) = limit.barrier.names(limit.indices[[place]])
+    if margin + bound <= 0.0:
+        return f'{name}: touch; only motion that separates them is executed'
+    return (
+        f'{name}: {1e3 * (margin + bound):.1f} mm apart; must be at least {1e3 * bound:g} mm; '
+        'only motion that separates them is executed'
+    )

@@ -1,0 +1,140 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Moving obstacles: evasion, halt where none is possible, and silence of their publisher."""
+
+from dataclasses import replace
+import json
+
+from driven import Driven
+from grips import held_at
+from hypothesis import given
+from isotruss_ros.core import ConvexObject, Disc, load_robot, Obstacle, Robot, Status
+from isotruss_ros.core.inputs import StampedInput
+from isotruss_ros.core.model.obstacle import HalfPlane
+from isotruss_ros.core.servo.recorded_cycle import INPUTS
+from isotruss_ros.core.servo.recorded_values import decode, encode
+import numpy as np
+import pytest
+import robots
+from studies.comparison.rooms import clearance
+
+ROBOT = load_robot('nine_member')
+QUICK = Robot(replace(ROBOT.description, max_acceleration=5.0))
+BOUND, PERIOD = 0.02, 0.01
+HELD = held_at(QUICK.home, 'north/Z', 0.3)
+
+
+class Room:
+    """A hand that moves at constant velocity, and a robot that is told of it."""
+
+    def __init__(self, hand, held=HELD, **settings):
+        self.hand, self.robot = hand, Driven(held, PERIOD, **settings)
+
+    def step(self, twist, published=True):
+        """Go on for one cycle; return the decision and the clearance at its end [m]."""
+        robot = self.robot
+        if published:
+            seen = self.hand.at(robot.now + PERIOD)
+            robot.servo.receive(obstacles=StampedInput((seen,), seen.stamp))
+        command = robot.step(twist)
+        return command, clearance(robot.held, [self.hand.at(robot.now + PERIOD)])
+
+
+def approaching(way, speed, distance=0.5):
+    """Return a hand that moves toward the held object from a direction."""
+    x, y, _ = HELD.pose
+    away = np.array([np.cos(way), np.sin(way)])
+    place = np.array([x, y]) + distance * away
+    return Obstacle('hand', ConvexObject(Disc(0.1), (*place, 0.0)), (*(-speed * away), 0.0), 0.0)
+
+
+@pytest.mark.parametrize('twist', [(0.0, 0.0, 0.0), (0.02, 0.0, 0.1)])
+def test_object_evades_a_hand_that_approaches_slowly(twist):
+    room = Room(approaching(-0.5 * np.pi, 0.03, 0.25))
+    evaded = 0
+    for _ in range(400):
+        command, gap = room.step(twist)
+        assert gap > BOUND - 1e-3
+        evaded += 'the object and obstacle hand' in command.limiting
+    assert evaded
+    assert command.status < Status.HALT_NO_TWIST
+
+
+@robots.examples(10)
+@given(rng=robots.generators())
+def test_robot_is_not_touched_by_a_hand_that_it_can_evade(rng):
+    room = Room(approaching(rng.uniform(-np.pi, np.pi), rng.uniform(0.02, 0.2), 0.9))
+    if clearance(HELD, [room.hand]) < 0.15:
+        return
+    for _ in range(300):
+        command, gap = room.step((0.0, 0.0, 0.0))
+        if command.status is Status.HALT_OBSTACLE:
+            break
+        assert gap > 0.0
+    if gap < 0.0:
+        assert command.status is Status.HALT_OBSTACLE
+
+
+def test_hand_faster_than_the_rollers_halts_the_robot_and_is_named():
+    room = Room(approaching(-0.5 * np.pi, 1.0, 0.6))
+    statuses = []
+    for _ in range(45):
+        command, gap = room.step((0.0, 0.0, 0.0))
+        statuses.append(command.status)
+        if gap < 0.0:
+            break
+    assert Status.HALT_OBSTACLE in statuses
+    robot = room.robot
+    decision = robot.servo.decide(robot.now + PERIOD)
+    assert 'the object and obstacle hand: touch' in decision.message
+
+
+def test_silent_obstacle_is_where_it_was_and_then_halts_the_robot_with_its_name():
+    hand = replace(approaching(-0.5 * np.pi, 0.0), velocity=(0.0, 0.0, 0.0))
+    room = Room(hand, obstacle_timeout=0.3)
+    room.step((0.01, 0.0, 0.0))
+    for _ in range(29):
+        command, _ = room.step((0.01, 0.0, 0.0), published=False)
+        assert command.status < Status.HALT_NO_TWIST
+    for _ in range(3):
+        command, _ = room.step((0.01, 0.0, 0.0), published=False)
+    assert command.status is Status.HALT_STALE_OBSTACLES
+    decision = room.robot.servo.decide(room.robot.now)
+    assert 'moving obstacle hand: 0.3' in decision.message
+    command, _ = room.step((0.01, 0.0, 0.0))
+    assert command.status < Status.HALT_NO_TWIST
+
+
+def test_robot_goes_on_when_the_hand_is_gone():
+    x, y, _ = HELD.pose
+    hand = Obstacle('hand', ConvexObject.disc((x, y - 0.25), 0.1), stamp=0.0)
+    room = Room(hand)
+    for _ in range(200):
+        room.step((0.0, -0.05, 0.0))
+    before = room.robot.held.pose.y
+    assert before > y - 0.05
+    room.hand = replace(hand, body=hand.body.moved_to((x + 3.0, y, 0.0)))
+    for _ in range(200):
+        room.step((0.0, -0.05, 0.0))
+    assert room.robot.held.pose.y < before - 0.05
+
+
+def test_invalid_moving_obstacles_halt_the_robot_with_the_reason():
+    servo = Room(approaching(0.0, 0.1)).robot.servo
+    hand = Obstacle('hand', ConvexObject.disc((1.0, 0.0), 0.1), stamp=0.0)
+    for given_obstacles, words in (
+        ((hand, hand), "'hand': is given twice"),
+        ((replace(hand, stamp=None),), "'hand': has no stamp"),
+        ((replace(hand, stamp=float('nan')),), "stamp of moving obstacle 'hand'"),
+    ):
+        servo.receive(obstacles=StampedInput(given_obstacles, 0.0))
+        assert words in servo.inputs.obstacles.reason
+
+
+def test_obstacles_are_recorded_with_the_cycle():
+    wall = Obstacle('wall', ConvexObject(HalfPlane(), (0.0, -9.0, 0.5 * np.pi)))
+    hand = StampedInput((approaching(0.3, 0.1),), 0.0)
+    for value in (hand, wall):
+        assert decode(json.loads(json.dumps(encode(value)))) == value
+    assert 'obstacles' in INPUTS
