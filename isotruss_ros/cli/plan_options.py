@@ -12,7 +12,7 @@ import math
 import sys
 from typing import Any
 
-from isotruss_ros.core import GraspRequirements
+from isotruss_ros.core import GraspRequirements, read_obstacles
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.workers import MAX_WORKERS
 
@@ -41,6 +41,11 @@ OPTIONS = {
         ('DX', 'DY', 'DTHETA'),
         'motion of the object for the measure stiffness [m, m, rad]',
     ),
+    'obstacles': ('YAML', 'path of a file with obstacles, or YAML text in braces'),
+    'min_obstacle_clearance': (
+        'M',
+        'smallest distance of the robot from obstacles along the path [m] (default %(default)s)',
+    ),
     'count': ('N', 'largest number of distinct grasps (default %(default)s)'),
 }
 
@@ -59,7 +64,9 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
             kind['type'] = int
         elif field.name in ('module', 'members'):
             kind['type'] = str
-        if field.type.startswith('tuple'):
+        if field.name == 'obstacles':
+            kind['type'] = read_obstacles
+        elif field.type.startswith('tuple'):
             kind['nargs'] = len(metavar) if isinstance(metavar, tuple) else '+'
         option = f'--{field.name.replace("_", "-")}'
         group.add_argument(option, default=field.default, help=said, **kind)

@@ -5,7 +5,8 @@
 Kinematic approach of the grasping members to an object; each step is a quadratic program (QP).
 
 minimize 1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u - n|^2 subject to
-limits, bounds on gaps of other parts, rigidity and clearance, |u| <= longest step
+limits, bounds on gaps of other parts and of obstacles, rigidity and clearance,
+|u| <= longest step
 
 u is the roller travel of the step, n is the travel to the nominal posture, g are the gaps of the
 grasping members, turn is their rotation in the step, facing is their rotation to the directions
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.chance.uncertainty import Uncertainty
@@ -27,15 +29,19 @@ from isotruss_ros.core.holding.pressed_contacts import facing_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
+from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip_rows import member_rows
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.qp import QuadraticProgram, require_solution, solve_qp
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_SEARCH_STEPS, ROUNDING
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally
+from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw
+from isotruss_ros.core.safety.obstacle_barrier import ObstacleBarrier
 import numpy as np
 
 #: Largest roller travel and gap change of a step, in mean member lengths [-].
@@ -98,8 +104,17 @@ class SearchState(NamedTuple):
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps with respect to node coordinates [-]
     modes: Modes  #: smallest singular values, see `Modes`; the first is the rigidity index
     distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
+    near: ActiveValues  #: distances of near parts from obstacles [m]
+    barrier: ObstacleBarrier  #: barrier on these distances
 
-    def check_bounds(self, min_rigidity: float, min_clearance: float, min_gaps: Array) -> None:
+    @property
+    def obstacle_gap(self) -> float:
+        """Return the smallest distance from an obstacle [m]; infinite without a near one."""
+        return float(self.near.values.min(initial=np.inf))
+
+    def check_bounds(
+        self, min_rigidity: float, min_clearance: float, min_gaps: Array, min_obstacle_gap: float
+    ) -> None:
         """Raise RequirementError if rigidity, clearance [m] or a gap (3m,) [m] is too small."""
         worst = int((self.gaps - min_gaps).argmin())
         for requirement, value, bound in (
@@ -109,13 +124,34 @@ class SearchState(NamedTuple):
         ):
             if value < bound:
                 raise RequirementError(requirement, float(value), float(bound))
+        self.check_obstacles(min_obstacle_gap)
+
+    def check_obstacles(self, min_gap: float) -> None:
+        """Raise RequirementError if a part of the robot is too near to an obstacle [m]."""
+        if self.obstacle_gap < min_gap:
+            nearest = self.near.indices[[self.near.values.argmin()]]
+            (name,) = self.barrier.names(nearest)
+            raise RequirementError('obstacle_clearance', self.obstacle_gap, min_gap, name)
 
 
-def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
+def evaluate_state(
+    config: Configuration, body: ConvexObject, needs: GraspRequirements
+) -> SearchState:
     """Return the gaps, distances and singular values of a configuration around an object."""
     model, modes = collision_model(config.robot), rigidity_index(config.robot).modes(config)
     gaps, by_nodes, _ = model.body_distances(config, body)
-    return SearchState(config, gaps, by_nodes, modes, model.distances(config))
+    barrier = obstacle_barrier(config.robot, needs.obstacles, needs.min_obstacle_clearance)
+    near = barrier.active(config, None)
+    return SearchState(config, gaps, by_nodes, modes, model.distances(config), near, barrier)
+
+
+@functools.lru_cache(maxsize=16)
+def obstacle_barrier(
+    robot: Robot, obstacles: tuple[Obstacle, ...], clearance: float
+) -> ObstacleBarrier:
+    """Return the barrier that keeps the robot at a clearance from obstacles [m], cached."""
+    band = MAX_CONSTRAINED_DISTANCE * float(robot.home.member_lengths.mean())
+    return ObstacleBarrier(robot, BarrierLaw(clearance, band), obstacles, needs_object=False)
 
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
@@ -126,7 +162,7 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
     """
     diameter, members = config.robot.description.tube_diameter, closing.members
     targets = np.full(len(members), STANDOFF * diameter)
-    state = evaluate_state(config, closing.body)
+    state = evaluate_state(config, closing.body, closing.needs)
     usable_angle = CONE_SHARE * closing.friction_angle
     least_error, idle_steps, step_share = np.inf, 0, 1.0
     while True:
@@ -154,7 +190,7 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Configurati
     """Return the configuration with given depths (s,) of the members in the object [m]."""
     # A nominal posture would shift the gaps from their targets.
     closing = replace(closing, nominal_posture=None, facing=None)
-    state = evaluate_state(config, closing.body)
+    state = evaluate_state(config, closing.body, closing.needs)
     step_share, error = 1.0, np.inf
     for _ in range(15):
         error = float(np.abs(state.gaps[closing.members] + depths).max())
@@ -181,12 +217,13 @@ def _take_step(
     min_gaps = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
     min_gaps[closing.members] = targets - GAP_TOLERANCE * diameter
     min_gaps = np.minimum(min_gaps, state.gaps - COINCIDENCE)
+    min_obstacle_gap = min(closing.needs.min_obstacle_clearance, state.obstacle_gap - COINCIDENCE)
     for factor in (1.0, 0.5, 0.25, 0.125, 0.0625):
         closing.tally.evaluations += 1
         try:
             moved = config.moved_to(config.roller_positions + factor * travel)
-            moved_state = evaluate_state(moved, closing.body)
-            moved_state.check_bounds(min_rigidity, min_clearance, min_gaps)
+            moved_state = evaluate_state(moved, closing.body, closing.needs)
+            moved_state.check_bounds(min_rigidity, min_clearance, min_gaps, min_obstacle_gap)
             return moved_state, min(1.0, step_share * (factor if factor < 1.0 else 2.0))
         except ConfigurationError:
             violation = RequirementError('rigidity', 0.0, min_rigidity)
@@ -242,8 +279,14 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     pairs = np.flatnonzero(state.distances < MAX_CONSTRAINED_DISTANCE * length)
     pair_bounds = BOUND_SHARE * (clearance - state.distances[pairs])
     pair_rows = collisions.gradients(config, pairs)
-    rows = config.roller_rows(np.vstack([state.gaps_by_nodes, rigidity_rows, pair_rows]))
+    obstacle_bounds = BOUND_SHARE * (closing.needs.min_obstacle_clearance - state.near.values)
+    every_row = [state.gaps_by_nodes, rigidity_rows, pair_rows]
+    every_bound = [gap_bounds, rigidity_bounds, pair_bounds]
+    if len(obstacle_bounds):
+        every_row.append(state.near.node_rows)
+        every_bound.append(obstacle_bounds)
+    rows = config.roller_rows(np.vstack(every_row))
     # A quantity beyond its bound must not decrease.
-    bounds = np.minimum(0.0, np.concatenate([gap_bounds, rigidity_bounds, pair_bounds]))
+    bounds = np.minimum(0.0, np.concatenate(every_bound))
     limit_rows, upper = closing.limit.rows(config).one_sided()
     return np.vstack([rows, -limit_rows]), np.concatenate([bounds, -upper])

@@ -1,10 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prediction of slip along the path of a held object."""
+"""Prediction of slip and of collisions along the path of a held object."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import (
@@ -29,6 +30,7 @@ from isotruss_ros.core.manipulation.limit_handling import LimitHandling, LOOP_SO
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
@@ -88,6 +90,7 @@ def foresee_grip(
     speed: float = SPEED,
     turn_rate: float = TURN_RATE,
     settings: TrackingSettings = TRACKING,
+    obstacles: Sequence[Obstacle] = (),
 ) -> Foresight | None:
     """
     Predict the motion of an object in its grip by `foresee_path`; None if no members hold it.
@@ -105,7 +108,8 @@ def foresee_grip(
         except NotHeldError:
             break
         if held.hold(friction) is HoldStatus.HELD:
-            foresight = foresee_path(held, friction, poses, speed, turn_rate, settings)
+            motion = poses, speed, turn_rate, settings, obstacles
+            foresight = foresee_path(held, friction, *motion)
             if not foresight.why:
                 break
     return foresight
@@ -120,6 +124,7 @@ def foresee_path(
     speed: float = SPEED,
     turn_rate: float = TURN_RATE,
     settings: TrackingSettings = TRACKING,
+    obstacles: Sequence[Obstacle] = (),
 ) -> Foresight:
     """
     Predict the motion of a held object along a path from rest to rest, at constant squeeze.
@@ -128,14 +133,15 @@ def foresee_path(
     of the control loop. Contacts roll without slip. External loads, the utilisation of the tubes
     and limits on acceleration are not considered. The motion ends if the slip margin becomes less
     than `MIN_RELATIVE_MARGIN` times the squeeze, or if the object does not follow the path, for
-    example where rollers would move much faster than it. Angles of the poses are not wrapped to
-    one turn.
+    example where rollers would move much faster than it, or where an obstacle is in the way.
+    Angles of the poses are not wrapped to one turn.
 
     :param held: equilibrium at which the motion starts, `settle_grasp(...).equilibrium`.
     :param poses: (n, 3) poses x, y, angle of the path [m, rad]. The path is shifted, so that its
         first pose is that of the equilibrium.
     :param speed: speed of the path, see `ObjectPath` [m/s].
     :param turn_rate: largest angular velocity of the path [rad/s].
+    :param obstacles: obstacles at rest.
     """
     friction = check_friction(friction)
     what = 'the poses of the path (x, y, angle) [m, rad]'
@@ -150,7 +156,8 @@ def foresee_path(
         return Foresight(held.pose, 1.0, held.slip_margin(friction), '', [held])
     step_time = min(STEP / max(speed, turn_rate * held.arm), MAX_STEP_TIME)
     step_time = max(step_time, path.duration / MAX_PATH_STEPS)
-    return _follow(held, friction, PathTracker(path, settings, step_time), step_time)
+    guard = ShapeGuard(held.config.robot, obstacles=obstacles)
+    return _follow(held, friction, PathTracker(path, settings, step_time), step_time, guard)
 
 
 def _split_turns(poses: Array) -> Array:
@@ -161,9 +168,11 @@ def _split_turns(poses: Array) -> Array:
     return np.column_stack([np.interp(places, np.arange(len(poses)), c) for c in poses.T])
 
 
-def _follow(held: HeldGrip, friction: float, tracker: PathTracker, step_time: float) -> Foresight:
+def _follow(
+    held: HeldGrip, friction: float, tracker: PathTracker, step_time: float, guard: ShapeGuard
+) -> Foresight:
     """Return the motion of a held object whose path is tracked in steps of a time [s]."""
-    guard, squeeze = ShapeGuard(held.config.robot), held.squeeze
+    squeeze = held.squeeze
     grips, least_margin, why = [held], held.slip_margin(friction), ''
     elapsed, command = 0.0, None
     for number in range(MAX_STEPS):
@@ -173,8 +182,8 @@ def _follow(held: HeldGrip, friction: float, tracker: PathTracker, step_time: fl
         if tracking.phase in FINISHED:
             break
         try:
-            command = _find_command(held, friction, squeeze, tracking.twist, guard)
-            moved = _roll(held, friction, squeeze, step_time * command.roller_velocities)
+            command = find_command(held, friction, squeeze, tracking.twist, guard)
+            moved = roll_held(held, friction, squeeze, step_time * command.roller_velocities)
         except ConfigurationError:
             why = OUT_OF_REACH
             break
@@ -199,7 +208,7 @@ def _follow(held: HeldGrip, friction: float, tracker: PathTracker, step_time: fl
     return Foresight(held.pose, share, least_margin, why, grips)
 
 
-def _find_command(
+def find_command(
     held: HeldGrip, friction: float, squeeze: float, twist: Array, guard: ShapeGuard
 ) -> RollerCommand:
     """Return the command of the control loop for a twist (3,) at a squeeze [N]."""
@@ -209,7 +218,7 @@ def _find_command(
     return solve_twist(held.config, grip, twist, (), limits, LOOP_HANDLING, opening)
 
 
-def _roll(held: HeldGrip, friction: float, squeeze: float, travel: Array) -> HeldGrip | str:
+def roll_held(held: HeldGrip, friction: float, squeeze: float, travel: Array) -> HeldGrip | str:
     """Return the grip after a roller travel (r,) [m], or the reason of a failure."""
     rolled = roll_grip(held, held.config.moved_to(held.config.roller_positions + travel))
     hold = HoldStatus.NO_BALANCE if rolled is None else rolled.hold(friction)

@@ -71,7 +71,8 @@ def close_grip(
 def _check_carry(grip: ClosedGrip, closing: Closing) -> ClosedGrip:
     """Return the grip with its chance on `carry`; raise RequirementError if it ends early."""
     held, needs = grip.equilibrium, closing.needs
-    foresight = foresee_grip(held.config, held.body, needs.friction, np.array(needs.carry))
+    carry, obstacles = np.array(needs.carry), needs.obstacles
+    foresight = foresee_grip(held.config, held.body, needs.friction, carry, obstacles=obstacles)
     if foresight is None or foresight.why:
         raise RequirementError('carry', foresight.share if foresight else 0.0, 1.0)
     if closing.uncertainty is None:

@@ -126,10 +126,11 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
 
 def _check_in_place(grasp: HeldGrip, closing: Closing) -> None:
     """Raise RequirementError if the object is displaced, or rigidity or a gap is too small."""
-    state = evaluate_state(grasp.config, grasp.body)
+    needs = closing.needs
+    state = evaluate_state(grasp.config, grasp.body, needs)
     min_gaps = np.zeros(len(state.gaps))
     min_gaps[closing.members] = -np.inf
-    state.check_bounds(closing.needs.min_rigidity, 0.0, min_gaps)
+    state.check_bounds(needs.min_rigidity, 0.0, min_gaps, needs.min_obstacle_clearance)
     bound = MAX_SHIFT * grasp.config.robot.description.tube_diameter
     displacement = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
     if displacement > bound:

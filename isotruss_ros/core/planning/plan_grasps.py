@@ -26,7 +26,7 @@ from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import check_count
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
-from isotruss_ros.core.planning.approach import Closing
+from isotruss_ros.core.planning.approach import Closing, evaluate_state
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate, Judgement
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress
 from isotruss_ros.core.planning.rank_by_chance import rank_by_chance
@@ -104,6 +104,9 @@ def plan_grasps(
     length = config.robot.home.member_lengths.mean()
     if gap < -NEGLIGIBLE_SHARE * length:  # there is no path to a grasp
         search.tally.record(Violation('free', gap, 0.0))
+    with search.tally.recording():
+        evaluate_state(config, body, needs).check_obstacles(0.0)
+    if search.tally.closest is not None:
         max_rounds = 0
     for number in range(max_rounds):
         with search.tally.recording():

@@ -23,6 +23,7 @@ from isotruss_ros.core.manipulation.grip import check_member_names, find_members
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import ROUNDING
@@ -63,12 +64,14 @@ def plan_release(
     clearance: float,
     record: GripRecord | None = None,
     max_turn: float = math.inf,
+    obstacles: Sequence[Obstacle] = (),
 ) -> Release:
     """
     Plan the release of a held object and the retreat of the members to a clearance [m].
 
     The `record` of the loop that holds the object replaces the equilibrium of `attach_grip`; the
-    predicted rotation of the object is at most `max_turn` [rad].
+    predicted rotation of the object is at most `max_turn` [rad]. The robot keeps the clearance of
+    `GraspRequirements` from obstacles.
     """
     description = config.robot.description
     longest = float(config.member_lengths.sum())
@@ -82,7 +85,7 @@ def plan_release(
     limit = MemberLengthLimit(description.min_length, description.max_length, BOUND_SHARE)
     held = None if record is None else record.restore(config, body)
     body = body if held is None else held.body  # the pose in the model
-    closing = Closing(body, indices, limit, GraspRequirements())
+    closing = Closing(body, indices, limit, GraspRequirements(obstacles=tuple(obstacles)))
     try:
         path, closing = _unload(config, closing, held)
         turn = abs(math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi))

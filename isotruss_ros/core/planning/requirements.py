@@ -12,6 +12,8 @@ import math
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import check_member_names
 from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
+from isotruss_ros.core.model.obstacle import Obstacle
+from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.numerics.arrays import (
     finite_array,
     finite_rows,
@@ -22,6 +24,7 @@ from isotruss_ros.core.numerics.arrays import (
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.violations import RequirementError
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 import numpy as np
 
@@ -60,6 +63,8 @@ class GraspRequirements(Record):
     :ivar direction: displacement (x, y, angle) [m, rad] along which the stiffness is taken if
         `measure` is `STIFFNESS`.
     :ivar carry: poses (x, y, angle) along which the object is carried after the grasp [m, rad].
+    :ivar obstacles: obstacles at rest, which robot and object do not touch.
+    :ivar min_obstacle_clearance: smallest distance from obstacles along the path [m].
     :ivar count: number of distinct grasps, at least 1.
     :raises GraspError: a value is invalid.
     """
@@ -80,6 +85,8 @@ class GraspRequirements(Record):
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
     carry: tuple[tuple[float, float, float], ...] = ()
     count: int = 3
+    obstacles: tuple[Obstacle, ...] = ()
+    min_obstacle_clearance: float = ShapeBounds().min_obstacle_clearance
 
     def __post_init__(self) -> None:
         """Check the values; names are checked against the robot when a search begins."""
@@ -100,6 +107,8 @@ class GraspRequirements(Record):
                     + (', and finite' if must_be_finite else '')
                 )
         check_friction(self.friction, 'requirement friction')
+        check_kind('obstacles', self.obstacles, 'Sequence[Obstacle]')
+        object.__setattr__(self, 'obstacles', tuple(self.obstacles))
         what = 'requirement carry, a list of poses (x, y, angle) [m, rad]'
         poses = finite_rows(self.carry, 3, what, GraspError, MAX_MAGNITUDE)
         object.__setattr__(self, 'carry', tuple(map(tuple, poses.tolist())))

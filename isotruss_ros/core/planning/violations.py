@@ -25,6 +25,7 @@ SENTENCES_BY_REQUIREMENT = {
     'rigidity': 'the rigidity index on the path is {value}; must be at least {bound}',
     'self_clearance': 'along the path the clearance of the robot from itself is {value} m',
     'object_clearance': 'a part outside of the grip comes within {value} m of the object',
+    'obstacle_clearance': '{name} are {value} m apart; must be at least {bound} m',
     'in_place': 'closing displaces the object by {value} m; must be at most {bound} m',
     'turned': 'the release turns the object by {value} rad; must be at most {bound}',
     'squeeze': 'limits end the closing at {value} N of each member; must be {bound} N',
@@ -49,6 +50,7 @@ class Violation:
     requirement: str  #: name of the requirement
     value: float  #: value of the bounded quantity for the candidate
     bound: float  #: bound of the requirement on this quantity
+    name: str = ''  #: names of the part and of the obstacle whose distance is the quantity
 
     @property
     def distance(self) -> float:
@@ -67,7 +69,7 @@ class Violation:
         if sentence is None:
             return f'the closest grasp candidate cannot be computed: {self.requirement}'
         value, bound = distinct_numbers(self.value, self.bound)
-        words = sentence.format(value=value, bound=bound, share=self.value)
+        words = sentence.format(value=value, bound=bound, share=self.value, name=self.name)
         return f'{self.requirement}: {words}'
 
 
