@@ -41,6 +41,7 @@ from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_tracking import PathTracker
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
+from isotruss_ros.core.planning.plan_path import plan_path
 from isotruss_ros.core.planning.reach_pose import reach_pose
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
@@ -80,6 +81,7 @@ __all__ = [
     'load_robot',
     'place_between',
     'plan_grasps',
+    'plan_path',
     'reach_pose',
     'reachable_twists',
     'read_object',

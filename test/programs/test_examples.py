@@ -38,6 +38,7 @@ PRINTED = {
     'own_robot': "tall_triangle ('main/R', 'main/T') [0.687 1.168 1.168]",
     'pick_box': 'turned     (0.641, -0.303) m,  -14.0 degrees: held, slip margin 3.5 N',
     'plan_grasp': 'squeeze 17.2 N, slip margin 5.6 N',
+    'plan_path': '3 poses lead around the post',
     'roll_in_grip': 'now at [ 0.466 -0.233  0.2  ] ok',
     'settle_grasp': 'friction 0.8: held',
     'tube_calibration': '    membrane_modulus: 5.00000000e+04',
@@ -53,6 +54,7 @@ SLOW = {
     'optimise_grasp',
     'own_optimiser',
     'pick_box',
+    'plan_path',
 }
 
 
