@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import DrivenRollers, RollerFaults
@@ -36,6 +39,7 @@ class DrivenRobot(DrivenRollers):
     :param faults: simulated faults of the rollers.
     :param seed: random seed of roller noise and slip.
     :param longest_step: longest simulated time in one call of `advance` [s].
+    :param obstacles: obstacles, see `MujocoPlant`.
     :raises PlantError: MuJoCo is not installed, or the start is unstable.
     :raises GraspError: a roller that `faults` names as stuck does not exist.
     :raises ConfigurationError: the slip of the rollers is out of its range.
@@ -51,10 +55,11 @@ class DrivenRobot(DrivenRollers):
         faults: RollerFaults,
         seed: int = 0,
         longest_step: float = float('inf'),
+        obstacles: Sequence[Obstacle] = (),
     ) -> None:
         super().__init__(robot, faults, seed)
         self.dropped = None
-        self.plant = MujocoPlant(robot, body, options)
+        self.plant = MujocoPlant(robot, body, options, obstacles=obstacles)
         self._config = robot.home
         self.lag = 0.0
         self._longest_step = longest_step

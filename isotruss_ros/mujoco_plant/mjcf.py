@@ -20,9 +20,10 @@ import xml.etree.ElementTree as ET
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.description import DEFAULT_MODULE_MASS
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.mujoco_plant.actuation import add_actuation
-from isotruss_ros.mujoco_plant.object_geoms import object_geoms
+from isotruss_ros.mujoco_plant.object_geoms import object_geoms, obstacle_geoms
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.scenery import (
     add_look,
@@ -71,6 +72,7 @@ def export_mjcf(
     options: PlantOptions | None = None,
     segments: Indices | None = None,
     actuated: bool = False,
+    obstacles: Sequence[Obstacle] = (),
 ) -> str:
     """
     Return the robot at home as a self-contained MuJoCo model (MJCF text).
@@ -81,6 +83,7 @@ def export_mjcf(
     :param segments: (m,) number of segments of each member; None: `options.segments`.
     :param actuated: whether the model has actuators for the rollers, and sensors. `MujocoPlant`
         needs neither, because it changes the lengths of the tubes itself.
+    :param obstacles: obstacles, which tubes and objects touch.
     :raises StructureError: the stiffness model is invalid for the length of a member.
     """
     options = options or PlantOptions()
@@ -99,6 +102,8 @@ def export_mjcf(
     for number, held in enumerate(objects):
         body = _add_object(world, equality, number, held, options)
         add_look(root, body, held, robot.description.tube_diameter)
+    for number, obstacle in enumerate(obstacles):
+        _add_obstacle(world, number, obstacle)
     root.extend([tendon, equality])
     if actuated:
         add_actuation(root, robot, len(objects), counts)
@@ -248,6 +253,16 @@ def _add_object(
     for part, geom in enumerate(object_geoms(held)):
         ET.SubElement(body, 'geom', {**touched, **geom}, name=f'{name}#{part}')
     return body
+
+
+def _add_obstacle(world: ET.Element, number: int, obstacle: Obstacle) -> None:
+    """Add an obstacle that moves as `MujocoPlant.move_obstacles` commands it."""
+    name = f'obstacle{number}'
+    body = ET.SubElement(world, 'body', name=name, pos=_place(obstacle.body.center), mocap='true')
+    body.set('euler', _text([0.0, 0.0, obstacle.body.pose.angle]))
+    touched = {'contype': '1', 'conaffinity': '1', 'rgba': MODULE_COLOR, 'group': COLLISION_GROUP}
+    for part, geom in enumerate(obstacle_geoms(obstacle)):
+        ET.SubElement(body, 'geom', {**touched, **geom}, name=f'{name}#{part}')
 
 
 def _capsule(body: ET.Element, name: str, length: float, radius: float) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
+from isotruss_ros.core.model.obstacle import HalfPlane, Obstacle
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.shapes import Disc
 import numpy as np
@@ -34,6 +35,17 @@ def object_geoms(held: ConvexObject) -> list[dict[str, str]]:
         known = ', '.join(kind.__name__ for kind in GEOMS)
         raise GraspError(f'shape {held.shape!r}: must be one of {known} in MuJoCo')
     return GEOMS[type(held.shape)](held)
+
+
+def obstacle_geoms(obstacle: Obstacle) -> list[dict[str, str]]:
+    """
+    Return the attributes of the geoms of an obstacle in the obstacle's frame.
+
+    :raises GraspError: MuJoCo has no geoms of its shape.
+    """
+    if isinstance(obstacle.body.shape, HalfPlane):
+        return [{'type': 'plane', 'zaxis': '1 0 0', 'size': '0 0 1'}]
+    return object_geoms(ConvexObject(obstacle.body.shape))
 
 
 def _disc_geoms(held: ConvexObject) -> list[dict[str, str]]:

@@ -5,12 +5,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject, EXTERNAL_WRENCH
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, MAX_LOAD
 from isotruss_ros.mujoco_plant.mjcf import ARMATURE_FACTOR, export_mjcf, spring_damping
@@ -44,10 +46,13 @@ class MujocoPlant:
     :ivar text: text (MJCF) of MuJoCo's model of the robot at home.
     :ivar model: MuJoCo's model (`MjModel`).
     :ivar data: MuJoCo's state (`MjData`).
+    :ivar obstacle_contacts: number of time steps in which robot or object touched an obstacle, by
+        the obstacle's name.
     :param robot: the robot, initially at home.
     :param body: the object at its initial pose, free from the start; None: no object.
     :param options: masses, mesh and contact parameters; None: defaults.
     :param segments: (m,) number of segments of each member; None: `options.segments`.
+    :param obstacles: obstacles, which tubes and object touch; see `move_obstacles`.
     :raises PlantError: MuJoCo is not installed.
     :raises StructureError: the stiffness model is invalid for the length of a member.
     """
@@ -58,6 +63,7 @@ class MujocoPlant:
         body: ConvexObject | None = None,
         options: PlantOptions | None = None,
         segments: Indices | None = None,
+        obstacles: Sequence[Obstacle] = (),
     ) -> None:
         self._mj = load_mujoco()
         self.robot, self.options = robot, options or PlantOptions()
@@ -65,7 +71,10 @@ class MujocoPlant:
         every = np.full(len(robot.member_names), self.options.segments)
         self._counts = every if segments is None else segments
         objects = () if body is None else (body,)
-        self.text = export_mjcf(robot, objects, self.options, self._counts)
+        self._obstacles = tuple(obstacles)
+        self.obstacle_contacts: Counter[str] = Counter()
+        counts, there = self._counts, self._obstacles
+        self.text = export_mjcf(robot, objects, self.options, counts, obstacles=there)
         self.model = self._mj.MjModel.from_xml_string(self.text)
         self.data = self._mj.MjData(self.model)
         self.travel = np.zeros(len(robot.roller_names))
@@ -173,6 +182,8 @@ class MujocoPlant:
                     self._refresh()
             self._since_refresh += 1
             self._mj.mj_step(self.model, self.data)
+            if self._obstacles:
+                self._count_contacts()
         if (
             not np.isfinite(self.data.qpos).all()
             or np.asarray(self.data.warning.number)[self._bad].any()
@@ -181,6 +192,27 @@ class MujocoPlant:
                 f'MuJoCo plant: the simulation became unstable at {self.data.time:.3f} s; '
                 'use a smaller time step'
             )
+
+    def move_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
+        """
+        Move obstacles to other poses.
+
+        :param obstacles: obstacles of the plant, in their order.
+        :raises PlantError: these are not the obstacles of the plant.
+        """
+        if [obstacle.name for obstacle in obstacles] != [o.name for o in self._obstacles]:
+            known = ', '.join(obstacle.name for obstacle in self._obstacles)
+            raise PlantError(f'obstacles: must be those of the plant, {known}')
+        for number, obstacle in enumerate(obstacles):
+            half = 0.5 * obstacle.body.pose.angle
+            self.data.mocap_pos[number, :2] = obstacle.body.pose[:2]
+            self.data.mocap_quat[number] = math.cos(half), 0.0, 0.0, math.sin(half)
+
+    def _count_contacts(self) -> None:
+        """Count the obstacles that are touched in this time step."""
+        touched = self._obstacle_of_geom[self.data.contact.geom.ravel()]
+        for number in np.unique(touched[touched >= 0]).tolist():
+            self.obstacle_contacts[self._obstacles[number].name] += 1
 
     def settle(self, duration: float = 2.0) -> None:
         """
@@ -264,6 +296,10 @@ class MujocoPlant:
         self._piece_geom, self._piece_member = geoms.astype(int), members.astype(int)
         self._member_of_geom = np.full(model.ngeom, -1)
         self._member_of_geom[self._piece_geom] = self._piece_member
+        self._obstacle_of_geom = np.full(model.ngeom, -1)
+        for number in range(len(self._obstacles)):
+            body = self._find_body(f'obstacle{number}')
+            self._obstacle_of_geom[model.geom_bodyid == body] = number
         if self._body is None:
             return
         # The three joints of the object and their equalities are consecutive.
