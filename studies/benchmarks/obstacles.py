@@ -1,0 +1,234 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""
+Clearance from obstacles, evasion of moving obstacles, and the time of a cycle with obstacles.
+
+In a random room, obstacles are near a robot that holds a disc; twists change every two seconds.
+Clearances are those of the true state after every cycle; the bound is 20 mm. A moving obstacle
+crosses the room through the middle of the robot. It *reaches* the robot if the clearance becomes
+negative; the robot says so before by a halt or by a status with its name.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+import math
+import time
+from typing import NamedTuple
+
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Grip,
+    IsotrussError,
+    load_robot,
+    Obstacle,
+    place_between,
+    Robot,
+    RollingGrip,
+    Status,
+    tangent_center,
+    TwistServo,
+)
+from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.model.separation import separate
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+from studies.benchmarks.measuring import part, Table
+from studies.comparison.carrying import RATE, Regulated, squeeze_in
+from studies.comparison.rooms import clearance, random_room
+from studies.comparison.walks import GRIPS, ROBOT, rolled
+
+PERIOD, DURATION = 0.01, 30.0
+BOUND = 0.02
+#: Delay of the poses in MuJoCo [s], and standard deviations of the poses [m, rad].
+DELAY, NOISE = 0.03, (1e-3, math.radians(0.5))
+FRICTION = 0.8
+
+
+class Run(NamedTuple):
+    """Result of a run in a room."""
+
+    lowest: float  #: smallest clearance [m]
+    statuses: Counter[Status]
+    unnamed: int  #: cycles at rest under a twist without a name of a limit
+    times: list[float]  #: processor times of the cycles [s]
+    told: bool  #: whether a halt or a status named an obstacle before the smallest clearance
+
+
+def hold(robot: Robot, module: str, diameter: float = 0.3) -> RollingGrip:
+    """Return a disc at a module of the robot at home."""
+    body = ConvexObject.disc(tangent_center(robot.home, module, diameter), diameter)
+    return RollingGrip.attach(robot.home, Grip.at_module(robot, module, body))
+
+
+def drive(
+    held: RollingGrip,
+    rng: np.random.Generator,
+    duration: float,
+    resting: Sequence[Obstacle] = (),
+    moving: Sequence[Obstacle] = (),
+    size: float = 0.1,
+) -> Run:
+    """Command random twists for a duration [s]; sensors are prompt and exact."""
+    robot = held.config.robot
+    servo = TwistServo(robot, ServoSettings(held.grip, PERIOD, 0.2, obstacles=tuple(resting)))
+    velocities, statuses, lowest = np.zeros(len(robot.roller_names)), Counter(), math.inf
+    times, unnamed, twist, told = [], 0, np.zeros(3), False
+    for cycle in range(round(duration / PERIOD)):
+        now = cycle * PERIOD
+        if cycle % 200 == 0:
+            twist = size * rng.standard_normal(3) * (1.0, 1.0, 4.0)
+        state = RollerState(held.config.roller_positions, velocities)
+        servo.receive(
+            twist=StampedInput(twist, now),
+            rollers=StampedInput(state, now),
+            pose=StampedInput(held.pose, now),
+        )
+        if moving:
+            seen = tuple(obstacle.at(now) for obstacle in moving)
+            servo.receive(obstacles=StampedInput(seen, now))
+        began = time.thread_time_ns()
+        decision = servo.decide(now)
+        times.append(1e-9 * (time.thread_time_ns() - began))
+        command = decision.command
+        statuses[command.status] += 1
+        told |= 'obstacle' in decision.message
+        unnamed += command.scale < 1e-4 and not decision.message and bool(twist.any())
+        velocities = command.roller_velocities
+        held = rolled(held, PERIOD * velocities)
+        there = [obstacle.at(now + PERIOD) for obstacle in moving]
+        lowest = min(lowest, clearance(held, [*resting, *there]))
+    return Run(lowest, statuses, unnamed, times, told)
+
+
+def crossing(rng: np.random.Generator, held: RollingGrip) -> Obstacle:
+    """Return a disc of 0.1 to 0.2 m that crosses the robot at up to 0.2 m/s."""
+    points = held.config.points
+    middle, reach = points.mean(), np.abs(points - points.mean()).max()
+    way, speed = np.exp(1j * rng.uniform(-np.pi, np.pi)), rng.uniform(0.05, 0.2)
+    target = middle + 0.3 * reach * complex(*rng.uniform(-1.0, 1.0, 2))
+    place, velocity = target - (1.2 * reach + 0.3) * way, speed * way
+    shape = Disc(float(rng.uniform(0.1, 0.2)))
+    pose = place.real, place.imag, 0.0
+    return Obstacle('hand', ConvexObject(shape, pose), (velocity.real, velocity.imag, 0.0), 0.0)
+
+
+def random_rooms(names: Sequence[str]) -> list[list[str]]:
+    """Return the rows of random rooms of several robots."""
+    rows = []
+    for name in names:
+        robot = ROBOT if name == ROBOT.name else load_robot(name)
+        lowest, deepest, unnamed, rooms, statuses = math.inf, 0, 0, part(100), Counter()
+        for seed in range(rooms):
+            rng = np.random.default_rng([seed, 5])
+            modules = GRIPS if name == ROBOT.name else robot.module_names
+            held = hold(robot, str(rng.choice(modules)))
+            run = drive(held, rng, DURATION, random_room(rng, held, 3, BOUND + 1e-3))
+            lowest = min(lowest, run.lowest)
+            deepest += run.lowest < BOUND - 1e-4
+            unnamed += run.unnamed
+            statuses += run.statuses
+        halts = sum(count for status, count in statuses.items() if status >= 30)
+        limited = statuses[Status.SLIDING] + statuses[Status.SLOWED_OBSTACLE]
+        cells = (rooms, f'{1e3 * lowest:.2f}', deepest, limited, halts, unnamed)
+        rows.append([name, *map(str, cells)])
+    return rows
+
+
+def moving_obstacles() -> list[list[str]]:
+    """Return the rows of obstacles that cross the robot."""
+    reached = told = halted = 0
+    runs, lowest = part(50), math.inf
+    for seed in range(runs):
+        rng = np.random.default_rng([seed, 6])
+        held = hold(ROBOT, str(rng.choice(GRIPS)))
+        hand = crossing(rng, held)
+        try:
+            run = drive(held, rng, 20.0, moving=[hand], size=0.0)
+        except IsotrussError:
+            continue
+        halted += bool(run.statuses[Status.HALT_OBSTACLE])
+        if run.lowest < 0.0:
+            reached += 1
+            told += run.told
+        else:
+            lowest = min(lowest, run.lowest)
+    return [[str(x) for x in (runs, halted, reached, told, f'{1e3 * lowest:.1f}')]]
+
+
+def mujoco_rooms() -> list[list[str]]:
+    """Return the rows of rooms in MuJoCo, with noise and delayed poses."""
+    rooms, contacts, lowest, lost, statuses = part(20), 0, math.inf, 0, Counter()
+    for seed in range(rooms):
+        rng = np.random.default_rng([seed, 9])
+        module = str(rng.choice(GRIPS))
+        grip = place_between(ROBOT.home, members_at(ROBOT, module), Disc(0.3), 0.0, 0.01)
+        grip = replace(grip, body=replace(grip.body, friction=FRICTION, mass=0.5))
+        held = RollingGrip.attach(ROBOT.home, grip)
+        room = random_room(rng, held, 3, 2.0 * BOUND)
+        options = PlantOptions(friction=FRICTION)
+        plant = MujocoPlant(ROBOT, grip.body, options, obstacles=room)
+        plant.hold_object(grip.body.pose)
+        plant.settle(1.0)
+        plant.release_object()
+        plant.settle(1.0)
+        squeeze = squeeze_in(plant)
+        loop = Regulated(
+            plant, ROBOT, grip, SqueezeSettings(squeeze), (*NOISE, rng), round(DELAY * RATE)
+        )
+        loop.servo.apply(replace(loop.servo.settings, obstacles=tuple(room)))
+        for _ in range(5):
+            loop.run(3.0, 0.03 * rng.standard_normal(3) * (1.0, 1.0, 4.0))
+            body = grip.body.moved_to(plant.object_pose())
+            lowest = min(lowest, *(separate(o.body, body).distance for o in room))
+        contacts += sum(plant.obstacle_contacts.values())
+        lost += squeeze_in(plant) == 0.0
+        statuses.update(loop.statuses)
+    limited = statuses[Status.SLIDING] + statuses[Status.SLOWED_OBSTACLE]
+    halts = sum(count for status, count in statuses.items() if status >= 30)
+    return [[str(x) for x in (rooms, contacts, f'{1e3 * lowest:.1f}', limited, halts, lost)]]
+
+
+def cycle_times() -> list[list[str]]:
+    """Return the rows of cycle times with several numbers of obstacles."""
+    rows, base = [], 0.0
+    for count in (0, 3, 20):
+        times = []
+        for seed in range(part(10)):
+            rng = np.random.default_rng([seed, 7])
+            held = hold(ROBOT, GRIPS[seed % len(GRIPS)])
+            room = random_room(np.random.default_rng([seed, 8]), held, count, BOUND + 1e-3)
+            times += drive(held, rng, 10.0, room).times[10:]
+        mean = float(np.mean(times))
+        base = base or mean
+        peak = float(np.percentile(times, 99))
+        cells = f'{1e3 * mean:.2f}', f'{mean / base:.2f}', f'{1e3 * peak:.2f}'
+        rows.append([str(count), *cells])
+    return rows
+
+
+def tables() -> Iterator[Table]:
+    """Yield the tables of the case."""
+    header = ('robot', 'rooms', 'smallest clearance [mm]', 'rooms below 19.9 mm')
+    header += ('cycles limited', 'cycles halted', 'cycles at rest without a name')
+    yield Table('Three obstacles at rest', header, random_rooms((ROBOT.name, 'triangle')))
+    header = ('rooms', 'time steps in contact', "object's smallest clearance [mm]")
+    header += ('cycles limited', 'cycles halted', 'objects lost')
+    title = 'MuJoCo: modules of 1 kg, noise of 1 mm and 0.5 degrees, poses 30 ms late'
+    yield Table(title, header, mujoco_rooms())
+    header = (
+        'runs',
+        'halted',
+        'reached',
+        'told of these',
+        'smallest clearance of the others [mm]',
+    )
+    yield Table('A moving obstacle, up to 0.2 m/s', header, moving_obstacles())
+    header = ('obstacles', 'mean [ms]', 'relative', '99 % [ms]')
+    yield Table('Time of a cycle', header, cycle_times())
