@@ -40,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='simulated plant')
     parser.add_argument('--port', type=int, default=8080, help='port of the viewer')
     parser.add_argument('--object', type=Path, help='YAML file of an object')
+    parser.add_argument('--obstacles', type=Path, help='YAML file of obstacles at rest')
     parser.add_argument(
         '--browser-timeout',
         type=float,
@@ -51,8 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     shown: dict[str, Any] = {'object_diameter': DIAMETER, 'friction': FRICTION}
     if options.object is not None:
         shown['object'] = str(options.object.resolve())
+    room: dict[str, Any] = {}
+    if options.obstacles is not None:
+        room['obstacles'] = str(options.obstacles.resolve())
     page = {'port': options.port, 'browser_timeout': options.browser_timeout}
-    nodes = [*list_nodes(options.plant, shown), ('viewer', shown | page)]
+    nodes = [*list_nodes(options.plant, shown, room), ('viewer', shown | page)]
     print(f'plant {options.plant}; ROS_DOMAIN_ID={domain}, this machine only; Ctrl-C ends it')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -65,18 +69,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-def list_nodes(plant: str, shown: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """Return name and parameters of the nodes beside the viewer, for an object to be shown."""
+def list_nodes(
+    plant: str, shown: dict[str, Any], room: dict[str, Any] | None = None
+) -> list[tuple[str, dict[str, Any]]]:
+    """
+    Return name and parameters of the nodes beside the viewer, for an object to be shown.
+
+    :param room: parameter `obstacles` of the nodes that keep clear of them; None: no obstacles.
+    """
+    room = room or {}
     timeout = {'command_timeout': 1.0}
     common = shown | timeout | {'rate': RATE}
     start = {'plant': plant, 'indentation': INDENTATION, 'ground_friction': GROUND_FRICTION}
     return [
-        ('simulator', common | start),
-        ('manipulation', common | {'object_mass': 0.5}),
+        ('simulator', common | start | room),
+        ('manipulation', common | {'object_mass': 0.5} | room),
         ('grasp_analysis', common | {'rate': 20.0}),
-        ('path_follower', shown | timeout),
-        ('grasp_planner', timeout),
-        ('pick_and_place', shown | timeout),
+        ('path_follower', shown | timeout | room),
+        ('grasp_planner', timeout | room),
+        ('pick_and_place', shown | timeout | room),
     ]
 
 

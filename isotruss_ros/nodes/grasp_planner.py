@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 from typing import Any, ClassVar
 
@@ -23,6 +24,7 @@ from isotruss_ros.workers import MAX_WORKERS
 
 SPECS = (
     common.OBJECT,
+    common.OBSTACLES,
     common.COMMAND_TIMEOUT,
     FixedSpec('workers', 0, 'Number of search processes; 0: one for each core', (0, MAX_WORKERS)),
 )
@@ -51,6 +53,7 @@ class GraspPlanner(ManagedNode):
     def configure(self) -> None:
         """Subscribe to the joint states, and offer the action `plan_grasp`."""
         self._described = common.read_described(self.values)
+        self._obstacles = common.read_resting_obstacles(self.values)
         self.searcher = self.searcher_type(self.values.workers)
         self.inputs = Inputs(self, self.robot)
         self.inputs.keep('rollers', 'estimate')
@@ -94,8 +97,9 @@ class GraspPlanner(ManagedNode):
         """Convert the goal of an action to the arguments of a search."""
         if self._goal.active:
             raise BusyError('another search is running: cancel it, or wait for its end')
-        arguments = read_goal(goal, self.robot, self._described)
-        return self.inputs.configuration(self.now()), *arguments
+        body, needs, *arguments = read_goal(goal, self.robot, self._described)
+        needs = replace(needs, obstacles=self._obstacles)
+        return self.inputs.configuration(self.now()), body, needs, *arguments
 
     def _refuse(self, error: IsotrussError) -> PlanGrasp.Result:
         missing = isinstance(error, InputError | ConfigurationError)

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 import math
 
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import IsotrussError, Robot
+from isotruss_ros.core import IsotrussError, Obstacle, Robot
 from isotruss_ros.core.errors import GraspError, PathError
 from isotruss_ros.core.inputs import find_fresh, InputError
 from isotruss_ros.core.paths.object_path import ObjectPath
@@ -46,6 +47,7 @@ SPECS = (
         'Whether the path is a spline through the poses; if false, it has straight segments',
     ),
     *common.OBJECT_SPECS,
+    common.OBSTACLES,
 )
 #: Fields of a result with errors of the last cycle (`LAST_ERRORS`) and of the whole path
 #: (`TRACKED_ERRORS`).
@@ -82,6 +84,7 @@ class PathFollower(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
+        self._obstacles = common.read_resting_obstacles(values)
         inputs = self.inputs = Inputs(self, self.robot)
         self._servo = PathServo(1.0 / values.rate, values.command_timeout, inputs)
         self._publish_twist = create_twist_publisher(
@@ -146,7 +149,14 @@ class PathFollower(ManagedNode):
             self._end(PathOutcome.REACHED, 'the object is already at the only pose of the path')
             return
         foreseen = self._thread.submit(
-            _check_path, self.robot, self.values, self._servo, path, settings, self.now()
+            _check_path,
+            self.robot,
+            self.values,
+            self._servo,
+            path,
+            settings,
+            self.now(),
+            self._obstacles,
         )
         self._waiting = foreseen, path, settings
 
@@ -235,9 +245,10 @@ def _check_path(
     path: ObjectPath,
     settings: TrackingSettings,
     now: float,
+    obstacles: Sequence[Obstacle],
 ) -> None:
     """
-    Raise PathError if the model predicts that the held object slips along a path.
+    Raise PathError if the model predicts that the held object slips, or meets an obstacle.
 
     The prediction assumes that the squeeze does not change. It starts from the equilibrium
     reported by the node `manipulation` if that node controls the squeeze. Nothing is checked if
@@ -253,7 +264,7 @@ def _check_path(
     try:
         here = body.moved_to(path.poses[0])
         motion = path.poses, record, path.speed, path.turn_rate, settings
-        foresight = foresee_grip(config, here, body.friction_or(None), *motion)
+        foresight = foresee_grip(config, here, body.friction_or(None), *motion, obstacles)
     except GraspError:
         return
     if foresight is not None and foresight.why:

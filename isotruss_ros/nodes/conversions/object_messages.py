@@ -42,9 +42,14 @@ def read_described(
             'described; or omit `object` for a disc'
         )
     place = read_pose('object_pose', pose)
+    return read_shape(message, 'object').moved_to(place)
+
+
+def read_shape(message: ObjectMessage, words: str) -> ConvexObject:
+    """Return the object of a message at the origin; `words` name it in messages of errors."""
     if message.shape not in SHAPE_NAMES:
         known = ', '.join(f'{number} (a {name})' for number, name in SHAPE_NAMES.items())
-        raise MessageError(f'object: shape {message.shape}: must be one of {known}')
+        raise MessageError(f'{words}: shape {message.shape}: must be one of {known}')
     radii, axes = message.corner_radii.tolist(), message.semi_axes.tolist()
     # Values by key, without fields that have the defaults of the message.
     fields = {
@@ -58,9 +63,7 @@ def read_described(
     }
     content = {key: values[0] for key, values in fields.items() if len(values)}
     try:
-        return make_object({'shape': SHAPE_NAMES[message.shape]} | content, 'object').moved_to(
-            place
-        )
+        return make_object({'shape': SHAPE_NAMES[message.shape]} | content, words)
     except GraspError as error:
         raise MessageError(str(error)) from error
 

@@ -8,7 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from isotruss_ros.core import ConvexObject, Disc, inputs, read_object, Robot
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    inputs,
+    Obstacle,
+    read_object,
+    read_obstacles,
+    Robot,
+)
 from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
 from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Parameters, Spec, Value
@@ -19,6 +27,11 @@ OBJECT = FixedSpec(
     '',
     'Path of a YAML file that describes the object, or YAML text in braces; empty: a disc of '
     'object_diameter',
+)
+OBSTACLES = FixedSpec(
+    'obstacles',
+    '',
+    'Path of a YAML file with the obstacles at rest, or YAML text in braces; empty: none',
 )
 GRIP_MODULE = Spec(
     'grip_module',
@@ -73,6 +86,11 @@ def read_described(values: Parameters) -> ConvexObject | None:
     For None, nodes use a disc with the diameter `object_diameter`, see `make_body`.
     """
     return read_object(values.object) if values.object else None
+
+
+def read_resting_obstacles(values: Parameters) -> tuple[Obstacle, ...]:
+    """Return the obstacles that the parameter `obstacles` describes."""
+    return read_obstacles(values.obstacles) if values.obstacles else ()
 
 
 def make_body(values: Parameters, described: ConvexObject | None) -> ConvexObject:

@@ -29,6 +29,7 @@ ARGUMENTS = (
     'autostart',
     'object_diameter',
     'object',
+    'obstacles',
     'friction',
     'grip_module',
     'grip',

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Transformation of measured poses and markers to the robot frame by tf2."""
+"""Transformation of measured poses, markers and obstacles to the robot frame by tf2."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import math
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, Quaternion
-from isotruss_ros.core import Pose, Robot
+from isotruss_msgs.msg import Obstacles
+from isotruss_ros.core import Obstacle, Pose, Robot
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.conversions.messages import check_place, MessageError, read_pose
+from isotruss_ros.nodes.conversions.obstacle_messages import read_obstacles
 from isotruss_ros.nodes.conversions.sensor_messages import read_joint_markers
 import numpy as np
 from rclpy.node import Node
@@ -40,7 +42,7 @@ class NoTransformError(MessageError):
 
 class RobotFrame:
     """
-    Transformation of measured poses and markers to the robot frame at their stamps.
+    Transformation of poses, markers and obstacles to the robot frame at their stamps.
 
     :param robot: robot with the frame and the marked joints.
     :param buffer: buffer of transforms with the method `lookup_transform` of `tf2_ros`; None
@@ -97,6 +99,20 @@ class RobotFrame:
             check_place(f'joint marker {name}', x, y)
             moved[name] = (x, y)
         return moved
+
+    def read_obstacles(self, message: Obstacles) -> tuple[Obstacle, ...]:
+        """
+        Return moving obstacles in the robot frame, with the stamp of their message.
+
+        :param message: obstacles in any frame. The x-y plane of this frame must be the robot's.
+        """
+        what, frame = 'obstacles', message.header.frame_id
+        if not message.obstacles or frame in ('', self._robot.frame):
+            return read_obstacles(message)
+        rotation, shift = self._look_up(what, message.header)
+        self._check_plane(what, message.header, rotation)
+        turned = math.atan2(rotation[1, 0], rotation[0, 0])
+        return read_obstacles(message, complex(shift[0], shift[1]), turned)
 
     def _look_up(self, what: str, header: Header) -> tuple[Array, Array]:
         """Return rotation (3, 3) and translation (3,) from the frame of a header at its stamp."""

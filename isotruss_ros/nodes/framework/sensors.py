@@ -11,10 +11,11 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_msgs.msg import GraspState, HeldGrip, StateEstimate
-from isotruss_ros.core import Configuration, Robot
+from isotruss_msgs.msg import GraspState, HeldGrip, Obstacles, StateEstimate
+from isotruss_ros.core import Configuration, Obstacle, Robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import (
+    CLOCK_SKEW,
     Input,
     InputFault,
     LatestInputs,
@@ -48,6 +49,8 @@ class Inputs(LatestInputs):
     - `pose` from `object_pose`, and `markers` from `joint_markers`, see `RobotFrame`.
     - `grasp` from `grasp/state`.
     - `held_grip` from `manipulation/grip`; an empty message discards the previous grip.
+    - `obstacles` from `obstacles`. An obstacle that later messages do not contain remains with its
+      last stamp, until it is cleared.
     - `pressures` from `tube_pressures`, available once a message for each tube has arrived. The
       stamp is the oldest one of these messages.
 
@@ -62,6 +65,7 @@ class Inputs(LatestInputs):
         self._parts = RollerParts(robot.roller_names)
         self._offsets = np.zeros(len(robot.roller_names))
         self._by_tube: dict[str, Input] = {}
+        self._by_name: dict[str, Obstacle] = {}
         self._frame: RobotFrame | None = None
         self._shapes, self._tracked = ConfigurationTracker(robot.home), self.rollers
 
@@ -106,7 +110,7 @@ class Inputs(LatestInputs):
     def _find_topic(self, name: str) -> Topic:
         """Return the topic of an input that is known by name."""
         node, robot = self._node, self._robot
-        if name in ('pose', 'markers') and self._frame is None:
+        if name in ('pose', 'markers', 'obstacles') and self._frame is None:
             self._frame = RobotFrame.heard_by(node, robot)
         frame = self._frame or RobotFrame(robot)
         read_part = partial(read_roller_part, names=robot.roller_names)
@@ -144,6 +148,17 @@ class Inputs(LatestInputs):
             ),
             'grasp': Topic(GraspState, 'grasp/state', lambda state: state),
             'held_grip': Topic(HeldGrip, 'manipulation/grip', read_held_grip, stops=True),
+            'obstacles': Topic(
+                Obstacles,
+                'obstacles',
+                frame.read_obstacles,
+                timeout='obstacle_timeout',
+                merge=self._merge_obstacles,
+                parts=lambda message: {
+                    entry.name: (entry.pose.position.x, entry.pose.position.y)
+                    for entry in message.obstacles
+                },
+            ),
             'pressures': Topic(
                 FluidPressure,
                 'tube_pressures',
@@ -167,6 +182,23 @@ class Inputs(LatestInputs):
             state = RollerState(positions + self._offsets, velocities, self._offsets)
             received = received._replace(value=state)
         return received
+
+    def _merge_obstacles(self, received: Received, now: float) -> Received:
+        """Merge a message of some moving obstacles with the last pose of the others."""
+        if isinstance(received, RejectedInput):
+            return received
+        for obstacle in received.value:
+            kept = self._by_name.get(obstacle.name)
+            if kept is None or kept.stamp > now + CLOCK_SKEW or kept.stamp <= obstacle.stamp:
+                self._by_name[obstacle.name] = obstacle
+        return received._replace(value=tuple(self._by_name.values()))
+
+    def clear_obstacles(self) -> str:
+        """Discard all moving obstacles until the next message; return a text with their names."""
+        names = ', '.join(self._by_name) or 'none'
+        self._by_name.clear()
+        self.obstacles = None
+        return f'cleared moving obstacles: {names}'
 
     def _merge_pressures(self, received: Received, now: float) -> Received | None:
         """Merge the pressure of one tube with the pressures of the other tubes."""
@@ -194,6 +226,7 @@ class Inputs(LatestInputs):
         """Discard all inputs, because their ages are unknown after a jump of the clock."""
         self._parts.clear()
         self._by_tube.clear()
+        self._by_name.clear()
         for name, gate in self._gates.items():
             gate.waiting.clear()
             known = getattr(self, name) is not None
@@ -201,6 +234,9 @@ class Inputs(LatestInputs):
             if name == 'pressures' and known:  # not replaced by the pressures of the robot file
                 why = 'tube pressures: none since the clock jumped or stopped'
                 self.pressures = RejectedInput(why)
+            elif name == 'obstacles' and known:  # they may still be there
+                why = 'obstacles: none since the clock jumped or stopped'
+                self.obstacles = RejectedInput(why)
 
     @property
     def conflicts(self) -> str:

@@ -42,6 +42,7 @@ SPECS = (
     common.USE_STAMPED_TWIST,
     common.REQUIRE_EMERGENCY_STOP,
     common.OBJECT,
+    common.OBSTACLES,
     *SERVO_SPECS,
 )
 
@@ -68,11 +69,13 @@ class Manipulation(ManagedNode):
         self._failed_rollers = FailedRollers(self, self._apply_failures)
         self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
         self.offer('resume_grip', self._resume_grip)
+        self.offer('clear_obstacles', self._clear_obstacles)
 
     def configure(self) -> None:
         """Create publishers and subscriptions."""
         values = self.values
         self._described = common.read_described(values)
+        self._obstacles = common.read_resting_obstacles(values)
         self._report = StatusReport(self, self.robot)
         inputs = self.inputs = Inputs(self, self.robot)
         self._servo = RecordedServo(self.robot, self._make_settings(), inputs)
@@ -84,7 +87,7 @@ class Manipulation(ManagedNode):
             kind, 'cmd_vel', read, 'twist', stops=True, parts=_planar_parts, shared=True
         )
         self._twists = inputs.keep_topic('twist', twists)
-        inputs.keep('rollers', 'estimate', 'pose', 'pressures')
+        inputs.keep('rollers', 'estimate', 'pose', 'pressures', 'obstacles')
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
 
     def prepare(self, settings: ServoSettings) -> ServoSettings:
@@ -98,7 +101,8 @@ class Manipulation(ManagedNode):
     def _make_settings(self) -> ServoSettings:
         """Return the settings of the servo that the parameters specify."""
         joint = self.values.joint if self.values.mode == 'joint' else None
-        return self.prepare(make_settings(self.robot, self.values, self._described, joint))
+        described, obstacles = self._described, self._obstacles
+        return self.prepare(make_settings(self.robot, self.values, described, joint, obstacles))
 
     def activate(self) -> None:
         """Start the control cycle."""
@@ -176,6 +180,10 @@ class Manipulation(ManagedNode):
         fault = squeeze.fault
         self._servo.acknowledge()
         return f'resumed after {fault}'
+
+    def _clear_obstacles(self) -> str:
+        """Discard all moving obstacles, also those that are not published any more."""
+        return 'no moving obstacles' if self._servo is None else self.inputs.clear_obstacles()
 
     def _discard_twist(self) -> None:
         """Discard the last twist and queued twists, so that only a new twist moves the object."""

@@ -11,12 +11,17 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import HeldGrip, ManipulationStatus
-from isotruss_ros.core import ConvexObject, Grip, Pose, Robot, Status
+from isotruss_ros.core import ConvexObject, Grip, Obstacle, Pose, Robot, Status
 from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.inputs import MAX_TIMEOUT
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import (
+    OBSTACLE_TIMEOUT,
+    ServoSettings,
+    SqueezeSettings,
+)
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from isotruss_ros.nodes.conversions.messages import (
     HELD_VALUES,
@@ -102,6 +107,18 @@ SPECS = (
         (0.0, 1.0),
     ),
     Spec(
+        'min_obstacle_clearance',
+        BOUNDS.min_obstacle_clearance,
+        'Smallest distance of robot and object from obstacles [m]',
+        (0.0, 1.0),
+    ),
+    Spec(
+        'obstacle_timeout',
+        OBSTACLE_TIMEOUT,
+        'Largest age of moving obstacles [s]; an older one stops the rollers',
+        (0.001, MAX_TIMEOUT),
+    ),
+    Spec(
         'slide_along_limits',
         True,
         'Project twists on the limits of the configuration; if false, twists are scaled',
@@ -120,7 +137,11 @@ SPECS = (
 
 
 def make_settings(
-    robot: Robot, values: Parameters, described: ConvexObject | None, joint: str | None
+    robot: Robot,
+    values: Parameters,
+    described: ConvexObject | None,
+    joint: str | None,
+    obstacles: tuple[Obstacle, ...] = (),
 ) -> ServoSettings:
     """
     Return the settings of the servo that the parameters specify.
@@ -128,6 +149,7 @@ def make_settings(
     :param described: object of the parameter `object`; None for a disc with the parameter
         `object_diameter`.
     :param joint: joint that is moved by twists; None: twists move the object.
+    :param obstacles: obstacles at rest.
     """
     body = common.make_body(values, described)
     if values.object_mass:
@@ -146,10 +168,17 @@ def make_settings(
         timeout=values.command_timeout,
         joint=joint,
         squeeze=squeeze,
-        bounds=ShapeBounds(values.min_rigidity, values.min_clearance, values.min_object_clearance),
+        bounds=ShapeBounds(
+            values.min_rigidity,
+            values.min_clearance,
+            values.min_object_clearance,
+            min_obstacle_clearance=values.min_obstacle_clearance,
+        ),
         slide_along_limits=values.slide_along_limits,
         failure_time=values.failure_time or math.inf,  # 0 means never
         pressure_timeout=values.pressure_timeout,
+        obstacles=obstacles,
+        obstacle_timeout=values.obstacle_timeout,
     )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 import math
+import threading
 from typing import Any
 
 from action_msgs.msg import GoalInfo
@@ -22,14 +23,17 @@ from isotruss_msgs.action import (
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError, Pose, Robot
 from isotruss_ros.core.estimation.fault_thresholds import MAX_DEVIATIONS
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import find_fresh, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS, RETURN_SPEED, RETURN_TURN_RATE
 from isotruss_ros.core.planning.grasp_plan import path_times
+from isotruss_ros.core.planning.plan_path import PathPlan, search_path
 from isotruss_ros.core.planning.release import plan_release, Release
 from isotruss_ros.core.planning.violations import export_violation, violation_in_words
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.nodes.conversions.messages import (
+    check_frame,
     make_header,
     MessageError,
     read_pose,
@@ -77,6 +81,7 @@ class GraspSequences:
         self._inputs = watch.inputs
         self.stage = 0  #: current stage, a constant of the action's feedback
         self._described = common.read_described(node.values)
+        self._obstacles = common.read_resting_obstacles(node.values)
         # Before the actions: a server that has discovered their clients has discovered the
         # publisher.
         alive = node.advertise(GoalInfo, TOPIC).publish
@@ -89,6 +94,7 @@ class GraspSequences:
             )
         )
         self._parameters = node.create_client(SetParameters, 'manipulation/set_parameters')
+        self._publish_path = node.advertise(Path, 'planned_path')
         self._thread = ThreadPoolExecutor(max_workers=1)
 
     def close(self) -> None:
@@ -194,7 +200,14 @@ class GraspSequences:
         record = find_fresh(self._node.now(), self._watch.timeout, self._inputs.held_grip)
         most = goal.max_rotation or MAX_ROTATION
         planned: Future[Release] = self._thread.submit(
-            plan_release, config, body, state.grasping_members, goal.clearance, record, most
+            plan_release,
+            config,
+            body,
+            state.grasping_members,
+            goal.clearance,
+            record,
+            most,
+            self._obstacles,
         )
         while not planned.done():
             yield 0.0
@@ -226,13 +239,54 @@ class GraspSequences:
         """Move the held object along a path."""
         self.stage = MOVE.MOVING
         yield from self._watch.await_held(StepOutcome.NOT_HELD)
-        wanted = FollowObjectPath.Goal(path=goal.path, speed=goal.speed, turn_rate=goal.turn_rate)
+        path = goal.path
+        if self._node.values.plan and len(path.poses) == 1:
+            path = yield from self._plan(goal)
+        wanted = FollowObjectPath.Goal(path=path, speed=goal.speed, turn_rate=goal.turn_rate)
         followed = yield from self._carry(wanted)
         codes = FollowObjectPath.Result
         if followed.code != codes.REACHED:
             bad = followed.code == codes.BAD_GOAL
             raise StepError(StepOutcome.BAD_GOAL if bad else StepOutcome.STOPPED, followed.message)
         return MoveObject.Result(message=followed.message)
+
+    def _plan(self, goal: MoveObject.Goal) -> Steps:
+        """Search for a path to the only pose of a goal, publish and return it."""
+        now, (stamped,) = self._node.now(), goal.path.poses
+        check_frame('path', goal.path.header, self._robot.frame)
+        check_frame('pose', stamped.header, self._robot.frame)
+        end, here = read_pose('pose', stamped.pose), self._inputs.pose.value
+        config = self._inputs.configuration(now)
+        body = common.make_body(self._node.values, self._described).moved_to(here)
+        record = find_fresh(now, self._watch.timeout, self._inputs.held_grip)
+        stop = threading.Event()
+
+        def search() -> PathPlan:
+            friction = body.friction_or(None)
+            held = attach_grip(config, body) if record is None else record.restore(config, body)
+            return search_path(
+                held,
+                friction,
+                end,
+                self._obstacles,
+                should_stop=stop.is_set,
+                speed=goal.speed,
+                turn_rate=goal.turn_rate,
+            )
+
+        planned = self._thread.submit(search)
+        try:
+            while not planned.done():
+                yield 0.0
+        finally:
+            stop.set()
+        plan = planned.result()
+        if plan.why:
+            raise StepError(StepOutcome.STOPPED, plan.why)
+        poses = [self._to_pose_stamped(Pose(*pose)) for pose in plan.poses.tolist()]
+        path = Path(header=poses[0].header, poses=poses)
+        self._publish_path.publish(path)
+        return path
 
     def _carry(self, goal: FollowObjectPath.Goal) -> Steps:
         """Move the held object along a path, and return the result; end at a loss."""

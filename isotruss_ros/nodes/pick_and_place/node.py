@@ -17,6 +17,7 @@ from isotruss_ros.nodes.conversions.messages import HELD_VALUES, MessageError
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 from isotruss_ros.nodes.pick_and_place.action_steps import (
@@ -29,7 +30,17 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
 from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.pick_and_place.object_watch import ObjectWatch
 
-SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
+SPECS = (
+    *common.OBJECT_SPECS,
+    common.OBSTACLES,
+    common.COMMAND_TIMEOUT,
+    Spec(
+        'plan',
+        False,
+        'Whether move_object with one pose searches for a path around obstacles and limits of the '
+        'robot; if false, the path is straight',
+    ),
+)
 
 
 class PickAndPlace(ManagedNode):

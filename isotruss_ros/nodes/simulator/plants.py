@@ -39,6 +39,7 @@ MAX_CYCLE_STEP = 0.1
 SPECS = (
     replace(common.OBJECT_DIAMETER, read_only=True),
     common.OBJECT,
+    common.OBSTACLES,
     replace(common.GRIP_MODULE, read_only=True),
     replace(common.GRIP, read_only=True),
     FixedSpec(
@@ -164,4 +165,5 @@ def make_plant(robot: Robot, body: ConvexObject, values: Parameters, in_real_tim
     options = PlantOptions(friction=values.friction, ground_friction=values.ground_friction)
     longest = MAX_CYCLE_STEP if in_real_time else float('inf')
     free, seed = values.object_is_free, values.seed
-    return DrivenRobot(robot, body, free, options, faults, seed, longest)
+    obstacles = common.read_resting_obstacles(values)
+    return DrivenRobot(robot, body, free, options, faults, seed, longest, obstacles)

@@ -89,6 +89,8 @@ def test_every_parameter_of_the_servo_reaches_it():
         'min_rigidity': 0.21,
         'min_clearance': 0.011,
         'min_object_clearance': 0.013,
+        'min_obstacle_clearance': 0.014,
+        'obstacle_timeout': 0.7,
         'slide_along_limits': True,
         'failure_time': 3.0,
     }
@@ -106,9 +108,10 @@ def test_every_parameter_of_the_servo_reaches_it():
         timeout=0.3,
         joint='Z',
         squeeze=SqueezeSettings(30.0, frequency=8.0, load=4.0, zero_deviation=0.002),
-        bounds=ShapeBounds(0.21, 0.011, 0.013),
+        bounds=ShapeBounds(0.21, 0.011, 0.013, min_obstacle_clearance=0.014),
         failure_time=3.0,
         pressure_timeout=9.0,
+        obstacle_timeout=0.7,
     )
     assert settings(slide_along_limits=False).slide_along_limits is False
     assert settings(squeeze_force=0.0).squeeze is None

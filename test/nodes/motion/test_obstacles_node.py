@@ -1,0 +1,132 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Obstacles of the manipulation node: file, topic, silence and service."""
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import FollowObjectPath, MoveObject
+from isotruss_msgs.msg import GraspState, Obstacles
+from isotruss_ros.core import ConvexObject, Disc, Obstacle, Pose, Status, tangent_center
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.nodes.conversions.messages import read_pose, to_pose_message
+from isotruss_ros.nodes.conversions.obstacle_messages import to_obstacles_message
+from isotruss_ros.nodes.pick_and_place import action_steps
+from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
+from manual_actions import MotionClient, replace_clients
+from manual_world import check_refused, world
+from nav_msgs.msg import Path
+from probe import CENTER, DIAMETER, maker, MODULE, ROBOT
+from probe import manipulation as node
+import pytest
+from std_srvs.srv import Trigger
+
+#: Gap between the object and an obstacle in the way of the twists of the probe [m].
+GAP = 0.021
+ABOVE = CENTER[0], CENTER[1] + 0.5 * DIAMETER + 0.05 + GAP, 0.0
+POST = f'{{post: {{shape: disc, diameter: 0.1, pose: {list(map(float, ABOVE))}}}}}'
+
+
+def publisher(w):
+    """Return a function that publishes moving obstacles, and the inputs of the node."""
+    sender = w.probe.create_publisher(Obstacles, 'obstacles', 10)
+
+    def send(*obstacles):
+        w.probe.send_all()
+        if obstacles:
+            sender.publish(to_obstacles_message(obstacles, w.probe.past(0.0), 'truss'))
+
+    return send
+
+
+def test_obstacle_of_the_parameter_slows_the_object_with_its_name():
+    with world(node(obstacles=POST, slide_along_limits=False)) as w:
+        status = w.until_code(Status.SLOWED_OBSTACLE, w.probe.send_all)
+    assert 'the object and obstacle post' in status.message
+
+
+def test_moving_obstacle_of_the_topic_slows_the_object_with_its_name():
+    with world(node(slide_along_limits=False)) as w:
+        send = publisher(w)
+        w.until_code(Status.OK, send)
+        hand = Obstacle('hand', ConvexObject(Disc(0.1), ABOVE))
+        status = w.until_code(Status.SLOWED_OBSTACLE, lambda: send(hand))
+    assert 'the object and obstacle hand' in status.message
+
+
+def test_silent_obstacle_stops_the_rollers_until_it_is_cleared():
+    with world(node(obstacle_timeout=0.3)) as w:
+        send = publisher(w)
+        far = (CENTER[0] + 5.0, CENTER[1], 0.0)
+        hand, cart = (Obstacle(name, ConvexObject(Disc(0.1), far)) for name in ('hand', 'cart'))
+        w.spin(0.3, lambda: send(hand, cart))
+        assert w.code() == Status.OK
+        # The message goes on without the hand.
+        status = w.until_code(Status.HALT_STALE_OBSTACLES, lambda: send(cart))
+        assert 'moving obstacle hand' in status.message
+        answer = w.call('clear_obstacles', Trigger.Request())
+        assert answer.success
+        assert 'hand' in answer.message
+        w.until_code(Status.OK, lambda: send(cart))
+
+
+def test_invalid_first_message_of_obstacles_stops_the_rollers_with_the_reason():
+    with world(node()) as w:
+        sender = w.probe.create_publisher(Obstacles, 'obstacles', 10)
+        hand = Obstacle('hand', ConvexObject(Disc(0.1), ABOVE))
+
+        def send():
+            w.probe.send_all()
+            message = to_obstacles_message([hand, hand], w.probe.past(0.0), 'truss')
+            sender.publish(message)
+
+        status = w.until_code(Status.HALT_INVALID_OBSTACLES, send)
+    assert "'hand': named twice" in status.message
+
+
+@pytest.mark.parametrize('text', ['{post: {shape: disc, diameter: 0.1}}', '/no/such/file.yaml'])
+def test_invalid_obstacles_of_the_parameter_are_refused(text):
+    check_refused(node(obstacles=text), "key 'pose'|cannot be read")
+
+
+START = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.02)
+
+
+def move(monkeypatch, goal, **parameters):
+    """Return the result of a motion to a pose, the followed path, and the published path."""
+    reached = FollowObjectPath.Result(code=FollowObjectPath.Result.REACHED)
+    client = MotionClient(reached)
+    replace_clients(monkeypatch, action_steps, lambda *_: client)
+    settings = {'command_timeout': 1.0, 'friction': 0.8, 'plan': True} | parameters
+    with world(maker(PickAndPlace, **settings)()) as w:
+        w.probe.listen(Path, 'path', 'planned_path')
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_object((*START, 0.0))
+            w.probe.send_held(GraspState.HELD_YES, members_at(ROBOT, MODULE))
+
+        w.spin(0.1, send)
+        target = PoseStamped(pose=to_pose_message(Pose(*goal)))
+        request = w.send_goal(MoveObject.Goal(path=Path(poses=[target])))
+        w.until(lambda: request.ended, send)
+        return request.result()[1], client.goal, w.probe.last('path')
+
+
+def test_motion_to_one_pose_follows_the_planned_path(monkeypatch):
+    goal = START[0] + 0.04, START[1] - 0.02, 0.1
+    result, asked, shown = move(monkeypatch, goal)
+    assert result.code == MoveObject.Result.SUCCEEDED, result.message
+    poses = [read_pose('pose', stamped.pose) for stamped in asked.path.poses]
+    assert poses[0] == pytest.approx((*START, 0.0), abs=5e-3)
+    assert poses[-1] == pytest.approx(goal, abs=1e-6)
+    assert shown == asked.path
+
+
+def test_motion_to_a_pose_within_an_obstacle_is_refused_with_its_name(monkeypatch):
+    post = f'{{post: {{shape: disc, diameter: 0.1, pose: [{START[0]}, {START[1] - 0.4}, 0]}}}}'
+    goal = START[0], START[1] - 0.3, 0.0
+    result, asked, _ = move(monkeypatch, goal, obstacles=post)
+    assert result.code == MoveObject.Result.STOPPED
+    assert 'no way found' in result.message
+    assert 'obstacle post' in result.message
+    assert asked is None
