@@ -64,11 +64,19 @@ def solve_each(matrices: Array, right: Array) -> Array:
     Several matrices (..., n, n) are independent: if one is singular, its solution is NaN. One
     singular matrix alone raises LinAlgError.
     """
-    try:
-        return np.linalg.solve(matrices, right)
-    except np.linalg.LinAlgError:
+    size, columns = right.shape[-2:]
+    if not right.size:
+        return np.zeros(right.shape)
+    if matrices.size == size * size:  # for one matrix, LAPACK takes half of the time of NumPy
+        matrix, one_right = matrices.reshape(size, size), right.reshape(size, columns)
+        _, _, solution, singular = lapack.dgesv(matrix, one_right)
+        if not singular:
+            return solution.reshape(right.shape)
         if matrices.ndim == 2:
-            raise
+            raise np.linalg.LinAlgError(f'singular: pivot {singular} is zero')
+        return np.full(right.shape, np.nan)
+    with contextlib.suppress(np.linalg.LinAlgError):
+        return np.linalg.solve(matrices, right)
     solutions = np.full(right.shape, np.nan)
     for i, (matrix, of_matrix) in enumerate(zip(matrices, right, strict=True)):
         with contextlib.suppress(np.linalg.LinAlgError):

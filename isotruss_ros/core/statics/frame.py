@@ -160,6 +160,12 @@ def largest_motion(displacements: Array) -> Array:
 
 def keep_apart(pieces: Indices, positions: Array, length: Array) -> Array:
     """Return positions (..., c) of cuts [m], shifted so that no part is too short."""
+    # A cut is near itself. If none is near another one or an end, none is shifted.
+    are_near = np.abs(positions[..., None] - positions[..., None, :]) < SHORTEST_PART
+    are_near &= pieces[..., None] == pieces[..., None, :]
+    to_ends = np.minimum(positions, length - positions)
+    if np.count_nonzero(are_near) == positions.size and (to_ends >= SHORTEST_PART).all():
+        return positions
     if positions.ndim > 1:
         return np.array(list(map(keep_apart, pieces, positions, length)))
     shifted, lengths, piece_of = positions.tolist(), length.tolist(), pieces.tolist()
