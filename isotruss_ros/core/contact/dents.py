@@ -78,12 +78,12 @@ def evaluate_splines(numbers: Array, x: Array, x_of_piece: Array) -> tuple[Array
 
     They are those of the polynomial piece that contains `x_of_piece` (c,).
     """
-    count, x, x_of_piece = numbers.shape[-1] // 6, x[:, None], x_of_piece[:, None]
+    size, x, x_of_piece = numbers.shape[-1], x[:, None], x_of_piece[:, None]
+    count = size // 6
     ends = numbers[..., count - 1]
     piece = (numbers[..., : count - 1] <= x_of_piece[..., None]).sum(axis=-1)
-    pieces = numbers[..., count:].reshape(-1, 5)
-    index = piece.ravel() + count * np.arange(piece.size)
-    a, b, c, d, begin = pieces.take(index, axis=0).T.reshape(5, *piece.shape)
+    begins = (count + size * np.arange(piece.size)).reshape(piece.shape) + 5 * piece
+    a, b, c, d, begin = numbers.take(begins + np.arange(5).reshape(-1, *[1] * piece.ndim))
     inside = np.where(x_of_piece < ends, x, ends)
     s = inside - begin
     slope = (3.0 * a * s + 2.0 * b) * s + c
@@ -240,32 +240,41 @@ class Dents:
 
         The depths are odd in the forces.
         """
-        tables, flat_angles = self.tables.ravel().tolist(), angles.ravel()
-        sizes = np.maximum(np.abs(forces), 1e-9).ravel()
-        abscissae, signs = sizes**DEPTH_EXPONENT, forces.ravel() / sizes
+        sizes = np.maximum(np.abs(forces), 1e-9)
+        abscissae, signs = sizes**DEPTH_EXPONENT, forces / sizes
         rates = np.empty((3, forces.size))
-        is_round = [table.is_round for table in tables]
-        if all(is_round) or not any(is_round):
-            rates[:] = self._evaluate(abscissae, flat_angles, np.arange(len(tables)))
-        else:
-            for kind in (True, False):
-                chosen = np.flatnonzero(np.array(is_round) == kind)
-                rates[:, chosen] = self._evaluate(abscissae[chosen], flat_angles[chosen], chosen)
-        depths, by_abscissa, by_angle = rates
+        for are_round, chosen in self._kinds:
+            values = self._evaluate(are_round, chosen, abscissae.ravel(), angles.ravel())
+            rates[:, chosen] = values
+        depths, by_abscissa, by_angle = rates.reshape(3, *forces.shape)
         by_force = DEPTH_EXPONENT * abscissae / sizes * by_abscissa
-        values = signs * depths, by_force, signs * by_angle
-        return tuple(value.reshape(forces.shape) for value in values)  # type: ignore
+        return signs * depths, by_force, signs * by_angle
 
-    def _evaluate(self, abscissae: Array, angles: Array, chosen: Indices) -> Any:
+    @functools.cached_property
+    def _kinds(self) -> list[tuple[bool, Indices | slice]]:
+        """Return the contacts whose depths do not depend on the angle, and the others."""
+        are_round = np.array([table.is_round for table in self.tables.ravel().tolist()])
+        if are_round.all() or not are_round.any():
+            return [(bool(are_round[0]), slice(None))]
+        return [(kind, np.flatnonzero(are_round == kind)) for kind in (True, False)]
+
+    @functools.cached_property
+    def _round_numbers(self) -> Array:
+        """Return the numbers (c, 1, q) of the splines of the contacts that are round."""
+        tables = self.tables.ravel().tolist()
+        return np.array([table.splines_near(0) for table in tables if table.is_round])
+
+    def _evaluate(
+        self, are_round: bool, chosen: Indices | slice, abscissae: Array, angles: Array
+    ) -> Any:
         """Return depths and derivatives (3, c) by abscissa and angle, of chosen contacts."""
-        tables = [self.tables.flat[i] for i in chosen]
-        piece_abscissae, piece_angles = abscissae, angles
+        abscissae, angles = piece_abscissae, piece_angles = abscissae[chosen], angles[chosen]
         if self._polynomials_at is not None:
             piece_abscissae, piece_angles = (v.ravel()[chosen] for v in self._polynomials_at)
-        if tables[0].is_round:
-            numbers = np.array([table.splines_near(0) for table in tables])
-            depths, slopes = evaluate_splines(numbers, abscissae, piece_abscissae)
-            return depths[:, 0], slopes[:, 0], np.zeros(len(tables))
+        if are_round:
+            values = evaluate_splines(self._round_numbers, abscissae, piece_abscissae)
+            return values[0][:, 0], values[1][:, 0], np.zeros(len(abscissae))
+        tables = self.tables.ravel()[chosen].tolist()
         of_tables = self._angles.reshape(-1, 3)[chosen].T
         bases, (weights, by_angle) = _weigh(angles, piece_angles, of_tables)
         pairs = zip(tables, bases.tolist(), strict=True)
