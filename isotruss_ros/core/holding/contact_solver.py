@@ -10,7 +10,6 @@ Objects with the same contacts, and tubes that are divided alike, are solved tog
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 from isotruss_ros.core.errors import StructureError
@@ -19,6 +18,7 @@ from isotruss_ros.core.holding.contact_statics import (
     build_statics,
     ContactConditions,
     find_feet,
+    statics_of,
 )
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, scaled_wrench
 from isotruss_ros.core.holding.least_friction import least_friction_conditions
@@ -133,9 +133,8 @@ class ContactGroupSolver:
             for grip, unknowns in self._starts[i]:
                 if np.array_equal(grip.contacts.corners, contacts.corners):
                     one = take(objects, [k])
-                    statics = build_statics(one.structure, one.bodies, contacts, True)
                     bent = grip.statics.bent_under(unknowns, take(one.structure, 0))
-                    near = replace(statics, bent=take(bent, None))
+                    near = statics_of(take(bent, None), one.bodies, contacts)
                     begins.append(Iteration.of(near, one.numbers, unknowns[None], one.wrench))
                     break
         return begins
@@ -148,7 +147,7 @@ def _begin_straight(
     begins, count = [], len(objects.numbers)
     feet = find_feet(objects.structure, objects.bodies, contacts)
     for rows in group_cuts(objects.structure, contacts.members, feet) if count else ():
-        group = objects if len(rows) == count else take(objects, rows)
-        statics = build_statics(group.structure, group.bodies, contacts, is_loaded)
+        group, at = (objects, feet) if len(rows) == count else take((objects, feet), rows)
+        statics = build_statics(group.structure, group.bodies, contacts, at, is_loaded)
         begins.append(Iteration.of(statics, group.numbers, statics.start(), group.wrench))
     return begins

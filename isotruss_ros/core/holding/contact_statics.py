@@ -308,14 +308,14 @@ def build_statics(
     structure: Structure,
     body: ConvexObject | ObjectSamples,
     contacts: PressedContacts,
-    deforms: bool = False,
+    feet: Array,
+    deforms: bool,
 ) -> ContactStatics:
     """
-    Return the equilibrium equations of an object with given contacts, for straight tubes.
+    Return the equilibrium equations of an object, for straight tubes with contacts at `feet`.
 
     All tubes are deformable from the start if `deforms` is true, see `UnloadedBlocks`.
     """
-    feet = find_feet(structure, body, contacts)
     bent = BentTubes.of(structure, contacts.members, feet, deforms=deforms)
     return statics_of(bent, body, contacts)
 

@@ -50,6 +50,18 @@ MIN_RELATIVE_MARGIN = 0.01
 SAMPLE = '_samples', '_number'
 
 
+class _OfSamples(functools.cached_property[Any]):
+    """Cached property of a grip, which is taken from several samples if they have it."""
+
+    def __get__(self, grip: Any, owner: type[Any] | None = None) -> Any:
+        """Return the value."""
+        samples = None if grip is None else vars(grip).get('_samples')
+        if samples is None or self.attrname not in vars(samples):
+            return super().__get__(grip, owner)
+        value = take(vars(samples)[self.attrname], grip.number)
+        return vars(grip).setdefault(self.attrname, value)
+
+
 class HoldStatus(enum.Enum):
     """Hold status: the object is held, or a condition for holding the object is violated."""
 
@@ -122,9 +134,6 @@ class HeldGrip:
         """Return one of several samples, whose arrays are taken when they are read."""
         grip = cls.__new__(cls)
         grip.__dict__.update(_samples=samples, _number=number)
-        for name in ('sections', 'response', 'normal_forces', 'friction_forces'):
-            if name in vars(samples):
-                grip.__dict__[name] = take(vars(samples)[name], number)
         return grip
 
     def __getattr__(self, name: str) -> Any:
@@ -220,12 +229,12 @@ class HeldGrip:
         grip = Grip(self.member_names, self.body, friction)
         return grip.touching(self.contacts.owners, self.contacts.corners)
 
-    @functools.cached_property
+    @_OfSamples
     def normal_forces(self) -> Array:
         """Return the normal forces of the grasping members, (m,) [N]."""
         return self.contacts.sum_by_member(self.state.normal_forces, axis=-1)
 
-    @functools.cached_property
+    @_OfSamples
     def friction_forces(self) -> Array:
         """Return the friction force on each grasping member, (m,), counter-clockwise [N]."""
         return self.contacts.sum_by_member(self.state.friction_forces, axis=-1)
@@ -268,7 +277,7 @@ class HeldGrip:
         straight = starts + positions * config.member_axes[..., members]
         return straight + (ux + 1j * uy), np.exp(1j * angles)
 
-    @functools.cached_property
+    @_OfSamples
     def sections(self) -> Utilisation:
         """Return the utilisation of the tubes under the contact forces."""
         bent, state = self.statics.bent, self.state
@@ -302,7 +311,7 @@ class HeldGrip:
         except np.linalg.LinAlgError:
             return None
 
-    @functools.cached_property
+    @_OfSamples
     def response(self) -> GripResponse | None:
         """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
         response = find_response(self.statics, self.state, self.body)

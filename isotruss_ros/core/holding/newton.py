@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from isotruss_ros.core.holding.contact_statics import ContactConditions, ContactStatics, Pushes
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, CENTER, ContactForces
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, ContactForces
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, MAX_LOAD
 from isotruss_ros.core.numerics.factorization import solve_each
 from isotruss_ros.core.numerics.samples import join, take
@@ -21,6 +21,9 @@ import numpy as np
 
 #: Tolerances of the balance, relative to the sum of normal forces [-], and of the gaps [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
+#: Largest error before the last step, and error of rounding, after which no step follows, in
+#: tolerances [-].
+LAST_STEP_ERROR, ROUNDING_ERROR = 1e2, 1e-3
 #: Largest rotation in a Newton step [rad], and largest translation in a Newton step, divided by
 #: the characteristic radius [-].
 MAX_TURN = 0.2
@@ -30,6 +33,8 @@ MAX_INCLINATION = 0.5
 #: ring, in tube radii [-]. With a third of it, 400 random grasps have the same equilibria; with
 #: three times of it, one that is far from the start is not found.
 RING_REACH = 0.1
+
+T = TypeVar('T')
 
 
 class Iteration(NamedTuple):
@@ -138,85 +143,66 @@ def _iterate(
     for _ in samples:
         count_work()
     residual, state = statics.equations(unknowns, wrench, conditions, pushes)
-    squeeze = np.abs(unknowns[..., indices.normal]).sum(axis=-1)
-    tolerance = np.full(residual.shape, LENGTH_TOLERANCE)
-    tolerance[:, indices.balance] = FORCE_TOLERANCE * squeeze[:, None]
-    # For NaN the comparisons are false, so NaN is not a solution.
-    error = (np.abs(residual) / tolerance).max(axis=-1)
-    is_solved, is_lost = error <= 1.0, np.zeros(len(error), dtype=bool)
-
-    if not is_solved.all():
-        advanced = _advance(statics, state, residual)
-        is_lost = ~is_solved & ~np.isfinite(advanced).all(axis=-1)
-        unknowns = np.where((is_solved | is_lost)[:, None], unknowns, advanced)
-        pushes = statics.pushes(unknowns)
-        # Beyond these loads the iteration diverges.
-        is_lost |= ~(np.abs(pushes.loads).max(axis=(-2, -1)) <= MAX_LOAD)
+    error = _measure_error(residual, state)
+    step = _find_step(statics, state, residual)
+    is_finite = np.isfinite(step).all(axis=-1)
+    step[~is_finite | (error <= ROUNDING_ERROR)] = 0.0
+    unknowns = unknowns + step
+    pushes = statics.pushes(unknowns)
+    # Beyond these loads the iteration diverges.
+    is_valid = is_finite & (np.abs(pushes.loads).max(axis=(-2, -1)) <= MAX_LOAD)
 
     # The end of the iteration. Tubes are not modelled beyond the ends of their members, so
     # contacts there converge slowly, and are accepted before.
-    feet = unknowns[..., indices.feet]
+    feet = unknowns[:, indices.feet]
     predicted = statics.bent.predict(pushes.loads, feet)
     motion = statics.bent.distance(predicted)
+    # For NaN the comparisons are false, so NaN is not a solution.
+    is_solved = error <= LAST_STEP_ERROR
     is_linearised = (motion <= reach) | begin.moves_by_rounding
     is_beyond_end = (motion <= FOLLOWED_MOTION) & ~statics.are_on_members(feet)
-    is_found = ~is_lost & (is_beyond_end | (is_solved & is_linearised))
-    inclination = np.abs(unknowns[..., indices.inclinations]).max(axis=-1)
-    is_valid = is_found & (inclination <= MAX_INCLINATION)
-    if is_valid.any():
-        equilibria = Equilibria(samples, statics, state)
-        equilibria = equilibria if is_valid.all() else take(equilibria, is_valid)
-        residual = residual if is_valid.all() else residual[is_valid]
-        # Errors below a thousandth of the tolerances are those of rounding.
-        is_rough = error[is_valid] > 1e-3
-        is_rough &= is_solved[is_valid]
-        found.append(_polish(equilibria, residual, is_rough) if is_rough.any() else equilibria)
+    ends = is_valid & (is_beyond_end | (is_solved & is_linearised))
+    if ends.any():
+        folds = np.abs(unknowns[:, indices.inclinations]).max(axis=-1) > MAX_INCLINATION
+        normals = statics.bent.lines.axis * pushes.member_normals
+        state = ContactForces(unknowns, normals, pushes.loads, state.jacobian)
+        found += _choose(Equilibria(samples, statics, state), ends & ~folds)
+        if ends.all():
+            return
 
     # The tubes are linearised again. In soft structures, nodes then move by rounding.
     current = begin._replace(unknowns=unknowns, pushes=pushes)
-    continues = ~is_lost & ~is_found
-    is_better = is_solved | (error < begin.least_error)
-    relinearizes = continues & ~is_linearised & is_better
-    keeps = continues & ~relinearizes
-    if keeps.any():
-        yield current if keeps.all() else take(current, keeps)
-    if relinearizes.all():
-        yield from current.relinearized(predicted, error, motion)
-    elif relinearizes.any():
-        chosen = take((current, predicted, error, motion), relinearizes)
-        yield from chosen[0].relinearized(*chosen[1:])
+    continues = is_valid & ~ends
+    relinearizes = continues & ~is_linearised & (is_solved | (error < begin.least_error))
+    yield from _choose(current, continues & ~relinearizes)
+    for again, *arguments in _choose((current, predicted, error, motion), relinearizes):
+        yield from again.relinearized(*arguments)
 
 
-def _polish(equilibria: Equilibria, residual: Array, is_rough: Flags) -> Equilibria:
-    """
-    Return equilibria after a last step of those that are `is_rough`.
+def _choose(record: T, chosen: Flags) -> list[T]:
+    """Return the record of chosen samples in a list, which is empty if none is chosen."""
+    if chosen.all():
+        return [record]
+    return [take(record, chosen)] if chosen.any() else []
 
-    Without it, they would depend on rounding in the steps before.
-    """
-    _, statics, state = equilibria
+
+def _measure_error(residual: Array, state: ContactForces) -> Array:
+    """Return the largest residual (n,) of each sample, in tolerances [-]."""
+    sizes, squeeze = np.abs(residual), np.abs(state.normal_forces).sum(axis=-1, keepdims=True)
+    sizes[:, state.places.balance] *= LENGTH_TOLERANCE / (FORCE_TOLERANCE * squeeze)
+    return sizes.max(axis=-1) / LENGTH_TOLERANCE
+
+
+def _find_step(statics: ContactStatics, state: ContactForces, residual: Array) -> Array:
+    """Return a bounded step (n, 3 + 4k) of Newton's method; not finite if singular."""
     step = -solve_each(state.jacobian, residual[..., None])[..., 0]
-    step[~is_rough | ~np.isfinite(step).all(axis=-1)] = 0.0
-    unknowns = state.unknowns + step
-    pushes = statics.pushes(unknowns)
-    normals = statics.bent.lines.axis * pushes.member_normals
-    polished = ContactForces(unknowns, normals, pushes.loads, state.jacobian)
-    return equilibria._replace(state=polished)
-
-
-def _advance(statics: ContactStatics, state: ContactForces, residual: Array) -> Array:
-    """Return the unknowns after a bounded step of Newton's method; NaN if singular."""
-    step = -solve_each(state.jacobian, residual[..., None])[..., 0]
-    limits = np.empty(step.shape)
-    limits[...] = MAX_TURN * statics.body.arm[:, None]
-    limits[:, ANGLE] = limits[:, state.places.inclinations] = MAX_TURN
-    limits[:, state.places.forces] = np.inf
-    sizes = np.abs(step)
     # The motion of the centroid does not depend on the frame of the object.
     centroid = np.exp(1j * state.unknowns[:, ANGLE]) * statics.body.shape.centroid
     shift = step[:, 0] + 1j * step[:, 1] + 1j * centroid * step[:, ANGLE]
-    sizes[:, CENTER] = np.abs(shift)[:, None]
-    excess = np.maximum((sizes / limits).max(axis=-1), 1.0)
-    return state.unknowns + step / excess[:, None]
+    translations = np.abs(np.append(shift[:, None], step[:, state.places.feet], axis=-1))
+    turns = np.abs(step[:, state.places.turns])
+    largest = np.maximum(translations.max(axis=-1) / statics.body.arm, turns.max(axis=-1))
+    return step / np.maximum(largest / MAX_TURN, 1.0)[:, None]
 
 
 def settle(

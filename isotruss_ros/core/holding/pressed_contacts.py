@@ -62,6 +62,7 @@ class Places(NamedTuple):
     """
 
     feet: slice  #: positions along the members
+    turns: list[int]  #: angle of the object, and inclinations
     inclinations: slice  #: inclinations of the bent tubes
     normal: slice  #: normal forces
     friction: slice  #: friction forces
@@ -79,7 +80,8 @@ class Places(NamedTuple):
         bounds = (0, 1), (1, 2), (2, 3), (3, 4), (2, 4), (1, 4)
         unknowns = [slice(begins[first], begins[end]) for first, end in bounds]
         rows = slice(3 * count, 3 * count + 3), slice(3 * count + 3, None)
-        return cls(*unknowns, *rows, 4 * count + 3)  # type: ignore[call-arg, arg-type]
+        turns = [ANGLE, *range(begins[1], begins[2])]
+        return cls(unknowns[0], turns, *unknowns[1:], *rows, 4 * count + 3)  # type: ignore
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from dataclasses import replace
 from isotruss_ros.core.holding.contact_search import ContactSet, run_search, search_contacts
 from isotruss_ros.core.holding.contact_statics import (
     build_statics,
+    find_feet,
     ContactConditions,
     ContactStatics,
     find_dents,
@@ -91,7 +92,8 @@ def roll_contacts(
         starts = [grip.extrapolate(travel), grip.state.unknowns]
         initial = replace(grip.statics, bent=grip.statics.bent_under(starts[0], structure))
     else:
-        initial = build_statics(structure, grip.body, chosen.contacts, bool(wrench.any()))
+        feet = find_feet(structure, grip.body, chosen.contacts)
+        initial = build_statics(structure, grip.body, chosen.contacts, feet, bool(wrench.any()))
         starts = [_start_from(grip, initial, chosen.origins)]
         angles = np.angle(initial.straight_normals / grip.body.turn)
         previous_angles[new_contacts] = angles[new_contacts]

@@ -87,7 +87,9 @@ def settle_inputs(inputs: GraspInputs, friction: float) -> SettledGrasp:
         raise grip
     if isinstance(grip, NotHeldError):
         return lose_grasp(inputs, grip, friction)
-    return assess_equilibrium(inputs.body.pose, grip, friction)
+    given = inputs.body.pose
+    ((hold, reason),) = judge(grip.origin, [given], np.array([friction]))  # the only sample
+    return conclude(given, grip, friction, hold, reason)
 
 
 def lose_grasp(inputs: GraspInputs, error: NotHeldError, friction: float) -> SettledGrasp:
@@ -104,11 +106,14 @@ def lose_grasp(inputs: GraspInputs, error: NotHeldError, friction: float) -> Set
 
 def assess_equilibrium(given: Pose, grip: HeldGrip, friction: float) -> SettledGrasp:
     """Return the settled grasp at an equilibrium, with its hold status."""
-    if grip.origin is not grip and len(grip.origin.wrench) == 1:  # the only sample
-        ((hold, reason),) = judge(grip.origin, [given], np.array([friction]))
-        grip = HeldGrip.sample(grip.origin, 0)
-    else:
-        ((hold, reason),) = judge(grip, [given], np.array([friction]))
+    ((hold, reason),) = judge(grip, [given], np.array([friction]))
+    return conclude(given, grip, friction, hold, reason)
+
+
+def conclude(
+    given: Pose, grip: HeldGrip, friction: float, hold: HoldStatus, reason: str
+) -> SettledGrasp:
+    """Return the settled grasp at an equilibrium with a given hold status."""
     if hold not in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
         return SettledGrasp(hold, reason, given, friction, grip)
     lost = LostContact.of(grip.inputs._replace(body=grip.body.moved_to(given)))

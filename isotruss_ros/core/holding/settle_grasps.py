@@ -20,7 +20,7 @@ from isotruss_ros.core.holding.grasp_samples import (
 )
 from isotruss_ros.core.holding.grip_response import find_slip_planes, idle_contacts
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus, NotHeldError
-from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, judge, lose_grasp
+from isotruss_ros.core.holding.settle_grasp import conclude, judge, lose_grasp
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.holding.settled_grasps import SettledGrasps
 from isotruss_ros.core.model.pose import Pose
@@ -183,5 +183,6 @@ def _settle_group(inputs: Sequence[GraspInputs], friction: Array) -> _GroupResul
             result.hold[i], result.reason[i] = hold, reason
             if hold in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
                 grip = HeldGrip.sample(samples, k)
-                result.set_lost(i, assess_equilibrium(given[k], grip, float(friction[i])))
+                lost = conclude(given[k], grip, float(friction[i]), hold, reason)
+                result.set_lost(i, lost)
     return result

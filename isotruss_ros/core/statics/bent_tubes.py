@@ -544,6 +544,8 @@ def _apply(matrices: Array, vectors: Array) -> Array:
 
 def group_cuts(structure: Structure, members: Indices, positions: Array) -> list[Indices]:
     """Return the samples of each group whose members are divided alike at positions (n, k)."""
+    if len(positions) == 1:
+        return [np.zeros(1, dtype=int)]
     return _group(structure, Cuts.of(structure, members, positions))
 
 
