@@ -12,7 +12,7 @@ with it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import copy
 from typing import Any, TypeVar
 
@@ -41,6 +41,16 @@ def pick(values: Array, indices: Indices) -> Array:
     return np.take_along_axis(values, indices, -1)
 
 
+def apply(matrices: Array, vectors: Array) -> Array:
+    """Return products (..., r) of matrices (..., r, c) with vectors (..., c)."""
+    return (matrices @ vectors[..., None])[..., 0]  # type: ignore[no-any-return]
+
+
+def first_sample(values: Array | Indices) -> Any:
+    """Return values (k,) of the first sample, or of the only one."""
+    return values.reshape(-1, values.shape[-1])[0]
+
+
 def plain(values: Any) -> Any:
     """Return the value of one sample as a Python number, which messages need; else the array."""
     return values.item() if values.ndim == 0 else values
@@ -52,48 +62,40 @@ def take(value: T, index: Any) -> T:
 
     An integer returns one sample without this axis. None adds this axis to one sample.
     """
-    if isinstance(value, np.ndarray):
-        return value[index]
-    kind: Any = type(value)
-    if hasattr(kind, '_fields'):
-        return kind(*(take(item, index) for item in value))  # type: ignore
-    if kind is list or kind is tuple:
-        return kind(take(item, index) for item in value)  # type: ignore
-    if hasattr(kind, 'take_samples'):
-        return value.take_samples(index)  # type: ignore
-    shared = getattr(kind, 'shared', None)
-    if shared is None:
-        return value
-    chosen = copy.copy(value)
-    # Cached properties are fields of the copy, too.
-    for name, item in vars(value).items():
-        if name not in shared:
-            chosen.__dict__[name] = take(item, index)
-    return chosen
+    return _map_arrays(  # type: ignore[no-any-return]
+        [value], lambda arrays: arrays[0][index], lambda items: items[0].take_samples(index)
+    )
 
 
 def join(values: Sequence[T]) -> T:
     """Return the samples of several records; cached properties that some lack are left out."""
-    first = values[0]
     if len(values) == 1:
+        return values[0]
+    return _map_arrays(  # type: ignore[no-any-return]
+        values, np.concatenate, lambda items: items[0].join_samples(items)
+    )
+
+
+def _map_arrays(
+    values: Sequence[Any], of_arrays: Callable[..., Any], of_others: Callable[..., Any]
+) -> Any:
+    """Return a record of what a function returns of the arrays of several records."""
+    first, kind = values[0], type(values[0])
+    if kind is np.ndarray:
+        return of_arrays(values)
+    if hasattr(kind, 'take_samples'):
+        return of_others(values)
+    if kind is list or kind is tuple or hasattr(kind, '_fields'):
+        fields = [_map_arrays(items, of_arrays, of_others) for items in zip(*values, strict=True)]
+        return kind(*fields) if hasattr(kind, '_fields') else kind(fields)
+    if not hasattr(kind, 'shared'):
         return first
-    if isinstance(first, np.ndarray):
-        return np.concatenate(values)  # type: ignore
-    kind: Any = type(first)
-    if hasattr(kind, '_fields'):
-        return kind(*map(join, zip(*values, strict=True)))  # type: ignore
-    if kind is list or kind is tuple:
-        return kind(map(join, zip(*values, strict=True)))  # type: ignore
-    if hasattr(kind, 'join_samples'):
-        return first.join_samples(values)  # type: ignore
-    shared = getattr(kind, 'shared', None)
-    if shared is None:
-        return first
-    joined = copy.copy(first)
-    for name, item in vars(first).items():
-        if all(name in vars(value) for value in values):
-            items = [vars(value)[name] for value in values]
-            joined.__dict__[name] = item if name in shared else join(items)
+    mapped = copy.copy(first)
+    # Cached properties are fields of the copy, too.
+    for name in vars(first).keys() - kind.shared:
+        items = [vars(value)[name] for value in values if name in vars(value)]
+        if len(items) == len(values):
+            mapped.__dict__[name] = _map_arrays(items, of_arrays, of_others)
         else:
-            del joined.__dict__[name]
-    return joined
+            del mapped.__dict__[name]
+    return mapped
