@@ -10,13 +10,12 @@ from typing import Any, TypeAlias
 
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.holding.held_grip import GraspInputs
-from isotruss_ros.core.holding.settle_grasp import check_stiffness
+from isotruss_ros.core.holding.settle_grasp import check_inputs, check_members
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import check_member_names, find_members
-from isotruss_ros.core.model.convex_object import check_load, ConvexObject
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.section import Pressure, tube_pressures
+from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -58,9 +57,7 @@ def check_grasps(
     for i, config in enumerate(arguments['configs']):
         if config.robot is not robot and config.robot != robot:
             raise GraspError(f'configs[{i}]: must be one of the robot {robot.name}, as configs[0]')
-    indices = None
-    if members is not None:
-        indices = find_members(robot.topology, check_member_names(members)).members
+    indices = check_members(robot, members)
     radius = 0.5 * robot.description.tube_diameter
     arguments['bodies'] = [body.smoothed(radius) for body in arguments['bodies']]
     columns = [values * count if len(values) == 1 else values for values in arguments.values()]
@@ -68,14 +65,12 @@ def check_grasps(
     for i, row in enumerate(zip(*columns, strict=True)):
         config, body, mu, wrench, pressure, pose, factor = row
         try:
-            coefficient, load = check_load(body, mu, wrench)
-            gauge = tube_pressures(robot.description, pressure)
-            factor = check_stiffness(factor)
             placed = body if pose is None else body.moved_to(pose)
+            checked = check_inputs(config, placed, mu, wrench, pressure, indices, factor)
         except IsotrussError as error:
             raise type(error)(f'grasp {i}: {error}') from error
-        inputs.append(GraspInputs(config, placed, indices, load, gauge, factor))
-        coefficients.append(coefficient)
+        inputs.append(checked[0])
+        coefficients.append(checked[1])
     return inputs, np.array(coefficients)
 
 

@@ -20,11 +20,12 @@ from isotruss_ros.core.holding.held_grip import (
 from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import check_member_names, find_members
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
 from isotruss_ros.core.model.pose import check_range, Pose
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
-from isotruss_ros.core.numerics.arrays import Array, MAX_MAGNITUDE
+from isotruss_ros.core.numerics.arrays import Array, Indices, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
 import numpy as np
@@ -64,20 +65,33 @@ def settle_grasp(
     :raises StructureError: a pressure is invalid, the robot is a mechanism, or its stiffness laws
         contradict each other.
     """
-    mu, wrench = check_load(body, friction, external_wrench)
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
-    indices = None
-    if members is not None:
-        names = check_member_names(members)
-        indices = find_members(config.robot.topology, names).members
+    indices = check_members(config.robot, members)
+    checked = check_inputs(config, body, friction, external_wrench, pressure, indices, stiffness)
+    return settle_inputs(*checked)
+
+
+def check_members(robot: Mechanism, members: Sequence[str] | None) -> Indices | None:
+    """Return the indices of grasping members given by their names; None if not given."""
+    if members is None:
+        return None
+    return find_members(robot.topology, check_member_names(members)).members
+
+
+def check_inputs(
+    config: Configuration,
+    body: ConvexObject,
+    friction: float | None,
+    external_wrench: ArrayLike,
+    pressure: Pressure | None,
+    members: Indices | None,
+    stiffness: float,
+) -> tuple[GraspInputs, float]:
+    """Return the checked inputs of a grasp, and its coefficient of friction."""
+    mu, wrench = check_load(body, friction, external_wrench)
     gauge = tube_pressures(config.robot.description, pressure)
-    factor = check_stiffness(stiffness)
-    return settle_inputs(GraspInputs(config, body, indices, wrench, gauge, factor), mu)
-
-
-def check_stiffness(value: float) -> float:
-    """Return a checked factor on the stiffness of the tubes [-]."""
-    return check_range(value, 'stiffness', '', 1.0 / MAX_MAGNITUDE, MAX_MAGNITUDE)
+    factor = check_range(stiffness, 'stiffness', '', 1.0 / MAX_MAGNITUDE, MAX_MAGNITUDE)
+    return GraspInputs(config, body, members, wrench, gauge, factor), mu
 
 
 def settle_inputs(inputs: GraspInputs, friction: float) -> SettledGrasp:
