@@ -4,6 +4,7 @@
 """Equilibria of many grasps at once are those of the same grasps alone."""
 
 from concurrent.futures import ThreadPoolExecutor
+import re
 
 from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, HoldStatus, place_between, settle_grasp, settle_grasps
@@ -146,6 +147,17 @@ def test_an_executor_computes_the_same_grasps_with_progress():
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     assert settled == settle_grasps(HOME, DISC, 0.8, poses=poses)
+
+
+@pytest.mark.parametrize('force', [0.0, 1.0])
+def test_nodes_that_can_move_in_an_unbraced_robot_are_named(force):
+    words = 'mechanism: .*north/Z/B.* can move without resistance'
+    wrench, unbraced = (force, 0.0, 0.0), 1e-12  # without stiffness, tubes do not brace the robot
+    with pytest.raises(StructureError, match=words):
+        settle_grasp(HOME, DISC, 0.8, wrench, stiffness=unbraced)
+    settled = settle_grasps(HOME, DISC, 0.8, wrench, stiffness=[1.0, unbraced])
+    assert settled.hold == (HoldStatus.HELD, None)
+    assert re.search(words, settled.reason[1])
 
 
 @pytest.mark.parametrize(
