@@ -137,9 +137,19 @@ def search_contacts(
             siblings = [item for item, origin in waiting if origin is previous]
             waiting = [(item, previous) for item in siblings if item.grazing is None]
     # The equilibrium nearest to the measured position.
-    if len(pressing) == 1:
-        return pressing[0]
-    return min(pressing, key=lambda g: abs(g.body.middle - g.statics.body.middle), default=None)
+    if len(pressing) < 2:
+        return pressing[0] if pressing else None
+    distances = [abs(grip.body.middle - grip.statics.body.middle) for grip in pressing]
+    return pressing[_find_least(np.array(distances), ROUNDING)]
+
+
+def _find_least(values: Array, tolerance: float) -> int:
+    """
+    Return the index of the least value, or the first one of those within a tolerance of it.
+
+    So a symmetric grasp, in which two values are equal, does not depend on rounding.
+    """
+    return int((values <= values.min() + tolerance).argmax())
 
 
 def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
@@ -147,14 +157,16 @@ def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
     # A contact in tension opens. Each of two members keeps a contact; one of three may lose it.
     contacts, forces = grip.contacts, grip.state.normal_forces
     may_open = contacts.at_faces | (rolls and contacts.owners[-1] > 1)
-    weakest = int(np.where(may_open, forces, np.inf).argmin())
-    if may_open[weakest] and forces[weakest] < -ROUNDING * np.abs(forces).sum():
+    rounding = ROUNDING * np.abs(forces).sum()
+    weakest = _find_least(np.where(may_open, forces, np.inf), rounding)
+    if may_open[weakest] and forces[weakest] < -rounding:
         current = ContactSet.of(contacts)
         opened = current.without(weakest)
         return [opened] if rolls else [current._replace(grazing=weakest), opened]
-    deepest = max(find_free_corners(grip), default=None)
-    if deepest is not None:
-        return add_corner(grip, deepest, rolls)
+    free = find_free_corners(grip)
+    if free:
+        deepest = _find_least(np.array([-corner.depth for corner in free]), ROUNDING)
+        return add_corner(grip, free[deepest], rolls)
     return _add_third_member(grip) if rolls else []
 
 
