@@ -18,6 +18,7 @@ from isotruss_ros.core.holding.contact_search import depths_in_others
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
+from isotruss_ros.core.holding.rolling_invariants import rolling_rows
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import ROUNDING
@@ -48,7 +49,7 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
         raise GraspError('the equilibrium is neutral: it must resist every motion')
     rates, tubes = find_unknown_rates(start)
     parts = [_criteria(start, friction, tubes, rates), _bound_displacement(start, tubes, rates)]
-    rolling = start.statics.rolling_rows(start.state.unknowns, start.state.normals)
+    rolling = rolling_rows(start.statics, start.state.unknowns, start.state.normals)
     at_start = _invariant_rates(start, tubes) + rolling @ rates
     # At later equilibria, the contacts that remain have the rolling invariants of the start.
     for grip in critical:
@@ -109,7 +110,7 @@ def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, rates: Array) -> Cri
 def _invariant_rates(grip: HeldGrip, tubes: LoadedTubes) -> Array:
     """Return the derivatives (k, p) of the rolling invariants at constant unknowns."""
     state, statics, contacts = grip.state, grip.statics, grip.contacts
-    rolling = statics.rolling_rows(state.unknowns, state.normals)
+    rolling = rolling_rows(statics, state.unknowns, state.normals)
     rates = rolling[:, state.places.inclinations] @ tubes.changes.spins
     rates[:, : len(grip.config.roller_positions)] += statics.anchor_rates
     rates[:, -1] -= grip.body.shape.unroll(grip.angles, contacts.corners)

@@ -15,8 +15,9 @@ from __future__ import annotations
 import functools
 import math
 
-from isotruss_ros.core.contact.dents import dent_table, DentTable, evaluate_splines, Spline
+from isotruss_ros.core.contact.dent_table import dent_table, DentTable
 from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.splines import evaluate_splines, Spline
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.scaled_shape import ScaledShape
 from isotruss_ros.core.model.shapes import Shape

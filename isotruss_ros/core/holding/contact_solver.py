@@ -13,13 +13,14 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 from isotruss_ros.core.errors import StructureError
-from isotruss_ros.core.holding.contact_search import ContactSet
-from isotruss_ros.core.holding.contact_statics import (
+from isotruss_ros.core.holding.build_statics import (
     build_statics,
-    ContactConditions,
     find_feet,
+    start_unknowns,
     statics_of,
 )
+from isotruss_ros.core.holding.contact_search import ContactSet
+from isotruss_ros.core.holding.contact_statics import ContactConditions
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, scaled_wrench
 from isotruss_ros.core.holding.least_friction import least_friction_conditions
 from isotruss_ros.core.holding.newton import find_equilibria, Iteration
@@ -28,7 +29,7 @@ from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.samples import take
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
-from isotruss_ros.core.statics.bent_tubes import group_cuts
+from isotruss_ros.core.statics.load_points import group_cuts
 from isotruss_ros.core.statics.structure import Structure, structures_under
 import numpy as np
 
@@ -149,5 +150,5 @@ def _begin_straight(
     for rows in group_cuts(objects.structure, contacts.members, feet) if count else ():
         group, at = (objects, feet) if len(rows) == count else take((objects, feet), rows)
         statics = build_statics(group.structure, group.bodies, contacts, at, is_loaded)
-        begins.append(Iteration.of(statics, group.numbers, statics.start(), group.wrench))
+        begins.append(Iteration.of(statics, group.numbers, start_unknowns(statics), group.wrench))
     return begins

@@ -22,13 +22,13 @@ conditions of friction or rolling.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 import functools
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
-from isotruss_ros.core.contact.dent_interpolation import find_table, InterpolatedTable
-from isotruss_ros.core.contact.dents import Dents, DentTable
+from isotruss_ros.core.contact.dents import Dents
+from isotruss_ros.core.holding.contact_loads import Pushes
 from isotruss_ros.core.holding.pressed_contacts import (
     ANGLE,
     CENTER,
@@ -37,12 +37,11 @@ from isotruss_ros.core.holding.pressed_contacts import (
     POSE,
     PressedContacts,
 )
-from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
 from isotruss_ros.core.model.object_samples import ObjectSamples
-from isotruss_ros.core.model.shapes import PLANNED_DEPTH, Shape
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 from isotruss_ros.core.numerics.samples import take
-from isotruss_ros.core.statics.bent_tubes import BentTubes, Lines
+from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.bent_updates import update_tubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -51,28 +50,6 @@ FRICTION_COMPLIANCE = 1e-4
 #: Conditions of friction or rolling: residual (k,), and its derivatives (k, 3 + 4k) with respect
 #: to the unknowns, as functions of the equations of touch and balance, unknowns and normals.
 ContactConditions = Callable[['ContactStatics', Array, Points], tuple[Array, Array]]
-
-
-class Pushes(NamedTuple):
-    """Loads of k contacts on the tubes."""
-
-    member_normals: Points  #: (k,) normals in member axes, along + i across
-    skin: Array  #: (k,) distance of the dented skin from the centre line [m]
-    depth_by_force: Array  #: (k,) derivatives of the dents' depths by the normal forces [m/N]
-    depth_by_angle: Array  #: (k,) derivatives of the dents' depths by the normals' angles [m/rad]
-    member_forces: Points  #: (k,) forces on the tubes in member axes, along + i across [N]
-    loads: Array  #: (k, 3) forces along and across [N] and moments [N m]
-    #: (4, 3, k) derivatives of the loads with respect to inclination, normal and friction force,
-    #: and angle of the object
-    rates: Array
-
-    def load_rates(self, change: Array) -> Array:
-        """Return the changes (k, 3, c) of the loads for c changes of the unknowns."""
-        count = len(self.skin)
-        angle = np.repeat(change[None, None, ANGLE], count, axis=1)
-        causes = np.concatenate([change[Places.of(count).causes].reshape(3, count, -1), angle])
-        # Axes: cause l as in `rates`, component n of the load, contact k, change c.
-        return np.einsum('lnk,lkc->knc', self.rates, causes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +91,8 @@ class ContactStatics:
 
     def bent_under(self, unknowns: Array, structure: Structure | None = None) -> BentTubes:
         """Return the tubes linearised about their bent state at given unknowns."""
-        return self.bent.update(self.pushes(unknowns).loads, unknowns[self.places.feet], structure)
+        loads, feet = self.pushes(unknowns).loads, unknowns[self.places.feet]
+        return update_tubes(self.bent, loads, feet, structure)
 
     def pushes(self, unknowns: Array) -> Pushes:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
@@ -132,13 +110,13 @@ class ContactStatics:
         loads[..., 0], loads[..., 1], loads[..., 2] = forces.real, forces.imag, -skin * friction
         # Derivatives by the causes in `Pushes.rates`. If the object turns, only the dents change.
         by_inclination, by_friction = 1j * forces, 1j * normals
-        rates = np.zeros((*skin.shape[:-1], 4, 3, skin.shape[-1]))
+        rates = np.zeros((*skin.shape, 3, 4))
         for cause, values in enumerate((by_inclination, normals, by_friction)):
-            rates[..., cause, 0, :], rates[..., cause, 1, :] = values.real, values.imag
-        rates[..., 0, 2, :] = by_turn * friction
-        rates[..., 1, 2, :] = by_force * friction
-        rates[..., 2, 2, :] = -skin
-        rates[..., 3, 2, :] = -rates[..., 0, 2, :]
+            rates[..., 0, cause], rates[..., 1, cause] = values.real, values.imag
+        rates[..., 2, 0] = by_turn * friction
+        rates[..., 2, 1] = by_force * friction
+        rates[..., 2, 2] = -skin
+        rates[..., 2, 3] = -rates[..., 2, 0]
         return Pushes(normals, skin, by_force, by_turn, forces, loads, rates)
 
     def equations(
@@ -149,7 +127,7 @@ class ContactStatics:
         pushes: Pushes | None = None,
     ) -> tuple[Array, ContactForces]:
         """Return the residual (3 + 4k,) of the equations, see `Places`, and the state."""
-        indices, axis, arm = self.places, self.bent.lines.axis, _column(self.body.arm)
+        indices, axis, arm = self.places, self.bent.lines.axis, column(self.body.arm)
         (*lead, count), moment_row = self.sides.shape, indices.balance.stop - 1
         affine = slice(indices.balance.stop)
         residual = np.empty((*lead, indices.size))
@@ -175,8 +153,8 @@ class ContactStatics:
         by_loads[..., -1, :, :] /= arm[..., None]
         flat_loads = pushes.loads.reshape(*lead, -1, 1)
         residual[..., affine] = (by_loads.reshape(*lead, affine.stop, -1) @ flat_loads)[..., 0]
-        # Axes: equation r, cause n as in `Pushes.rates`, contact k, component c of its load.
-        by_cause = np.einsum('...rkc,...nck->...rnk', by_loads, pushes.rates)
+        # Axes: equation, cause as in `Pushes.rates`, contact.
+        by_cause = (by_loads.swapaxes(-3, -2) @ pushes.rates).swapaxes(-3, -1).swapaxes(-3, -2)
         causes = by_cause[..., :3, :].reshape(*lead, affine.stop, -1)
         jacobian[..., affine, indices.causes] = causes
         jacobian[..., affine, ANGLE] = by_cause[..., 3, :].sum(axis=-1)
@@ -239,62 +217,12 @@ class ContactStatics:
         at_same_contact[..., 1, 2] += by_normal.imag
         at_same_contact[..., 2, 1] -= 1.0
 
-    def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
-        """Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns."""
-        indices, contacts = self.places, np.arange(normals.shape[-1])
-        in_object = normals * np.exp(-1j * unknowns[..., ANGLE, None])
-        _, radii = self.body.shape.surface_at(self.contacts.corners, in_object)
-        derivative = np.zeros((*normals.shape, indices.size))
-        derivative[..., ANGLE] = radii
-        derivative[..., contacts, indices.feet.start + contacts] = -self.sides
-        derivative[..., contacts, indices.inclinations.start + contacts] = -radii
-        return derivative
-
-    def start(self) -> Array:
-        """Return an initial guess of the unknowns (3 + 4k,) at the object's measured pose."""
-        indices, bent, body = self.places, self.bent, self.body
-        unknowns = np.zeros((*self.sides.shape[:-1], indices.size))
-        unknowns[..., 0], unknowns[..., 1] = np.real(body.center), np.imag(body.center)
-        unknowns[..., ANGLE], unknowns[..., indices.feet] = body.angle, bent.places
-        turn, center = _column(body.turn), _column(body.center)
-        in_object = self.straight_normals * turn.conj()
-        points, _ = body.shape.surface_at(self.contacts.corners, in_object)
-        from_start = center + turn * points - bent.lines.start
-        heights = self.sides * (bent.lines.axis.conj() * from_start).imag
-        depths = np.maximum(self.tube_radius + heights, PLANNED_DEPTH * self.tube_radius)
-        # The depth is that of the tube's displacement across the member and of the dent. The
-        # diagonal of the compliance (k, 3, k, 3) is each contact's response to its own load.
-        tube_compliance = np.einsum('...kaka->...ka', bent.compliance.matrix)[..., 1]
-        _, dent_compliance, _ = self.dents(depths / tube_compliance, np.angle(in_object))
-        unknowns[..., indices.normal] = depths / (tube_compliance + dent_compliance)
-        return unknowns
-
-    def anchors(self, unknowns: Array, normals: Points, previous: Array) -> Array:
-        """
-        Return the rolling invariants (k,), which are constant while the contacts roll [m].
-
-        A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta), where s_i is the position along the
-        member, phi_i the travel of the tube, arc the arc length along the object's surface, nu_i
-        the normal and theta the object's angle; kappa_i is -1 if the object is on the right of the
-        member, otherwise 1. For `previous` see `object_angles`.
-        """
-        angles = object_angles(unknowns, normals, previous)
-        arcs = self.body.shape.unroll(angles, self.contacts.corners)
-        travel = self.bent.structure.config.roller_positions
-        rolled = (self.anchor_rates @ travel[..., None])[..., 0]
-        return rolled - self.sides * unknowns[..., self.places.feet] - arcs
-
     def as_samples(self) -> ContactStatics:
         """Return the equations of one object as those of one sample."""
         return replace(take(self, None), body=ObjectSamples([self.body]))
 
 
-def sticking(statics: ContactStatics, unknowns: Array, normals: Points) -> tuple[Array, Array]:
-    """Return conditions of contacts that stick: zero residuals and `rolling_rows`."""
-    return np.zeros(normals.shape), statics.rolling_rows(unknowns, normals)
-
-
-def _column(values: Any) -> Any:
+def column(values: Any) -> Any:
     """Return values of samples with one more axis, or one value as an array (1,)."""
     return np.asarray(values)[..., None]
 
@@ -302,66 +230,3 @@ def _column(values: Any) -> Any:
 def object_angles(unknowns: Array, normals: Points, previous: Array | float = 0.0) -> Array:
     """Return the angles (k,) of normals in the object's frame, within pi of `previous` [rad]."""
     return previous + np.angle(normals * np.exp(-1j * (unknowns[..., ANGLE, None] + previous)))
-
-
-def build_statics(
-    structure: Structure,
-    body: ConvexObject | ObjectSamples,
-    contacts: PressedContacts,
-    feet: Array,
-    deforms: bool,
-) -> ContactStatics:
-    """
-    Return the equilibrium equations of an object, for straight tubes with contacts at `feet`.
-
-    All tubes are deformable from the start if `deforms` is true, see `UnloadedBlocks`.
-    """
-    bent = BentTubes.of(structure, contacts.members, feet, deforms=deforms)
-    return statics_of(bent, body, contacts)
-
-
-def find_feet(
-    structure: Structure, body: ConvexObject | ObjectSamples, contacts: PressedContacts
-) -> Array:
-    """Return the positions (k,) of contacts on straight members, not beyond their ends [m]."""
-    lines = Lines.of(structure, contacts.members)
-    turn, center = _column(body.turn), _column(body.center)
-    normals = facing_normals(_column(body.middle), lines.start, lines.axis)
-    points, _ = body.shape.surface_at(contacts.corners, normals * turn.conj())
-    feet = ((center + turn * points - lines.start) * lines.axis.conj()).real
-    return np.clip(feet, 0.0, lines.length)
-
-
-def statics_of(
-    bent: BentTubes, body: ConvexObject | ObjectSamples, contacts: PressedContacts
-) -> ContactStatics:
-    """Return the equilibrium equations of an object with given contacts on bent tubes."""
-    normals = facing_normals(_column(body.middle), bent.lines.start, bent.lines.axis)
-    return ContactStatics(
-        bent=bent,
-        body=body,
-        contacts=contacts,
-        tube_radius=0.5 * bent.structure.config.robot.description.tube_diameter,
-        sides=np.sign((normals * bent.lines.axis.conj()).imag),
-        dents=find_dents(bent.structure, body, contacts),
-    )
-
-
-def find_dents(
-    structure: Structure, body: ConvexObject | ObjectSamples, contacts: PressedContacts
-) -> Dents:
-    """Return the dents at all contacts, as functions of normal forces and angles."""
-    robot, corners = structure.config.robot, contacts.corners.tolist()
-    tubes = robot.topology.tube[contacts.members].tolist()
-
-    def tables(pressures: Sequence[float], shape: Shape) -> list[DentTable | InterpolatedTable]:
-        """Return the tables of one object."""
-        return [
-            find_table(robot, tube, pressures[tube], shape, corner)
-            for tube, corner in zip(tubes, corners, strict=True)
-        ]
-
-    if isinstance(body, ConvexObject):
-        return Dents(tables(structure.pressures, body.shape))
-    pressures = np.asarray(structure.pressures).tolist()
-    return Dents([tables(p, b.shape) for p, b in zip(pressures, body.objects, strict=True)])

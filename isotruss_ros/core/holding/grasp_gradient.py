@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import functools
 from typing import TYPE_CHECKING
 
-from isotruss_ros.core.holding.contact_statics import sticking
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
+from isotruss_ros.core.holding.rolling_invariants import sticking
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array

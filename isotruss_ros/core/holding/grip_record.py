@@ -9,13 +9,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_statics import statics_of, sticking
+from isotruss_ros.core.holding.build_statics import statics_of
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import Places, POSE, PressedContacts
+from isotruss_ros.core.holding.rolling_invariants import sticking
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.bent_updates import describe_state
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -51,7 +53,7 @@ class GripRecord(NamedTuple):
         cls, grip: HeldGrip, estimate: GripEstimate | None = None, is_assumed: bool = False
     ) -> GripRecord:
         """Return the record of a grip whose tubes are bent."""
-        bent, responses = grip.statics.bent.describe(grip.state.loads, grip.state.feet)
+        bent, responses = describe_state(grip.statics.bent, grip.state.loads, grip.state.feet)
         measured = grip.pressures != tube_pressures(grip.config.robot.description)
         return cls(
             grip.config.roller_positions,

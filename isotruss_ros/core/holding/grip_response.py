@@ -17,6 +17,7 @@ from typing import ClassVar, NamedTuple
 
 from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.holding.pressed_contacts import ContactForces, POSE
+from isotruss_ros.core.holding.rolling_invariants import rolling_rows
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -93,7 +94,7 @@ def respond(statics: ContactStatics, state: ContactForces, residuals: Array) -> 
     """
     indices, idle = state.places, _idle_indices(state)
     jacobian, right = state.jacobian.copy(), -residuals
-    rolling = statics.rolling_rows(state.unknowns, state.normals)
+    rolling = rolling_rows(statics, state.unknowns, state.normals)
     jacobian[..., indices.conditions, :] = rolling
     # A dent is infinitely soft at zero force. So to first order, the force of such a contact stays
     # zero: this takes the place of touching across the member, and of sticking.

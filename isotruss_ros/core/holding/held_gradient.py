@@ -13,15 +13,23 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_statics import object_angles, Pushes
+from isotruss_ros.core.holding.contact_loads import Pushes
+from isotruss_ros.core.holding.contact_statics import object_angles
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
+from isotruss_ros.core.holding.rolling_invariants import rolling_rows
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION, TubeRates
+from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
+from isotruss_ros.core.statics.bent_updates import activate_tubes, update_tubes
 from isotruss_ros.core.statics.structure import section_rates
+from isotruss_ros.core.statics.tube_rates import (
+    find_load_changes,
+    find_section_changes,
+    TubeRates,
+)
 from isotruss_ros.core.statics.wrinkling import evaluate_utilisation
 import numpy as np
 
@@ -87,8 +95,8 @@ class LoadedTubes(NamedTuple):
             )
         bent, loads, feet = grip.statics.bent, grip.state.loads, grip.state.feet
         if bent.distance(bent.predict(loads, feet)) > reach:
-            bent = bent.update(loads, feet)
-        bent = bent.activated()
+            bent = update_tubes(bent, loads, feet)
+        bent = activate_tubes(bent)
         grip = replace(grip, statics=replace(grip.statics, bent=bent))
         topology, members = grip.config.robot.topology, grip.contacts.members
         # Motions of the nodes, x + iy, by the rollers (r columns) and along the directions.
@@ -117,7 +125,7 @@ class LoadedTubes(NamedTuple):
         by_pressure = dents.pressure_rates(state.normal_forces, angles)
         depth_rates = by_pressure[:, None] * changes.pressures[tube]
         depth_rates += pushes.depth_by_angle[:, None] * changes.spins
-        by_sections = grip.statics.bent.section_changes(changes.sections)
+        by_sections = find_section_changes(grip.statics.bent, changes.sections)
         return cls(grip, changes, pushes, depth_rates, by_sections)
 
     def equation_rates(self, sticks: bool = False) -> Array:
@@ -151,7 +159,7 @@ class LoadedTubes(NamedTuple):
         # The conditions depend on the normals, which turn with the members.
         rows = state.jacobian[indices.conditions]
         if sticks:
-            rows = statics.rolling_rows(state.unknowns, state.normals)
+            rows = rolling_rows(statics, state.unknowns, state.normals)
         conditions = rows[:, indices.inclinations] @ spins
         if not sticks:
             # Other conditions depend on the pose relative to the measured pose, of which x and y
@@ -171,7 +179,7 @@ class LoadedTubes(NamedTuple):
         moment_rates = self.depth_rates * state.friction_forces[:, None]
         loads = np.stack([force_rates.real, force_rates.imag, moment_rates], axis=1)
         loads += self.pushes.load_rates(change)
-        by_loads = self.grip.statics.bent.load_changes(loads, change[state.places.feet])
+        by_loads = find_load_changes(self.grip.statics.bent, loads, change[state.places.feet])
         return TubeRates(*map(np.add, self.by_sections, by_loads))
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
@@ -201,7 +209,7 @@ class HeldGradient(NamedTuple):
     Derivatives of pose, normal forces and joint positions of a held object.
 
     The p = r + k columns are the parameters: travel of the r rollers [m], and rolling invariants
-    of the k contacts [m], see `ContactStatics.anchors`.
+    of the k contacts [m], see `find_anchors`.
     """
 
     pose: Array  #: (3, p) derivatives of the pose (x, y, angle)

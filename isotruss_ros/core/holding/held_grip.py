@@ -21,6 +21,7 @@ from isotruss_ros.core.holding.grip_response import (
     slip_planes,
 )
 from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
+from isotruss_ros.core.holding.rolling_invariants import find_anchors
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -114,7 +115,7 @@ class HeldGrip:
     """
 
     shared: ClassVar[tuple[str, ...]] = ('member_names', 'members')
-    anchors: Array  #: (k,) rolling invariants, see `ContactStatics.anchors` [m]
+    anchors: Array  #: (k,) rolling invariants, see `find_anchors` [m]
     angles: Array  #: (k,) angles of the normals in the object's frame, continued beyond pi [rad]
     statics: ContactStatics  #: equations of equilibrium in this configuration
     state: ContactForces  #: solution of the equations
@@ -141,7 +142,7 @@ class HeldGrip:
         if name == 'angles' or name == 'anchors':
             state = self.state
             angles = object_angles(state.unknowns, state.normals)
-            anchors = self.statics.anchors(state.unknowns, state.normals, angles)
+            anchors = find_anchors(self.statics, state.unknowns, state.normals, angles)
             self.__dict__.update(angles=angles, anchors=anchors)
             return self.__dict__[name]
         if name not in type(self).__dataclass_fields__ or '_samples' not in vars(self):

@@ -20,6 +20,8 @@ import math
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.statics.bent_updates import activate_tubes
+from isotruss_ros.core.statics.tube_rates import find_load_changes
 import numpy as np
 import scipy.linalg
 
@@ -106,8 +108,8 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return the generalised mass (3, 3) of modules and tubes for unit wrenches."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
     loads = grip.statics.pushes(grip.state.unknowns).load_rates(grip.response.change)
-    bent = grip.statics.bent.activated()
-    nodes = bent.load_changes(loads, np.zeros((len(loads), 3))).nodes
+    bent = activate_tubes(grip.statics.bent)
+    nodes = find_load_changes(bent, loads, np.zeros((len(loads), 3))).nodes
     # Motions of pinch points B and C, where the tube pieces BD and CE of the modules start.
     piece_starts = bent.structure.frame.layout.start[bent.structure.pieces]
     b, c, _ = (nodes[:, 0] + 1j * nodes[:, 1])[piece_starts]

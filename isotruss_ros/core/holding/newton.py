@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
-from isotruss_ros.core.holding.contact_statics import ContactConditions, ContactStatics, Pushes
+from isotruss_ros.core.holding.contact_loads import Pushes
+from isotruss_ros.core.holding.contact_statics import ContactConditions, ContactStatics
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, ContactForces
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, MAX_LOAD
 from isotruss_ros.core.numerics.factorization import solve_each
@@ -17,12 +18,15 @@ from isotruss_ros.core.numerics.samples import join, take
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDING
 from isotruss_ros.core.numerics.work_limit import count_work
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION, Prediction, SETTLED_MOTION
+from isotruss_ros.core.statics.bent_updates import group_key, update_samples
 import numpy as np
 
 #: Tolerances of the balance, relative to the sum of normal forces [-], and of the gaps [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 #: Largest error before the last step, and error of rounding, after which no step follows, in
-#: tolerances [-].
+#: tolerances [-]. In 181 random equilibria, forces then err by up to 1e-12 of their mean, and
+#: without the last step by up to 1e-9. A hundred times of the first value has the same results, a
+#: hundredth of it takes 2 % more iterations.
 LAST_STEP_ERROR, ROUNDING_ERROR = 1e2, 1e-3
 #: Largest rotation in a Newton step [rad], and largest translation in a Newton step, divided by
 #: the characteristic radius [-].
@@ -67,7 +71,7 @@ class Iteration(NamedTuple):
         statics, indices = self.statics, self.statics.places
         bent, feet = statics.bent, self.unknowns[..., indices.feet]
         are_near = np.abs(feet - bent.places) < RING_REACH * statics.tube_radius
-        for rows, tubes in bent.updates(predicted):
+        for rows, tubes in update_samples(bent, predicted):
             group, near = (
                 (self, are_near) if len(rows) == len(feet) else take((self, are_near), rows)
             )
@@ -91,7 +95,8 @@ class Iteration(NamedTuple):
         bent, feet = self.statics.bent, self.unknowns[..., self.statics.places.feet]
         rings = bent.structure.nearest_rings(bent.members, feet)
         positions = np.where(self.crossings > 1.0, rings, feet)
-        for rows, tubes in bent.updates(bent.predict(self.pushes.loads, positions)):
+        predicted = bent.predict(self.pushes.loads, positions)
+        for rows, tubes in update_samples(bent, predicted):
             group = take(self, rows)
             statics = replace(group.statics, bent=tubes)
             yield group._replace(statics=statics, crossings=0.0 * group.crossings)
@@ -126,7 +131,7 @@ def find_equilibria(
         if len(waiting) > 1:
             groups: dict[object, list[Iteration]] = {}
             for iteration in waiting:
-                groups.setdefault(iteration.statics.bent.group_key, []).append(iteration)
+                groups.setdefault(group_key(iteration.statics.bent), []).append(iteration)
             waiting = list(map(join, groups.values()))
         waiting = [item for one in waiting for item in _iterate(one, conditions, reach, found)]
         if not waiting:

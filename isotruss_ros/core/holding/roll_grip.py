@@ -11,19 +11,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from isotruss_ros.core.holding.build_statics import (
+    build_statics,
+    find_dents,
+    find_feet,
+    start_unknowns,
+)
 from isotruss_ros.core.holding.contact_search import ContactSet, run_search, search_contacts
 from isotruss_ros.core.holding.contact_statics import (
-    build_statics,
-    find_feet,
     ContactConditions,
     ContactStatics,
-    find_dents,
     FRICTION_COMPLIANCE,
     object_angles,
 )
 from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench
 from isotruss_ros.core.holding.newton import settle
 from isotruss_ros.core.holding.pressed_contacts import Places, POSE
+from isotruss_ros.core.holding.rolling_invariants import find_anchors, rolling_rows
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.factorization import solve_each
@@ -105,7 +109,7 @@ def roll_contacts(
             continue
         statics, state = solution
         if len(new_contacts):
-            all_anchors = statics.anchors(state.unknowns, state.normals, previous_angles)
+            all_anchors = find_anchors(statics, state.unknowns, state.normals, previous_angles)
             anchors[new_contacts] = all_anchors[new_contacts]
         angles = object_angles(state.unknowns, state.normals, previous_angles)
         motion = (travel, state.unknowns - grip.state.unknowns) if are_same_contacts else None
@@ -115,7 +119,7 @@ def roll_contacts(
 
 def _start_from(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Array:
     """Return an initial guess of the unknowns (3 + 4k,) that follows from another equilibrium."""
-    start, is_continued = statics.start(), origins >= 0
+    start, is_continued = start_unknowns(statics), origins >= 0
     # Rows: positions, inclinations, normal forces, friction forces.
     by_contact = start[POSE:].reshape(4, -1)
     previous = grip.state.unknowns[POSE:].reshape(4, -1)
@@ -129,7 +133,7 @@ def rolling_conditions(anchors: Array, angles: Array, frictionless: Indices) -> 
     """
     Return the conditions of rolling without slip, which are the integral of (17) over time.
 
-    The rolling invariants `ContactStatics.anchors` are constant. The friction of `frictionless`
+    The rolling invariants `find_anchors` are constant. The friction of `frictionless`
     contacts is zero instead.
     """
     friction = Places.of(len(anchors)).friction
@@ -137,8 +141,8 @@ def rolling_conditions(anchors: Array, angles: Array, frictionless: Indices) -> 
     def conditions(
         statics: ContactStatics, unknowns: Array, normals: Points
     ) -> tuple[Array, Array]:
-        derivative = statics.rolling_rows(unknowns, normals)
-        residual = statics.anchors(unknowns, normals, angles) - anchors
+        derivative = rolling_rows(statics, unknowns, normals)
+        residual = find_anchors(statics, unknowns, normals, angles) - anchors
         if len(frictionless):
             forces = unknowns[..., friction.start + frictionless]
             residual[..., frictionless] = FRICTION_COMPLIANCE * forces

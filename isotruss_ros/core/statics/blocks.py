@@ -163,6 +163,10 @@ class Layout:
         self.no_weights = np.zeros_like(self.mean_weights)
         part = np.arange(len(self.whole))[:, None]
         self.length_by_motions = np.subtract(part == self.before, part == self.behind, dtype=float)
+        #: (u,) unknowns with the same scale in a frame without cuts: at cuts those of the start
+        at_starts = 3 * numbering.start[piece][:, None] + np.arange(3)
+        uncut = np.arange(len(numbering.free))
+        self.scaled_as = np.append(uncut, numbering.rows + at_starts)
         self.ends = member_places(self.start, self.end)
         self.places = numbering.rows + self.ends
         self.row_places = numbering.row_places[self.rows]

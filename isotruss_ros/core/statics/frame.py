@@ -73,8 +73,8 @@ class Frame:
         # All samples have the same order of the cuts.
         order = np.lexsort((within.reshape(-1, len(piece))[0], piece))
         layout = lay_out(numbering, piece.tobytes(), order.tobytes(), active.tobytes())
-        start, whole = numbering.start[piece], layout.whole
-        at_cuts = self.points.take(start, axis=-1) + within * self.axis.take(piece, axis=-1)
+        whole, starts = layout.whole, self.points.take(numbering.start[piece], axis=-1)
+        at_cuts = starts + within * self.axis.take(piece, axis=-1)
         points = np.concatenate([self.points, at_cuts], axis=-1)
         begins = np.zeros((*within.shape[:-1], len(whole)))
         begins[..., layout.behind] = within
@@ -90,9 +90,7 @@ class Frame:
             section.take(divided, axis=-1),
             layout.pinned[divided],
         ).values
-        start_unknowns = numbering.rows + 3 * start[:, None] + np.arange(3)
-        at_starts = self.scale.take(start_unknowns.ravel(), axis=-1)
-        scale = np.concatenate([self.scale, at_starts], axis=-1)
+        scale = self.scale.take(layout.scaled_as, axis=-1)
         columns, axis = BeamColumns(values), self.axis.take(whole, axis=-1)
         return Frame(points, layout, section, length, axis, begins, columns, scale, self)
 

@@ -39,6 +39,11 @@ class InclinationWeights(NamedTuple):
     by_length: Array
     between: Indices  #: (k,) this part; any part where `by_length` is zero
 
+    @property
+    def is_at_ring(self) -> bool:
+        """Return whether a load point is within the width of a ring."""
+        return len(self.parts) > 2 * len(self.between)
+
     @classmethod
     def of(cls, structure: Structure, frame: Frame) -> InclinationWeights:
         """Return the weights at the cuts of a frame; all samples have the same cuts at rings."""

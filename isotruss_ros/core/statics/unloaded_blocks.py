@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.samples import apply
 from isotruss_ros.core.statics.blocks import Group
 from isotruss_ros.core.statics.frame import Frame
 import numpy as np
@@ -81,12 +82,16 @@ class UnloadedBlocks:
     def linearize(self, unknowns: Array) -> tuple[Array, Array]:
         """Return the forces (b, t) on the displaced hinges, and their stiffness (b, t, t)."""
         rotation, strain = self.place(unknowns)
-        turns = np.array([[rotation.real, -rotation.imag], [rotation.imag, rotation.real]])
-        # Axes: block, hinge n, component i in the frame, hinge m, component j in the block.
-        of_hinges = np.einsum('nm,ij...->...nimj', np.eye(self.hinges.shape[-1]), turns)
-        of_hinges = of_hinges.reshape(self.stiffness.shape)
-        by_strain = of_hinges @ self.stiffness
-        return (by_strain @ strain[..., None])[..., 0], by_strain @ of_hinges.swapaxes(-1, -2)
+        # Rotations from axes of the blocks to those of the frame.
+        turns = np.empty((*rotation.shape, 1, 2, 2))
+        turns[..., 0, 0, 0] = turns[..., 0, 1, 1] = rotation.real
+        turns[..., 0, 1, 0], turns[..., 0, 0, 1] = rotation.imag, -rotation.imag
+        shape, (*lead, rows, _) = self.stiffness.shape, self.stiffness.shape
+        # Components x and y of each hinge are turned in the rows, and then in the columns.
+        of_hinges = self.stiffness.reshape(*lead, -1, 2, rows)
+        by_strain = (turns @ of_hinges).reshape(shape)
+        turned = by_strain.reshape(*lead, rows, -1, 2) @ turns.swapaxes(-1, -2)
+        return apply(by_strain, strain), turned.reshape(shape)
 
     def complete(self, unknowns: Array) -> None:
         """Set the inner unknowns of the blocks, among all (u,), from the hinges' unknowns."""

@@ -6,7 +6,8 @@
 from dataclasses import replace
 
 from isotruss_ros.core import Disc, Ellipse, load_robot, Polygon, Robot
-from isotruss_ros.core.contact.dents import dent_table, Dents
+from isotruss_ros.core.contact.dent_table import dent_table
+from isotruss_ros.core.contact.dents import Dents
 from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints
