@@ -209,7 +209,7 @@ class BentTubes:
         return relative, absolute
 
     def factors(self, loads: Array, positions: Array) -> Array:
-        """Return the factors (4k + 1,) of `LoadResponses`' columns for loads at positions (k,)."""
+        """Return factors (4k + 1,) for the columns of `LoadResponses`, by loads and positions."""
         added_loads, motions = _flat(loads - self.state.loads), positions - self.cuts.places
         return np.concatenate([added_loads, motions, np.ones((*motions.shape[:-1], 1))], axis=-1)
 

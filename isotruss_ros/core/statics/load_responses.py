@@ -75,7 +75,8 @@ def find_responses(
     # the members. The nodes are the last ones.
     to_member = turns.swapaxes(-1, -2)
     *lead, size, columns = unknowns.shape
-    of_nodes = unknowns[..., size - 3 * count :, :].reshape(*lead, count, 3, columns)
+    last_rows = slice(size - 3 * count, None)
+    of_nodes = unknowns[..., last_rows, :].reshape(*lead, count, 3, columns)
     at_points = to_member @ of_nodes
     at_points[..., points, 0, motions.start + points] -= 1.0
     # The last column includes the responses in the linearised state.
@@ -105,9 +106,9 @@ def _right_sides(tangent: Tangent, turns: Array, loads: Array, length_by_motions
     # Forces of lengthened parts.
     by_motions = length_by_motions[parts, None]
     forces = tangent.length_rates.take(parts, axis=-2)[..., None] * by_motions
-    right[..., 3 * count : 4 * count] = -tangent.sum_forces(parts, forces)
+    right[..., slice(3 * count, 4 * count)] = -tangent.sum_forces(parts, forces)
     # Loads without equilibrium in the linearised state: unit loads are on the last nodes only.
     right[..., -1] = -tangent.carried
-    on_nodes = right[..., -3 * count :, -1].reshape(loads.shape)
+    on_nodes = right[..., slice(-3 * count, None), -1].reshape(loads.shape)
     on_nodes += apply(turns, loads)
     return right
