@@ -209,7 +209,7 @@ class BentTubes:
         return relative, absolute
 
     def factors(self, loads: Array, positions: Array) -> Array:
-        """Return factors (4k + 1,) for the columns of `LoadResponses`, by loads and positions."""
+        """Return the weights (4k + 1,) of the columns of `LoadResponses` by loads at positions."""
         added_loads, motions = _flat(loads - self.state.loads), positions - self.cuts.places
         return np.concatenate([added_loads, motions, np.ones((*motions.shape[:-1], 1))], axis=-1)
 
