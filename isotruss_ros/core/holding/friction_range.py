@@ -11,10 +11,11 @@ decides a. The smallest coefficient of all histories is
 
     necessary = min_a max_i |T_i| / N_i
 
-When friction falls, the contacts of some members slip by d, and all others stick. The object
-slides once all contacts have reached the edges of their cones, s_i T_i = mu N_i with s_i = +1 or
--1, equal at all contacts of a member, and s_i d_i >= 0. The largest coefficient at which this can
-happen, after a history a at a coefficient mu_0, is
+When friction falls, the contacts of some members slip by d, and all others stick. The first
+member to slip was outside of its cone. The object slides once all contacts have reached the edges
+of their cones, s_i T_i = mu N_i with s_i = +1 or -1, equal at all contacts of a member, and
+s_i d_i >= 0. The largest coefficient at which this can happen, after a history a at a coefficient
+mu_0, is
 
     sufficient = max_(a, d, s) min_i s_i T_i / N_i  with  |T_i(a)| <= mu_0 N_i(a)
 
@@ -52,15 +53,16 @@ class FrictionRange(NamedTuple):
     necessary: float  #: least coefficient at which the object is in equilibrium after some history
     sufficient: float  #: least coefficient at which it does not slide after any history
 
-    def verdict(self, friction: float) -> Literal['held', 'unknown', 'lost']:
+    def verdict(self, friction: float | tuple[float, float]) -> Literal['held', 'unknown', 'lost']:
         """
         Return whether friction holds the object: after every history, some, or none.
 
-        :param friction: coefficient of friction [-].
+        :param friction: coefficient of friction, or its smallest and largest measured value [-].
         """
-        if friction < self.necessary:
+        smallest, largest = friction if isinstance(friction, tuple) else (friction, friction)
+        if largest < self.necessary:
             return 'lost'
-        return 'held' if friction >= self.sufficient else 'unknown'
+        return 'held' if smallest >= self.sufficient else 'unknown'
 
 
 def find_friction_range(grip: HeldGrip, friction: float) -> FrictionRange:
@@ -142,12 +144,16 @@ class _SlipProgram:
 
         The histories are those at the given coefficient `friction`.
         """
-        members = int(self.owners[-1]) + 1
-        for last, *signs in itertools.product(range(members), *members * [(1.0, -1.0)]):
-            yield self._mode(friction, self.owners == last, np.array(signs)[self.owners])
+        members = range(int(self.owners[-1]) + 1)
+        for first, last in itertools.permutations(members, 2):
+            for signs in itertools.product((1.0, -1.0), repeat=len(members)):
+                slips, sticks = self.owners == first, self.owners == last
+                yield self._mode(friction, slips, sticks, np.array(signs)[self.owners])
 
-    def _mode(self, largest: float, sticks: Flags, signs: Array) -> Callable[[float], bool]:
-        """Return whether a mode is possible, whose last member to stick has these contacts."""
+    def _mode(
+        self, largest: float, slips_first: Flags, sticks: Flags, signs: Array
+    ) -> Callable[[float], bool]:
+        """Return whether a mode is possible, given the contacts that slip first and that stick."""
         cones, bounds = self._cones(largest)
         # Columns: slips a of the history, and then slips d of the contacts that slip.
         moving = np.flatnonzero(~sticks)
@@ -175,7 +181,13 @@ class _SlipProgram:
             """Return whether s T >= mu N at all contacts is possible."""
             rows = mu * normal_rates - signs[:, None] * friction_rates
             limits = signs * self.friction - mu * self.normal
-            return _is_feasible(np.vstack([fixed, rows]), np.concatenate([room, limits]), measured)
+            before = mu * self.normal_rates - signs[:, None] * self.friction_rates
+            first_row = np.concatenate([slips_first @ before, np.zeros(len(moving))])
+            return _is_feasible(
+                np.vstack([fixed, rows, first_row]),
+                np.concatenate([room, limits, [slips_first @ limits]]),
+                measured,
+            )
 
         return slides
 

@@ -16,7 +16,10 @@ import robots
 from robots import with_round_tubes
 
 FRICTION = 0.9
-HEXAGON = Polygon([(0.34 * math.cos(a), 0.34 * math.sin(a)) for a in math.pi / 3 * np.arange(6)])
+HEXAGON, SMALL_HEXAGON = (
+    Polygon([(r * math.cos(a), r * math.sin(a)) for a in math.pi / 3.0 * np.arange(6)])
+    for r in (0.34, 0.175)
+)
 
 
 def settled_between(members, shape, degrees, friction=FRICTION, home=HOME, **options):
@@ -28,6 +31,13 @@ def settled_between(members, shape, degrees, friction=FRICTION, home=HOME, **opt
 def test_range_of_a_disc_between_two_members_is_the_required_friction():
     settled = settle_grasp(*gripped(40.0, squeeze=0.04), FRICTION)
     required = settled.required_friction
+    assert settled.friction_range == pytest.approx((required, required), abs=2e-5)
+
+
+def test_range_of_an_object_on_two_corners_is_the_required_friction():
+    settled = settled_between(CORNER, SMALL_HEXAGON, 30.0)
+    required = settled.required_friction
+    assert len(settled.equilibrium.state.normals) == 2
     assert settled.friction_range == pytest.approx((required, required), abs=2e-5)
 
 
