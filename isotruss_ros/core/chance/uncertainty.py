@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sized
+from collections.abc import Callable, Mapping, Sequence, Sized
 from dataclasses import dataclass, fields, replace
 import math
 from typing import Any
@@ -43,10 +43,14 @@ class Uncertainty(Record):
     """
     Standard deviations of the parameters of a grasp, normally distributed.
 
+    Friction may be given as the smallest and largest coefficient that were measured instead. Then
+    it is uniformly distributed between them, whatever the coefficient of the grasp; to first order
+    it is normally distributed with the same mean and variance.
+
     Pressures and roller offsets of different tubes and rollers are independent. The defaults are
     those of a robot that was inflated, but not calibrated (docs/chance.md).
 
-    :ivar friction: of the coefficient of friction [-].
+    :ivar friction: of the coefficient of friction, or its smallest and largest value [-].
     :ivar stiffness: of the tubes' EA, EI and GA relative to their values [-].
     :ivar pressure: of each tube's gauge pressure relative to its value [-].
     :ivar roller_offset: of the offset of each roller [m].
@@ -61,7 +65,7 @@ class Uncertainty(Record):
     :raises GraspError: a value is out of range, see docs/robot_file.md.
     """
 
-    friction: float = 0.1
+    friction: float | tuple[float, float] = 0.1
     stiffness: float = 0.3
     pressure: float = 0.05
     roller_offset: float = 0.01
@@ -77,8 +81,18 @@ class Uncertainty(Record):
         """Raise GraspError if a value is out of range."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         offsets = values.pop('offset_covariance')
+        if isinstance(self.friction, Sequence):
+            values['friction'] = list(self.friction)  # as in a file
         for fault in find_faults(values, 'uncertainty'):
             raise GraspError(f'uncertainty: {fault}')
+        if isinstance(self.friction, Sequence):
+            smallest, largest = self.friction
+            if smallest > largest:
+                raise GraspError(
+                    f'uncertainty: friction: {self.friction}: must be the smallest coefficient, '
+                    'then the largest'
+                )
+            object.__setattr__(self, 'friction', (float(smallest), float(largest)))
         if offsets is not None:
             count = len(offsets) if isinstance(offsets, Sized) else 0
             covariance_matrix(offsets, count, COVARIANCE, GraspError)
@@ -89,7 +103,7 @@ class Uncertainty(Record):
         cls,
         robot: Mechanism,
         body: ConvexObject | None = None,
-        block: Mapping[str, float] | str = '',
+        block: Mapping[str, Any] | str = '',
     ) -> Uncertainty:
         """
         Return the uncertainty that files describe.
@@ -117,6 +131,30 @@ class Uncertainty(Record):
             values['offset_covariance'] = np.diag(variances)
         return cls(**values)
 
+    @property
+    def friction_deviation(self) -> float:
+        """Return the standard deviation of the coefficient of friction [-]."""
+        if isinstance(self.friction, tuple):
+            return (self.friction[1] - self.friction[0]) / math.sqrt(12.0)
+        return self.friction
+
+    def mean_friction(self, friction: float) -> float:
+        """
+        Return the mean coefficient of friction [-].
+
+        :param friction: coefficient of friction of the grasp, if none was measured [-].
+        """
+        return 0.5 * sum(self.friction) if isinstance(self.friction, tuple) else friction
+
+    def _friction_suffices(self, friction: float, required: Array) -> Array:
+        """Return the probabilities (s,) that friction is at least the required friction."""
+        if not isinstance(self.friction, tuple):
+            return scipy.special.ndtr((friction - required) / max(self.friction, EPSILON))
+        smallest, largest = self.friction
+        if smallest == largest:
+            return (required <= largest).astype(float)
+        return np.clip((largest - required) / (largest - smallest), 0.0, 1.0)
+
     @check_kinds
     def covariance(self, grip: HeldGrip | LostContact) -> Array:
         """
@@ -130,7 +168,7 @@ class Uncertainty(Record):
         deviations[columns.rollers] = self.roller_offset
         deviations[columns.place] = self.position, self.position, self.angle
         deviations[columns.pressures] = self.pressure * np.array(inputs.pressures)
-        deviations[columns.friction] = self.friction
+        deviations[columns.friction] = self.friction_deviation
         deviations[columns.stiffness] = self.stiffness * inputs.stiffness
         deviations[columns.wrench] = self.force, self.force, self.moment
         deviations[-1] = self.size
@@ -156,8 +194,9 @@ class Uncertainty(Record):
         """
         Return the probability that the object is held.
 
-        For objects without corners it is computed to first order if exact equilibria within two
-        deviations prove that its error is at most `FIRST_ORDER_ERROR`, otherwise from samples.
+        For objects without corners, and without an interval of friction, it is computed to first
+        order if exact equilibria within two deviations prove that its error is at most
+        `FIRST_ORDER_ERROR`, otherwise from samples.
 
         :param settled: the grasp.
         :param samples: number of equilibria with random parameters; 0: to first order without
@@ -179,18 +218,20 @@ class Uncertainty(Record):
         if grip is None:
             chance = Chance(0.0, 'samples', settled.hold.value, {})
         else:
-            chance = find_chance([grip], settled.friction, covariance)
+            friction = self.mean_friction(settled.friction)
+            chance = find_chance([grip], friction, covariance)
             # With corners the proof seldom succeeds, and takes a third of the time of the samples.
-            if count is None and not grip.shape.faces_at(0):
-                error = first_order_error(grip, settled.friction, covariance)
+            is_provable = not (grip.shape.faces_at(0) or isinstance(self.friction, tuple))
+            if count is None and is_provable:
+                error = first_order_error(grip, friction, covariance)
                 chance = replace(chance, standard_error=error)
                 count = 0 if error <= FIRST_ORDER_ERROR else None
             if count == 0:
                 return chance
-        # Friction is not drawn: its normal distribution gives the chance of each sample.
+        # Friction is not drawn: its distribution gives the chance of each sample.
         count = SAMPLES if count is None else count
         required = sample_friction(nominal.inputs, covariance, count, seed, on_progress)
-        chances = scipy.special.ndtr((settled.friction - required) / max(self.friction, EPSILON))
+        chances = self._friction_suffices(settled.friction, required)
         return replace(
             chance,
             probability=float(chances.mean()),
@@ -219,7 +260,7 @@ class Uncertainty(Record):
         for k, step in enumerate(np.diag(steps)):  # changes of one parameter
             for change in (step, -step):  # central difference
                 moved = changed_grip(grip, change)
-                friction = gradient.settled.friction + change[columns.friction]
+                friction = self.mean_friction(gradient.settled.friction) + change[columns.friction]
                 chance = find_chance([moved], friction, self.covariance(moved))
                 rates[k] += chance.probability / (2.0 * change[k])
         return rates

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import copy
 from dataclasses import dataclass, field
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import check_range, MAX_FRICTION, MAX_MASS, Pose, pose_fault
@@ -56,7 +56,7 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
     mass: float | None = None
     center_of_mass: tuple[float, float] | None = None
     friction: float | None = None
-    uncertainty: Mapping[str, float] | None = field(default=None, compare=False, repr=False)
+    uncertainty: Mapping[str, Any] | None = field(default=None, compare=False, repr=False)
     center: complex = field(init=False, repr=False, compare=False)
     turn: complex = field(init=False, repr=False, compare=False)
     middle: complex = field(init=False, repr=False, compare=False)

@@ -63,7 +63,7 @@ class RobotDescription:
     #: stiffness
     calibration: Mapping[str, Any] = field(default_factory=dict)
     #: block `uncertainty` of the file: standard deviations of parameters
-    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    uncertainty: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def braking_rate(self) -> float:

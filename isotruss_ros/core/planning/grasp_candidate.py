@@ -78,7 +78,8 @@ def _check_carry(grip: ClosedGrip, closing: Closing) -> ClosedGrip:
     if closing.uncertainty is None:
         return grip
     covariance = closing.uncertainty.covariance(held)
-    return grip._replace(chance=find_chance(foresight.grips, needs.friction, covariance))
+    friction = closing.uncertainty.mean_friction(needs.friction)
+    return grip._replace(chance=find_chance(foresight.grips, friction, covariance))
 
 
 def _describe_grasp(

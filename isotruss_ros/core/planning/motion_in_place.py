@@ -222,6 +222,7 @@ def _find_chance(
     try:
         unloaded = attach_grip(grasp.config, grasp.body, grasp.members)
         grips = [unloaded] if loaded is grasp else [unloaded, loaded]
-        return find_chance(grips, friction, uncertainty.covariance(loaded))
+        mean = uncertainty.mean_friction(friction)
+        return find_chance(grips, mean, uncertainty.covariance(loaded))
     except GraspError:
         raise RequirementError('held', 0.0, 1.0) from None
