@@ -92,7 +92,8 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
         'largest ratio of friction to normal force that it uses in MuJoCo with the required '
         'friction. Without a face in contact the two are equal in the model. No bound '
         'applies to a face in contact, whose forces depend on the contact history: it may use '
-        'more friction than it requires, see [Boxes and hexagons lost](#boxes-and-hexagons-lost). '
+        'more friction than it requires, see [Friction lowered until the object is '
+        'lost](#friction-lowered-until-the-object-is-lost). '
         'Then the servo '
         'of `manipulation` picks up a free box, carries it by 85 mm, turns it by 17° on two '
         'rolling corners, and puts it down.',

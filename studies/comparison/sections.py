@@ -11,8 +11,8 @@ from studies.comparison import (
     boxes,
     carried,
     drops,
-    faces,
     friction,
+    friction_cases,
     grasps,
     joint_loads,
     planned,
@@ -28,7 +28,6 @@ SECTIONS: dict[str, Compare] = {
     'grasps': grasps.compare,
     'pulls': pulls.compare,
     'friction': friction.compare,
-    'faces': faces.compare,
     'carried': carried.compare,
     'boxes': boxes.compare,
     'random_discs': random_carries.compare_discs,
@@ -38,7 +37,7 @@ SECTIONS: dict[str, Compare] = {
 }
 #: Fewer cases where all take long, of each kind at least one.
 SOME: dict[str, Compare] = {
-    'faces': partial(faces.compare, faces.CASES[5::5]),
+    'friction': partial(friction.compare, friction_cases.CASES[::9]),
     'random_discs': partial(random_carries.compare_discs, 1),
     'random_boxes': partial(random_carries.compare_boxes, 1),
     'drops': partial(drops.compare, 10),

@@ -8,13 +8,11 @@ from pathlib import Path
 import subprocess
 import sys
 
-from isotruss_ros.core import place_between, settle_grasp
 from mujoco_worlds import needs_mujoco
 import pytest
 from studies.benchmarks.__main__ import NAMES
-from studies.comparison import faces
-from studies.comparison.friction import lost_at
-from studies.comparison.grips import press_on, release, round_robot
+from studies.comparison.friction import lose
+from studies.comparison.friction_cases import CASES
 from studies.comparison.page import FOLDER
 from studies.comparison.sections import SECTIONS
 
@@ -22,17 +20,10 @@ DOCS = Path(__file__).resolve().parents[2] / 'docs'
 
 
 @needs_mujoco
-def test_a_box_on_a_face_uses_more_friction_than_that_at_which_it_is_lost():
-    home, case = round_robot().home, faces.CASES[1]
-    grip = place_between(home, case.members, case.shape, 0.0, case.indentation)
-    plant = press_on(home, grip.body, case.members)
-    release(plant, faces.FRICTION)
-    body = grip.body.moved_to(plant.object_pose())
-    ours = settle_grasp(home, body, faces.FRICTION, members=case.members).required_friction
-    used = max(abs(force.friction) / force.normal for force in plant.contact_forces().values())
-    assert used > 1.3 * ours
-    lost = lost_at(plant, body, faces.FRICTION, faces.NEAR * ours, faces.LOST, faces.PERIOD)
-    assert lost == pytest.approx(ours, rel=0.04)
+def test_a_box_on_a_face_uses_more_friction_than_that_at_which_it_slides():
+    loss = lose(CASES[13])
+    assert loss.used > 1.3 * loss.ours.necessary
+    assert loss.outside < 0.03
 
 
 def test_all_values_of_the_committed_page_are_within_bounds():
