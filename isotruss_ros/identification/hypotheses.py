@@ -168,7 +168,7 @@ def find_prior(run: MeasuredRun) -> Array:
     """Return the prior standard deviations (p,) of `Uncertainty`; zero without effect."""
     parts, told = Parameters.of(run), Uncertainty.of(run.robot, run.grip.body)
     prior = np.zeros(parts.size)
-    prior[parts.friction] = told.friction
+    prior[parts.friction] = told.friction_deviation
     prior[parts.tube] = prior[parts.creep] = told.stiffness
     prior[parts.offsets] = told.roller_offset
     if told.offset_covariance is not None:

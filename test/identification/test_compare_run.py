@@ -3,10 +3,11 @@
 
 """Comparison of measured runs with the model: the parameter that deviates is named."""
 
+from dataclasses import replace
 import functools
 
 from elastic_runs import FRICTION, run_elastic
-from isotruss_ros.identification.hypotheses import compare_run
+from isotruss_ros.identification.hypotheses import compare_run, find_prior
 from isotruss_ros.identification.report import block, describe
 from isotruss_ros.identification.rolled_run import Parameters
 import pytest
@@ -48,6 +49,13 @@ def test_a_wrong_mass_is_not_taken_for_another_parameter():
 def test_pressure_without_recorded_pressures_is_not_determined():
     run = run_elastic(pressures_recorded=False, count=FEW)
     assert not compare_run(run).hypotheses['pressure'].is_determined
+
+
+def test_prior_of_a_measured_interval_of_friction_is_its_deviation():
+    run = run_elastic(count=FEW)
+    body = replace(run.grip.body, uncertainty={'friction': [0.7, 0.9]})
+    prior = find_prior(replace(run, grip=replace(run.grip, body=body)))
+    assert prior[Parameters.of(run).friction] == pytest.approx(0.2 / 12.0**0.5)
 
 
 def test_mass_without_gravity_is_not_determined():
