@@ -28,10 +28,9 @@ def test_a_recording_contains_the_published_messages(tmp_path):
         w.add(node)
         node.begin()
         w.until(lambda: w.probe.stops.get_subscription_count() > 0)
-        w.until(lambda: node.count > 0, w.probe.send_joints)
         w.probe.stops.publish(Bool(data=True))
-        count = node.count
-        w.until(lambda: node.count > count)
+        w.until(lambda: node.count > 0)
+        w.until(lambda: node.count > 1, w.probe.send_joints)
         node.stop()
     with path.open('rb') as stream:
         topics = {channel.topic for _, channel, _ in mcap.make_reader(stream).iter_messages()}
