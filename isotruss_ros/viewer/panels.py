@@ -32,7 +32,8 @@ A truss robot of inflated tubes, seen from above; roller modules at its corners 
 - arrows: forces of the tubes on it; yellow stripes: where they touch
 - margin of the hold: the least further force at which a tube slips, along its arrow; ↺ ↻: moments
 - brown: supports; a box cannot move, a ball slides
-- with *control* on: drag the blue ball, and what it is on follows; the orange one turns the object
+- with *control* on: drag the blue ball; the object or joint moves to it, also after you let go;
+  the orange ball turns the object
 - *stop* works always; *release the stop* only with *control* on
 - *resume* continues after the object has slipped
 - *reset* begins anew: the simulated robot at home, the object held
