@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.obstacles is not None:
         room['obstacles'] = str(options.obstacles.resolve())
     page = {'port': options.port, 'browser_timeout': options.browser_timeout}
-    nodes = [*list_nodes(options.plant, shown, room), ('viewer', shown | page)]
+    nodes = [*list_nodes(options.plant, shown, room), ('viewer', shown | page | room)]
     print(f'plant {options.plant}; ROS_DOMAIN_ID={domain}, this machine only; Ctrl-C ends it')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:

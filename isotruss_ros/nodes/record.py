@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
-from isotruss_msgs.msg import GraspState, ManipulationStatus
+from isotruss_msgs.msg import GraspState, ManipulationStatus, Obstacles
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.extras import MissingPackageError
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
@@ -21,6 +21,7 @@ from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import EVENTS, LATCHED, NEWEST_MESSAGES
 from isotruss_ros.nodes.framework.transforms import TFMessage
+from nav_msgs.msg import Path as PathMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
@@ -37,6 +38,8 @@ TOPICS = {
     'emergency_stop': Bool,
     'roller_velocity_controller/commands': Float64MultiArray,
     'manipulation/cycle': String,
+    'obstacles': Obstacles,
+    'planned_path': PathMessage,
     'manipulation/status': ManipulationStatus,
     'grasp/state': GraspState,
     'grasp/markers': MarkerArray,

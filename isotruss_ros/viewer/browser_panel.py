@@ -6,9 +6,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine, Mapping, Sequence
+import math
 
 from isotruss_ros.viewer.control import Control
-from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESET, RESUME, SHAPE
+from isotruss_ros.viewer.names import (
+    CLEAR,
+    DRAGGED,
+    PICK,
+    PLACE,
+    PLACED,
+    PLACING,
+    PLANT,
+    RELEASE,
+    RESET,
+    RESUME,
+    SHAPE,
+)
 from isotruss_ros.viewer.requests import Setting, SETTINGS, WRENCH
 import viser
 
@@ -25,7 +38,7 @@ class BrowserPanel:
         choices: Mapping[str, Sequence[str]],
         queue: Callable[[str, object], None],
     ) -> None:
-        self._number, self._gui = client.client_id, client.gui
+        self._number, self._gui, self._scene = client.client_id, client.gui, client.scene
         self._choices, self._queue = choices, queue
         self._words = client.gui.add_markdown('', order=PANEL_ORDER)
         self._switch = client.gui.add_checkbox(
@@ -51,6 +64,16 @@ class BrowserPanel:
         elif not mine and self._commands is not None:
             self._commands.remove()
             self._commands = None
+            self.end_placing()
+
+    def begin_placing(self) -> None:
+        """Queue the place of the next click in the scene."""
+        self.end_placing()
+        self._scene.on_click()(self._queue_click)
+
+    def end_placing(self) -> None:
+        """Ignore clicks in the scene."""
+        self._scene.remove_click_callback()
 
     def _add_commands(self, values: Mapping[str, float | str]) -> viser.GuiFolderHandle:
         gui = self._gui
@@ -62,6 +85,8 @@ class BrowserPanel:
                 ('resume', RESUME),
                 ('release the stop', RELEASE),
                 ('reset', RESET),
+                ('add obstacle', PLACING),
+                ('clear obstacles', CLEAR),
             ):
                 gui.add_button(label).on_click(self._on_event(name, 0.0))
             with gui.add_folder('assumed by the analysis', expand_by_default=False):
@@ -97,3 +122,9 @@ class BrowserPanel:
             self._queue(name, event.target.value if value is None else value)
 
         return queue
+
+    async def _queue_click(self, event: viser.SceneClickEvent) -> None:
+        """Queue the point in the plane of the robot that was clicked; NaN for the sky."""
+        (x, y, z), (dx, dy, dz) = event.ray_origin, event.ray_direction
+        way = -z / dz if z * dz < 0.0 else math.nan
+        self._queue(PLACED, ((x + way * dx, y + way * dy),))

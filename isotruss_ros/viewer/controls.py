@@ -23,10 +23,14 @@ from isotruss_ros.viewer.control import Control
 from isotruss_ros.viewer.drag import LEVER_LENGTH, place_on_circle
 from isotruss_ros.viewer.heartbeat import HEARTBEAT, Heartbeats
 from isotruss_ros.viewer.names import (
+    CLEAR,
     DRAGGED,
+    MOVED,
     OBJECT,
     PICK,
     PLACE,
+    PLACED,
+    PLACING,
     PLANT,
     RESET,
     SHAPE,
@@ -34,6 +38,7 @@ from isotruss_ros.viewer.names import (
     TARGET,
     TURN,
 )
+from isotruss_ros.viewer.obstacle_controls import ObstacleControls
 from isotruss_ros.viewer.picture import Picture
 from isotruss_ros.viewer.requests import (
     check_request,
@@ -64,6 +69,7 @@ class Controls:
     Controls that accept a stop from any browser, other requests from the browser in control.
 
     :ivar control: browser in control and its commands.
+    :ivar placed: obstacles that browsers have placed; they remain without control.
     :param timeout: longest delay of the pictures that the browser in control draws [s]; it is
         longer for a page that draws slowly, see `Heartbeats.timeout`.
     :param report: function that shows the reason of a refused request.
@@ -114,6 +120,8 @@ class Controls:
         )
         self._handle.on_drag('left')(partial(self._drag, TARGET))
         self._turner.on_drag('left')(partial(self._drag, TURN))
+        self._obstacles = ObstacleControls(server.scene, self._height, self._queue)
+        self.placed = self._obstacles.placed
 
     @property
     def dragged(self) -> str:
@@ -165,10 +173,9 @@ class Controls:
                 continue
             try:
                 check_request(name, value, self._choices)
+                taken += self._sort(name, value, robot_time)
             except RequestError as error:
                 self._report(str(error))
-            else:
-                taken += self._sort(name, value, robot_time)
         for number, panel in self._panels.items():
             panel.show(self.control, wishes[number], self._values)  # type: ignore[arg-type]
         return taken
@@ -194,6 +201,7 @@ class Controls:
         :param pose: pose of the selected part; None if unknown.
         """
         shown = self.control.browser is not None and pose is not None
+        self._obstacles.update(self.control.browser is not None)
         self._handle.visible = shown
         self._turner.visible = shown and self.dragged == OBJECT
         drag = self.control.drag
@@ -218,6 +226,7 @@ class Controls:
     def _release(self) -> None:
         """End the control by a browser; its switch must be switched on again."""
         self.control.release()
+        self.placed.end_drags()
         self._requests.clear()
         self._released = True
 
@@ -236,6 +245,8 @@ class Controls:
         self.control.pass_on(alive)
         if self.control.browser not in (holder, None):
             self._heartbeats.begin(self.control.browser, now)
+        if self.control.browser != holder:
+            self.placed.end_drags()
 
     def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
         """Apply a request that concerns the controls; return any other request for the viewer."""
@@ -246,6 +257,9 @@ class Controls:
         if name == TURN:
             self._move_turner(*value, now)  # type: ignore[call-arg, misc]
             return []
+        if name in (PLACING, PLACED, MOVED, CLEAR):
+            self._change_obstacles(name, value, now)
+            return [(name, value)] if name == CLEAR else []  # type: ignore[list-item]
         if name in FORCES:
             wrench = dict(zip(FORCES, control.wrench, strict=True)) | {name: value}
             control.wrench = tuple(wrench.values())  # type: ignore[assignment]
@@ -255,6 +269,18 @@ class Controls:
         if name in CANCELLING_REQUESTS:
             control.drag = None
         return [] if value == INITIAL_CHOICE else [(name, value)]  # type: ignore[list-item]
+
+    def _change_obstacles(self, name: str, value: object, now: float) -> None:
+        panel = self._panels[self.control.browser]  # type: ignore[index]
+        if name == PLACING:
+            panel.begin_placing()
+        elif name == PLACED:
+            panel.end_placing()
+            self._obstacles.add(*value)  # type: ignore[misc]
+        elif name == MOVED:
+            self._obstacles.move(*value, now)  # type: ignore[call-arg, misc]
+        else:
+            self._obstacles.clear()
 
     async def _drag(self, name: str, event: viser.SceneNodeDragEvent) -> None:
         """Queue a drag event; the server's event loop calls this, so the order is preserved."""

@@ -11,6 +11,9 @@ OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
 PICK, PLACE = 'pick', 'place'
 #: Requests to select the dragged part, to translate it and to rotate it.
 DRAGGED, TARGET, TURN = 'dragged', 'target', 'turn'
+#: Requests to place an obstacle by the next click, to place it where it was clicked, to drag it,
+#: and to clear all moving obstacles.
+PLACING, PLACED, MOVED, CLEAR = 'add obstacle', 'placed', 'moved', 'clear obstacles'
 #: Request to resume after the object has slipped.
 RESUME = 'resume'
 #: Request to reset the simulated robot.

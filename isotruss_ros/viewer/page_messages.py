@@ -16,6 +16,7 @@ KINDS = (
     _messages.GuiUpdateMessage,
     _messages.LocalStorageGetItemResponseMessage,
     _messages.SceneNodeDragMessage,
+    _messages.ScenePointerMessage,
     _messages.ViewerCameraMessage,
 )
 #: Vectors of a camera, with their numbers of components.
@@ -41,6 +42,14 @@ def check_message(packed: str | bytes) -> None:
                 raise RequestError(f'ViewerCameraMessage: {name} must have {size} finite numbers')
         if not _is_vector((message.image_width, message.image_height), 2):
             raise RequestError('ViewerCameraMessage: width and height must be finite')
+    elif isinstance(message, _messages.ScenePointerMessage):
+        ray = message.ray_origin, message.ray_direction
+        if message.event_type != 'click' or not all(_is_vector(part, 3) for part in ray):
+            raise RequestError(
+                'ScenePointerMessage: must be a click, with a ray of finite numbers'
+            )
+        if not isinstance(message.screen_pos, list | tuple) or len(message.screen_pos) != 1:
+            raise RequestError('ScenePointerMessage: screen_pos must have one point')
 
 
 def _is_vector(values: object, size: int) -> bool:

@@ -32,8 +32,10 @@ A truss robot of inflated tubes, seen from above; roller modules at its corners 
 - arrows: forces of the tubes on it; yellow stripes: where they touch
 - margin of the hold: the least further force at which a tube slips, along its arrow; ↺ ↻: moments
 - brown: supports; a box cannot move, a ball slides
+- teal: obstacles, pale if no message has them any more; pink: planned path
 - with *control* on: drag the blue ball; the object or joint moves to it, also after you let go;
   the orange ball turns the object
+- *add obstacle*, then a click: places an obstacle; drag it by its dark ball
 - *stop* works always; *release the stop* only with *control* on
 - *resume* continues after the object has slipped
 - *reset* begins anew: the simulated robot at home, the object held

@@ -34,6 +34,7 @@ from isotruss_ros.viewer.message_checks import (
     read_pose,
     read_travel,
 )
+from isotruss_ros.viewer.room import Room
 import numpy as np
 
 #: Largest age at which a message counts as current [s].
@@ -78,6 +79,7 @@ class Picture:
     Times `now` are on the clock of the messages' arrival [s].
 
     :ivar config: configuration at the last measured roller positions.
+    :ivar room: obstacles and planned path.
     """
 
     robot: Robot  #: the robot
@@ -99,7 +101,7 @@ class Picture:
 
     def __post_init__(self) -> None:
         """Set the configuration to home."""
-        self.config = self.robot.home
+        self.config, self.room = self.robot.home, Room()
         self._tracker = ConfigurationTracker(self.robot.home)
         self._received: dict[str, float] = {}
         #: Statuses of the last seconds, with their times of arrival.
@@ -137,6 +139,7 @@ class Picture:
         """
         check_pose(pose)
         self.pose = pose
+        self.room.leave_path(pose)
         self._received['object_pose'] = now
 
     def receive_state(self, message: Any, now: float) -> None:
@@ -164,6 +167,14 @@ class Picture:
                 self.lines[key] = read_line(marker)
                 if marker.ns == DEFORMED:
                     self._received['markers'] = now
+
+    def receive_cycle(self, message: Any, now: float) -> None:
+        """Update the obstacles from the record of a cycle of the manipulation node."""
+        self.room.receive_cycle(message, now)
+
+    def receive_path(self, message: Any, now: float) -> None:
+        """Update the planned path."""
+        self.room.receive_path(message, now)
 
     def select_lines(self, name: str, now: float) -> list[Array]:
         """Return the points of all markers of a namespace, ordered by id; empty if too old."""

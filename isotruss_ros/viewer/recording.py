@@ -28,6 +28,8 @@ RECEIVERS = {
     'grasp/state': ('isotruss_msgs/msg/GraspState', Picture.receive_state),
     'grasp/markers': ('visualization_msgs/msg/MarkerArray', Picture.receive_markers),
     'manipulation/status': ('isotruss_msgs/msg/ManipulationStatus', Picture.receive_status),
+    'manipulation/cycle': ('std_msgs/msg/String', Picture.receive_cycle),
+    'planned_path': ('nav_msgs/msg/Path', Picture.receive_path),
 }
 #: Types of the messages that a view shows, by the end of the topic's name.
 SHOWN = {name: kind for name, (kind, _) in RECEIVERS.items()}

@@ -13,11 +13,15 @@ from numbers import Real
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import quote
 from isotruss_ros.viewer.names import (
+    CLEAR,
     DRAGGED,
+    MOVED,
     OBJECT,
     OBJECTS,
     PICK,
     PLACE,
+    PLACED,
+    PLACING,
     PLANT,
     PLANTS,
     RELEASE,
@@ -32,7 +36,9 @@ from isotruss_ros.viewer.names import (
 INITIAL_CHOICE = 'as started'
 #: Largest valid coordinate of a drag [m].
 MAX_DRAG_DISTANCE = 100.0
-BUTTONS = (RELEASE, RESUME, RESET, PICK, PLACE)
+BUTTONS = (RELEASE, RESUME, RESET, PICK, PLACE, PLACING, CLEAR)
+#: Number of values before the points of each request with points [-].
+POINTS = {PLACED: 0, TARGET: 1, TURN: 1, MOVED: 2}
 
 
 class RequestError(IsotrussError, ValueError):
@@ -71,9 +77,9 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
     elif name in choices:
         if value not in choices[name]:
             _refuse(name, value, f'one of {", ".join(choices[name])}')
-    elif name in (TARGET, TURN):
-        _, *places = value  # type: ignore[misc]
-        for place in places:  # type: ignore[has-type]
+    elif name in POINTS:
+        first = POINTS[name]
+        for place in value[first:]:  # type: ignore[index]
             if len(place) != 2 or not all(
                 _is_finite(x) and abs(x) <= MAX_DRAG_DISTANCE for x in place
             ):

@@ -14,6 +14,7 @@ from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.viewer.camera import place_camera
 from isotruss_ros.viewer.meshes import color_of, prism, tube_faces, tube_vertices
 from isotruss_ros.viewer.message_checks import DEFORMED, FORCES, REGIONS
+from isotruss_ros.viewer.obstacle_drawing import ObstacleDrawing
 from isotruss_ros.viewer.picture import Hold, Picture
 import numpy as np
 import viser
@@ -28,11 +29,11 @@ COLORS = {
     Hold.UNKNOWN: (190, 190, 190),
 }
 MODULE, REGION, FORCE, MARK = (59, 59, 59), (242, 191, 26), (31, 79, 217), (20, 20, 20)
-SUPPORT_COLOR = (122, 82, 48)
+SUPPORT_COLOR, PATH_COLOR = (122, 82, 48), (200, 40, 140)
 #: Spacing of points along curved outlines [m].
 OUTLINE_SPACING = 0.01
-#: Thickness of rods and of contact regions [m].
-ROD, STRIPE = 0.03, 0.02
+#: Thickness of rods, contact regions and the planned path [m].
+ROD, STRIPE, PATH = 0.03, 0.02, 0.012
 
 
 class Scene:
@@ -86,6 +87,11 @@ class Scene:
             head_length=0.04,
             visible=False,
         )
+        self._path = scene.add_line_segments(
+            '/planned_path', nothing, PATH_COLOR, thickness=PATH, visible=False
+        )
+        middle = complex(*camera.look_at[:2])
+        self._obstacles = ObstacleDrawing(scene, self._diameter, middle)
         self._scene = scene
         #: Diameter and shape of the drawn object.
         self._drawn: tuple[float, Shape | None] | None = None
@@ -117,6 +123,12 @@ class Scene:
         self._show_lines(self._regions, pieces, top)
         forces = [line[None] for line in picture.select_lines(FORCES, now) if len(line) == 2]
         self._show_lines(self._forces, forces, top)
+        path, room = [], picture.room
+        if room.path is not None:
+            points = np.column_stack([room.path, np.zeros(len(room.path))])
+            path = [np.stack([points[:-1], points[1:]], axis=1)]
+        self._show_lines(self._path, path, top)
+        self._obstacles.update(room, now)
 
     def _fit_cameras(self, picture: Picture) -> None:
         """Show the whole robot on an upright screen after the page has set its initial camera."""

@@ -29,6 +29,14 @@ CAMERA = {
     'look_at': [0.0, 0.0, 0.0],
     'up_direction': [0.0, 1.0, 0.0],
 }
+CLICK = {
+    'type': 'ScenePointerMessage',
+    'event_type': 'click',
+    'modifier': None,
+    'ray_origin': [0.0, 0.0, 1.0],
+    'ray_direction': [0.0, 0.0, -1.0],
+    'screen_pos': [[0.5, 0.5]],
+}
 HEARTBEAT = {'type': 'LocalStorageGetItemResponseMessage', 'request_uuid': '', 'error': None}
 #: Period of the heartbeats [s].
 PERIOD = 0.1
@@ -96,6 +104,20 @@ class FakeBrowser:
         drag = {'type': 'SceneNodeDragMessage', 'phase': phase, 'name': f'/{handle}'}
         how = {'instance_index': None, 'button': 'left', 'modifier': None, 'owner': ''}
         self.send(drag | how | place | screen)
+
+    @property
+    def is_clickable(self) -> bool:
+        """Return whether the page sends clicks in the scene."""
+        return bool(self.scene.get('ScenePointerEnableMessage', {}).get('modifiers'))
+
+    def click(self, x: float, y: float, down: float = -1.0) -> None:
+        """
+        Click a point of the scene in the plane of the robot.
+
+        :param down: vertical component of the ray, upward if positive.
+        """
+        ray = {'ray_origin': [x - 0.3, y, 2.0], 'ray_direction': [0.15, 0.0, down]}
+        self.send(CLICK | ray)
 
     def send(self, message: dict[str, Any]) -> None:
         """Send a message of viser's protocol."""

@@ -10,79 +10,20 @@ import sys
 import threading
 import time
 
-from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.viewer.control import Control
 from isotruss_ros.viewer.drag import LEVER_LENGTH
-from isotruss_ros.viewer.picture import Picture
 import pytest
 
 pytest.importorskip('viser')
-from fake_browser import CAMERA, FakeBrowser, HEARTBEAT  # noqa: E402,I100
-from isotruss_ros.viewer.controls import Controls  # noqa: E402
+from controls_session import DEADLINE, OBJECT_POSE, Session  # noqa: E402,I100
+from fake_browser import CAMERA, CLICK, FakeBrowser, HEARTBEAT  # noqa: E402
 from isotruss_ros.viewer.requests import check_request, list_choices, RequestError  # noqa: E402
-from isotruss_ros.viewer.view import View  # noqa: E402
 
-ROBOT = load_robot('nine_member')
 CHOICES = list_choices(['P', 'Q'])
-#: Longest wait of a test [s].
-DEADLINE = 60.0
 #: Number of cycles under a flood of messages, of which unlocked reading fails in some percent [-].
 CYCLES = 300
 #: Interval between switches of threads [s].
 SWITCH_INTERVAL = sys.getswitchinterval()
-OBJECT_POSE = Pose(0.5, 0.2, 0.3)
-
-
-class Session:
-    """View without a node, and a browser that has control until a timeout without pictures [s]."""
-
-    def __init__(self, timeout):
-        self.view = View(Picture(ROBOT, 0.3), '127.0.0.1', 0)
-        self.refused, self.log, self.taken, self.stops = [], [], [], 0
-        self.controls = Controls(
-            self.view.server, self.view.picture, 0.5, timeout, self.refused.append, self.log.append
-        )
-        self.control = self.controls.control
-        self.browser = FakeBrowser(self.view.address)
-        self.set('control', True)
-        self.until(lambda: self.control.browser is not None)
-
-    def set(self, label, value):  # noqa: A003
-        """Set a control of the page; True presses a button."""
-        self.until(lambda: label in self.browser.controls)
-        self.browser.set(label, value)
-
-    def step(self):
-        """Take requests and send a picture, as the node does."""
-        now = time.monotonic()
-        self.stops += self.controls.hear(now)
-        self.taken += self.controls.take(now, now)
-        self.controls.update(OBJECT_POSE)
-        self.view.update(now)
-        self.controls.mark(now)
-
-    def until(self, what):
-        """Step until a condition is true."""
-        end = time.monotonic() + DEADLINE
-        while not what():
-            assert time.monotonic() < end, (self.control, self.refused, self.taken)
-            self.step()
-            time.sleep(0.01)
-
-    def grab(self):
-        """Begin a drag of the object."""
-        self.browser.drag('handle', 'start', 0.1, 0.0)
-        self.until(lambda: self.control.drag is not None)
-
-    def press_stop(self):
-        """Press the stop, after which all earlier messages have been read."""
-        self.set('stop', True)
-        self.until(lambda: self.stops)
-
-    def close(self):
-        """End browser and server."""
-        self.browser.close()
-        self.view.close()
 
 
 @pytest.fixture
@@ -240,6 +181,10 @@ def test_a_malformed_value_of_a_control_is_reported_in_one_line(session, capfd, 
         CAMERA | {'position': [0.0] * 5},
         CAMERA | {'look_at': [math.nan, 0.0, 0.0]},
         CAMERA | {'image_height': 'high'},
+        CLICK | {'ray_direction': None},
+        CLICK | {'ray_origin': [0.0, math.inf, 0.0]},
+        CLICK | {'event_type': 'rect-select'},
+        CLICK | {'screen_pos': []},
         {'type': 'ShareUrlRequest'},
         {'type': 'Other'},
         {'type': 'ViewerCameraMessage'},
@@ -284,6 +229,8 @@ def test_a_page_without_an_area_is_served(session, width, height):
         ('target', (True, (0.0, 0.0), (0.0, math.inf))),
         ('target', (True, (0.0, 0.0), (1e9, 0.0))),
         ('turn', (True, 'ab', (0.0, 0.0))),
+        ('placed', ((math.nan, 0.0),)),
+        ('moved', ('placed 1', True, (0.0, 0.0), (1e9, 0.0))),
         ('shutdown', 0.0),
     ],
 )

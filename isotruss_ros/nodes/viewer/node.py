@@ -13,7 +13,7 @@ import traceback
 from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
-from isotruss_msgs.msg import GraspState, ManipulationStatus
+from isotruss_msgs.msg import GraspState, ManipulationStatus, Obstacles
 from isotruss_ros.core import load_robot, Pose, read_object
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.extras import MissingPackageError
@@ -26,6 +26,7 @@ from isotruss_ros.nodes.conversions.messages import (
     request_parameters,
     to_twist_message,
 )
+from isotruss_ros.nodes.conversions.obstacle_messages import to_obstacles_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
@@ -44,6 +45,7 @@ from isotruss_ros.viewer.control import ZERO
 from isotruss_ros.viewer.drag import LEVER_LENGTH, place_on_circle, PROGRESS_TIME
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import (
+    CLEAR,
     DRAGGED,
     LOCAL,
     OBJECT,
@@ -57,6 +59,7 @@ from isotruss_ros.viewer.names import (
     SHAPE,
 )
 from isotruss_ros.viewer.picture import Picture
+from nav_msgs.msg import Path
 from rclpy.client import Client
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
@@ -71,6 +74,7 @@ if TYPE_CHECKING:
 SPECS = (
     ROBOT,
     *common.OBJECT_SPECS,
+    common.OBSTACLES,
     FixedSpec(
         'host', LOCAL, 'Address of the server; the default is reachable only from this machine'
     ),
@@ -107,15 +111,18 @@ class Viewer(StoppableNode):
         described = common.read_described(self.values)
         if described is not None:
             self.picture.shape = described.shape
+        self.picture.room.resting = common.read_resting_obstacles(self.values)
         self._view: View | None = None
         self._controls: Controls | None = None
         self._moving = self._pulling = self._stopped = False
         self._subscribe()
         self._twists = self.advertise(Twist, 'cmd_vel')
         self._wrenches = self.advertise(WrenchStamped, 'external_wrench')
+        self._placed = self.advertise(Obstacles, 'obstacles')
         self._stops = self.advertise(Bool, 'emergency_stop', LATCHED)
         self._release = self.create_client(Trigger, 'release_emergency_stop')
         self._resume = self.create_client(Trigger, 'resume_grip')
+        self._clear = self.create_client(Trigger, 'clear_obstacles')
         self._goals = ObjectGoals(self, self._report_goal)
         self._restart = NodeRestart(self, self._report_goal)
         self._squeeze = 0.0
@@ -177,8 +184,12 @@ class Viewer(StoppableNode):
             (GraspState, 'grasp/state', picture.receive_state),
             (ManipulationStatus, 'manipulation/status', picture.receive_status),
             (MarkerArray, 'grasp/markers', picture.receive_markers),
+            (Obstacles, 'obstacles', self._receive_obstacles),
+            (Path, 'planned_path', picture.receive_path),
         ):
-            subscribe_newest(self, kind, topic, partial(self._receive, topic, receive))
+            # Messages of obstacles from several publishers are parts of one state.
+            every = kind is Obstacles
+            subscribe_newest(self, kind, topic, partial(self._receive, topic, receive), every)
         # An earlier latched stop is in the status.
         self.create_subscription(Bool, 'emergency_stop', self._receive_stop, RELIABLE)
 
@@ -190,6 +201,9 @@ class Viewer(StoppableNode):
 
     def _receive_object_pose(self, message: PoseStamped, now: float) -> None:
         self.picture.take_pose(self._frame.read_pose(message), now)
+
+    def _receive_obstacles(self, message: Obstacles, now: float) -> None:
+        self.picture.room.take_obstacles(self._frame.read_obstacles(message), now)
 
     def _receive_stop(self, message: Bool) -> None:
         self._stopped = message.data
@@ -216,6 +230,7 @@ class Viewer(StoppableNode):
         controls.update(pose)
         self._publish_twist(position, robot_time)
         self._publish_wrench()
+        self._publish_obstacles(robot_time)
         self._view.update(now)
         controls.mark(now)
 
@@ -266,12 +281,20 @@ class Viewer(StoppableNode):
         # Twists continue once published: old ones expire.
         self._pulling = True
 
+    def _publish_obstacles(self, now: float) -> None:
+        """Publish the placed obstacles, with control or without, so that none is silent."""
+        placed = self._controls.placed.advance(now)
+        if placed:
+            self._placed.publish(to_obstacles_message(placed, now, self.picture.robot.frame))
+
     def _carry_out(self, name: str, value: float | str) -> None:
         if name == RELEASE:
             self._stops.publish(Bool(data=False))
             make_calls(self._ask(self._release))
         elif name == RESUME:
             make_calls(self._ask(self._resume))
+        elif name == CLEAR:
+            make_calls(self._clear_obstacles())
         elif name == DRAGGED:
             joint = '' if value == OBJECT else value
             mode = 'object' if value == OBJECT else 'joint'
@@ -299,6 +322,11 @@ class Viewer(StoppableNode):
         description = OBJECTS[kind]
         self.picture.shape = read_object(description).shape if description else None
         self._restart.change_object(self._squeeze, kind, description)
+
+    def _clear_obstacles(self) -> Calls:
+        """Clear all moving obstacles; those that other nodes publish return with a message."""
+        yield from self._ask(self._clear)
+        self.picture.room.clear_moving()
 
     def _report_refusal(self, words: str) -> None:
         self.picture.goal_report = words

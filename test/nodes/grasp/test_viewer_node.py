@@ -9,7 +9,7 @@ import io
 import itertools
 
 from geometry_msgs.msg import Point, Twist, WrenchStamped
-from isotruss_msgs.msg import ManipulationStatus
+from isotruss_msgs.msg import ManipulationStatus, Obstacles
 import numpy as np
 from probe import CENTER, N, overrides, ROBOT, world
 import pytest
@@ -17,12 +17,17 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 pytest.importorskip('viser')
 from fake_browser import FakeBrowser  # noqa: E402,I100
-from isotruss_ros.core import Disc  # noqa: E402
-from isotruss_ros.nodes.viewer.node import Viewer  # noqa: E402,I100
+from isotruss_ros.core import ConvexObject, Disc, Obstacle  # noqa: E402
+from isotruss_ros.nodes.conversions.obstacle_messages import (  # noqa: E402,I100
+    read_obstacles,
+    to_obstacles_message,
+)
+from isotruss_ros.nodes.viewer.node import Viewer  # noqa: E402
 from isotruss_ros.viewer.drag import LEVER_LENGTH  # noqa: E402
 
 
@@ -184,3 +189,66 @@ def test_an_error_of_drawing_ends_the_drag_but_not_the_stop_button():
         w.until(lambda: w.probe.last('stop') == Bool(data=True))
         node.picture.shape = None
         w.until(lambda: not browser.shows('error of the viewer:'))
+
+
+def place_obstacle(w, browser):
+    """Place an obstacle at (1, 2) by the button and a click, and await its message."""
+    w.probe.listen(Obstacles, 'obstacles', 'obstacles')
+    browser.set('add obstacle', True)
+    w.until(lambda: browser.is_clickable)
+    browser.click(1.0, 2.0)
+    w.until(lambda: w.probe.last('obstacles'))
+
+
+def count_obstacles(w):
+    return len(w.probe.seen['obstacles'])
+
+
+def test_a_placed_obstacle_is_published_without_control_until_it_is_cleared():
+    def clear(_, response):
+        response.success = True
+        return response
+
+    with viewed() as (w, node, browser):
+        w.probe.create_service(Trigger, 'clear_obstacles', clear)
+        place_obstacle(w, browser)
+        (obstacle,) = read_obstacles(w.probe.last('obstacles'))
+        assert obstacle.body.pose == pytest.approx((1.0, 2.0, 0.0))
+        w.until(lambda: node.picture.room.list_obstacles(0.0))
+        browser.set('control', False)
+        w.until(lambda: browser.shows('nobody has control'))
+        count = count_obstacles(w)
+        w.until(lambda: count_obstacles(w) > count + 1)
+        browser.set('control', True)
+        w.until(lambda: browser.shows('this one has control'))
+        browser.set('clear obstacles', True)
+        w.until(lambda: not node.picture.room.list_obstacles(0.0))
+        count = count_obstacles(w)
+        w.spin(0.2)
+        assert count_obstacles(w) == count
+
+
+def test_a_placed_obstacle_is_published_while_the_drawing_fails():
+    with viewed() as (w, node, browser):
+        w.executor.spin_once = partial(spin_as_run, w.executor.spin_once, node)
+        place_obstacle(w, browser)
+        node.picture.shape = BrokenShape(0.15)
+        w.until(lambda: browser.shows('ZeroDivisionError: the outline of a user'))
+        count = count_obstacles(w)
+        w.until(lambda: count_obstacles(w) > count + 1)
+
+
+def test_obstacles_of_file_and_topic_are_shown_and_invalid_ones_are_not():
+    wall = '{wall: {shape: half_plane, pose: [0, -1, 1.5708]}}'
+    with viewed(obstacles=wall) as (w, node, _):
+        sender = w.probe.create_publisher(Obstacles, 'obstacles', 10)
+        hand, cart = (Obstacle(name, ConvexObject(Disc(0.1))) for name in ('hand', 'cart'))
+
+        def send():
+            now = w.probe.past(0.0)
+            for obstacles in ([hand], [cart, cart], [cart]):
+                sender.publish(to_obstacles_message(obstacles, now, 'truss'))
+
+        w.until(lambda: len(node.picture.room.list_obstacles(0.0)) > 2, send)
+        shown = [obstacle.name for obstacle, _ in node.picture.room.list_obstacles(0.0)]
+        assert shown == ['wall', 'hand', 'cart']
