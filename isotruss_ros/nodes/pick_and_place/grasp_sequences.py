@@ -47,6 +47,7 @@ from isotruss_ros.nodes.conversions.path_messages import (
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.supervision import MIN_FEEDBACK_TIMEOUT, TOPIC
+from isotruss_ros.nodes.framework.topics import LATCHED
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     ActionStep,
     set_parameters,
@@ -94,7 +95,7 @@ class GraspSequences:
             )
         )
         self._parameters = node.create_client(SetParameters, 'manipulation/set_parameters')
-        self._publish_path = node.advertise(Path, 'planned_path')
+        self._paths = node.advertise(Path, 'planned_path', LATCHED)
         self._thread = ThreadPoolExecutor(max_workers=1)
 
     def close(self) -> None:
@@ -252,6 +253,7 @@ class GraspSequences:
 
     def _plan(self, goal: MoveObject.Goal) -> Steps:
         """Search for a path to the only pose of a goal, publish and return it."""
+        self.stage, used = MOVE.PLANNING, 0.0
         now, (stamped,) = self._node.now(), goal.path.poses
         check_frame('path', goal.path.header, self._robot.frame)
         check_frame('pose', stamped.header, self._robot.frame)
@@ -261,6 +263,10 @@ class GraspSequences:
         record = find_fresh(now, self._watch.timeout, self._inputs.held_grip)
         stop = threading.Event()
 
+        def note(share: float) -> None:
+            nonlocal used
+            used = share
+
         def search() -> PathPlan:
             friction = body.friction_or(None)
             held = attach_grip(config, body) if record is None else record.restore(config, body)
@@ -269,6 +275,7 @@ class GraspSequences:
                 friction,
                 end,
                 self._obstacles,
+                on_progress=note,
                 should_stop=stop.is_set,
                 speed=goal.speed,
                 turn_rate=goal.turn_rate,
@@ -277,7 +284,7 @@ class GraspSequences:
         planned = self._thread.submit(search)
         try:
             while not planned.done():
-                yield 0.0
+                yield used
         finally:
             stop.set()
         plan = planned.result()
@@ -285,7 +292,8 @@ class GraspSequences:
             raise StepError(StepOutcome.STOPPED, plan.why)
         poses = [self._to_pose_stamped(Pose(*pose)) for pose in plan.poses.tolist()]
         path = Path(header=poses[0].header, poses=poses)
-        self._publish_path.publish(path)
+        self._paths.publish(path)
+        self.stage = MOVE.MOVING
         return path
 
     def _carry(self, goal: FollowObjectPath.Goal) -> Steps:

@@ -1,7 +1,10 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Obstacles of the manipulation node: file, topic, silence and service."""
+"""Obstacles of the nodes: file, topic, silence, service and planned paths."""
+
+from concurrent.futures import ThreadPoolExecutor, wait
+import contextlib
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import FollowObjectPath, MoveObject
@@ -89,13 +92,16 @@ def test_invalid_obstacles_of_the_parameter_are_refused(text):
 
 
 START = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.02)
+#: Function of thread pools that a manual world replaces.
+SUBMIT = ThreadPoolExecutor.submit
 
 
-def move(monkeypatch, goal, **parameters):
-    """Return the result of a motion to a pose, the followed path, and the published path."""
+@contextlib.contextmanager
+def moving_object(patch, goal, **parameters):
+    """Yield a world with a goal of `move_object`, the client of the path, and its inputs."""
     reached = FollowObjectPath.Result(code=FollowObjectPath.Result.REACHED)
     client = MotionClient(reached)
-    replace_clients(monkeypatch, action_steps, lambda *_: client)
+    replace_clients(patch, action_steps, lambda *_: client)
     settings = {'command_timeout': 1.0, 'friction': 0.8, 'plan': True} | parameters
     with world(maker(PickAndPlace, **settings)()) as w:
         w.probe.listen(Path, 'path', 'planned_path')
@@ -107,9 +113,44 @@ def move(monkeypatch, goal, **parameters):
 
         w.spin(0.1, send)
         target = PoseStamped(pose=to_pose_message(Pose(*goal)))
-        request = w.send_goal(MoveObject.Goal(path=Path(poses=[target])))
-        w.until(lambda: request.ended, send)
-        return request.result()[1], client.goal, w.probe.last('path')
+        yield w, w.send_goal(MoveObject.Goal(path=Path(poses=[target]))), client, send
+
+
+def move(patch, goal, **parameters):
+    """Return the result of a motion to a pose, the followed path, and the published path."""
+    with moving_object(patch, goal, **parameters) as (w, request, client, send):
+        return w.finish(request, send)[1], client.goal, w.probe.last('path')
+
+
+def test_search_for_a_path_reports_its_progress_and_ends_when_cancelled(monkeypatch):
+    places = {'left': (-0.2, -0.2), 'middle': (0.0, -0.27), 'right': (0.2, -0.2)}
+    posts = ', '.join(
+        f'{name}: {{shape: disc, diameter: 0.1, pose: [{START[0] + x}, {START[1] + y}, 0]}}'
+        for name, (x, y) in places.items()
+    )
+    goal, searches = (START[0], START[1] - 0.55, 0.0), []
+
+    def submit(pool, search):
+        searches.append(SUBMIT(pool, search))
+        return searches[-1]
+
+    with moving_object(monkeypatch, goal, obstacles=f'{{{posts}}}') as (w, request, _, send):
+
+        def give_time():
+            send()
+            wait(searches, 0.05)
+
+        def planning():
+            stages = (part for part in request.feedback if part.stage == part.PLANNING)
+            return any(part.progress > 0.0 for part in stages)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(ThreadPoolExecutor, 'submit', submit)
+            w.until(planning, give_time)
+            assert request.cancel()
+            result = w.finish(request, give_time)[1]
+    assert result.code == MoveObject.Result.CANCELLED
+    assert '(stopped)' in searches[0].result().why
 
 
 def test_motion_to_one_pose_follows_the_planned_path(monkeypatch):
