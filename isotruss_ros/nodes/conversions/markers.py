@@ -1,20 +1,23 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""RViz markers of an analysed grasp."""
+"""RViz markers of an analysed grasp and of obstacles."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 import itertools
 from typing import Any
 
 from geometry_msgs.msg import Point
 from isotruss_ros.core.holding.held_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.ellipse import Ellipse
+from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
-from isotruss_ros.nodes.conversions.messages import make_header
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.grasp.grasp_report import AnalyzedGrasp, GraspReport
 import numpy as np
 from rclpy.duration import Duration
@@ -39,6 +42,7 @@ FORCE = ColorRGBA(r=0.12, g=0.31, b=0.85, a=1.0)
 REGION = ColorRGBA(r=0.95, g=0.75, b=0.1, a=1.0)
 CLOSED = ColorRGBA(r=0.2, g=0.7, b=0.3, a=0.8)
 OPEN = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.8)
+OBSTACLE = ColorRGBA(r=0.35, g=0.35, b=0.4, a=0.9)
 
 
 def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray:
@@ -47,10 +51,29 @@ def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray
 
     :param time: stamp of the markers [s].
     """
-    markers = [Marker(action=Marker.DELETEALL)]
+    markers: list[Marker] = []
     if report.grasp is not None:
-        color = CLOSED if report.held else OPEN
-        markers += [*_make_grasp_markers(report.grasp), _make_object(report.grasp, color)]
+        grasp, color = report.grasp, CLOSED if report.held else OPEN
+        height = grasp.config.robot.description.tube_diameter
+        markers = [*_make_grasp_markers(grasp), _make_body('object', grasp.body, color, height)]
+    return _replace_markers(markers, frame, time)
+
+
+def to_obstacle_markers(
+    obstacles: Sequence[Obstacle], height: float, frame: str, time: float
+) -> MarkerArray:
+    """
+    Return RViz markers of obstacles, each in a namespace of its name; see `to_marker_array`.
+
+    :param height: height of the markers, half of it above the plane of the robot [m].
+    """
+    markers = [_make_body(o.name, o.body, OBSTACLE, height) for o in obstacles]
+    return _replace_markers(markers, frame, time)
+
+
+def _replace_markers(markers: list[Marker], frame: str, time: float) -> MarkerArray:
+    """Return markers with a stamp [s], after a marker that deletes all earlier ones."""
+    markers = [Marker(action=Marker.DELETEALL), *markers]
     for marker in markers:
         marker.header = make_header(time, frame)
     return MarkerArray(markers=markers)
@@ -95,17 +118,17 @@ def _tube_color(utilisation: float) -> ColorRGBA:
     return NEARLY_WRINKLED if utilisation > MAX_UTILISATION else DEFORMED_COLOR
 
 
-def _make_object(grasp: AnalyzedGrasp, color: ColorRGBA) -> Marker:
-    body = grasp.body
-    # Height of the tubes.
-    height = grasp.config.robot.description.tube_diameter
-    if body.shape.is_round:
-        width = 2.0 * body.shape.reach
-        marker = _make_marker('object', 0, Marker.CYLINDER, color, (width, width, height))
-        marker.pose.position.x, marker.pose.position.y = body.pose[:2]
-        return marker
-    corners = _prism(body.outline(OUTLINE_SPACING), body.middle, 0.5 * height)
-    return _make_marker('object', 0, Marker.TRIANGLE_LIST, color, UNIT_SCALE, corners)
+def _make_body(name: str, body: ConvexObject, color: ColorRGBA, height: float) -> Marker:
+    """Return the prism of a convex object, half of its height [m] above the plane."""
+    shape = body.shape
+    if shape.is_round or isinstance(shape, Ellipse):
+        a, b = shape.semi_axes if isinstance(shape, Ellipse) else (shape.reach, shape.reach)
+        marker = _make_marker(name, 0, Marker.CYLINDER, color, (2.0 * a, 2.0 * b, height))
+    else:
+        corners = _prism(shape.outline(OUTLINE_SPACING), shape.centroid, 0.5 * height)
+        marker = _make_marker(name, 0, Marker.TRIANGLE_LIST, color, UNIT_SCALE, corners)
+    marker.pose = to_pose_message(body.pose)
+    return marker
 
 
 def _make_marker(

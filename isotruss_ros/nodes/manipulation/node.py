@@ -11,6 +11,7 @@ from isotruss_ros.core.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.servo.recorded_servo import RecordedServo
 from isotruss_ros.core.servo.servo_settings import ServoSettings
+from isotruss_ros.nodes.conversions.markers import to_obstacle_markers
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import RollerCommands
@@ -27,11 +28,14 @@ from isotruss_ros.nodes.manipulation.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.manipulation.trajectory_following import TrajectoryFollowing
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
+from visualization_msgs.msg import MarkerArray
 
 MODES = ('object', 'joint')
 #: Period at which the node checks the message types of publishers of cmd_vel while no twist
 #: arrives [s].
 TYPE_CHECK_PERIOD = 1.0
+#: Period of the markers of obstacles [s]; their lifetime is 1 s.
+MARKER_PERIOD = 0.1
 SPECS = (
     Spec(
         'mode',
@@ -89,6 +93,8 @@ class Manipulation(ManagedNode):
         self._twists = inputs.keep_topic('twist', twists)
         inputs.keep('rollers', 'estimate', 'pose', 'pressures', 'obstacles')
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
+        self._markers = self.advertise(MarkerArray, 'obstacle_markers')
+        self.create_timer(MARKER_PERIOD, self._draw_obstacles)
 
     def prepare(self, settings: ServoSettings) -> ServoSettings:
         """
@@ -264,6 +270,16 @@ class Manipulation(ManagedNode):
             servo.receive(twist=rejected)
         elif twist == rejected:
             servo.receive(twist=None)
+
+    def _draw_obstacles(self) -> None:
+        """Publish markers of all obstacles if there is a subscriber."""
+        if not self._markers.get_subscription_count():
+            return
+        now, received = self.now(), self.inputs.obstacles
+        moving = received.value if isinstance(received, StampedInput) else ()
+        obstacles = (*self._obstacles, *(obstacle.at(now) for obstacle in moving))
+        height = self.robot.description.tube_diameter
+        self._markers.publish(to_obstacle_markers(obstacles, height, self.robot.frame, now))
 
     def _step(self, now: float, clock: tuple[Status, str] | None = None) -> None:
         halt = self._find_halt() or clock

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Obstacles of the nodes: file, topic, silence, service and planned paths."""
+"""Obstacles of the nodes: file, topic, silence, service, markers and planned paths."""
 
 from concurrent.futures import ThreadPoolExecutor, wait
 import contextlib
@@ -9,7 +9,16 @@ import contextlib
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import FollowObjectPath, MoveObject
 from isotruss_msgs.msg import GraspState, Obstacles
-from isotruss_ros.core import ConvexObject, Disc, Obstacle, Pose, Status, tangent_center
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Ellipse,
+    Obstacle,
+    Polygon,
+    Pose,
+    Status,
+    tangent_center,
+)
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.nodes.conversions.messages import read_pose, to_pose_message
 from isotruss_ros.nodes.conversions.obstacle_messages import to_obstacles_message
@@ -18,10 +27,12 @@ from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
 from manual_actions import MotionClient, replace_clients
 from manual_world import check_refused, world
 from nav_msgs.msg import Path
+import numpy as np
 from probe import CENTER, DIAMETER, maker, MODULE, ROBOT
 from probe import manipulation as node
 import pytest
 from std_srvs.srv import Trigger
+from visualization_msgs.msg import Marker, MarkerArray
 
 #: Gap between the object and an obstacle in the way of the twists of the probe [m].
 GAP = 0.021
@@ -89,6 +100,31 @@ def test_invalid_first_message_of_obstacles_stops_the_rollers_with_the_reason():
 @pytest.mark.parametrize('text', ['{post: {shape: disc, diameter: 0.1}}', '/no/such/file.yaml'])
 def test_invalid_obstacles_of_the_parameter_are_refused(text):
     check_refused(node(obstacles=text), "key 'pose'|cannot be read")
+
+
+def test_markers_show_the_obstacles_at_rest_and_the_moving_ones():
+    box = Polygon(((-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05)))
+    moving = [
+        Obstacle('hand', ConvexObject(Ellipse((0.1, 0.2)), (5.0, 1.0, 0.5))),
+        Obstacle('cart', ConvexObject(box, (6.0, 1.0, 0.5))),
+    ]
+    with world(node(obstacles=POST)) as w:
+        w.probe.listen(MarkerArray, 'markers', 'obstacle_markers')
+        send = publisher(w)
+
+        def shown():
+            first, *others = w.probe.last('markers').markers
+            assert first.action == Marker.DELETEALL
+            return {marker.ns: marker for marker in others}
+
+        w.until(lambda: w.probe.last('markers') and len(shown()) == 3, lambda: send(*moving))
+    markers = shown()
+    assert read_pose('pose', markers['post'].pose) == pytest.approx(ABOVE)
+    assert markers['post'].scale.x == markers['post'].scale.y == 0.1
+    assert read_pose('pose', markers['hand'].pose) == pytest.approx((5.0, 1.0, 0.5))
+    assert (markers['hand'].scale.x, markers['hand'].scale.y) == (0.2, 0.4)
+    corners = np.array([(point.x, point.y) for point in markers['cart'].points])
+    assert np.abs(corners).max(axis=0) == pytest.approx((0.1, 0.05))
 
 
 START = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.02)
