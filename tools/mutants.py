@@ -18,13 +18,14 @@ import ast
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 import functools
+from hashlib import sha256
 import itertools
 import json
 import multiprocessing
+from operator import itemgetter
 import os
 from pathlib import Path
 import queue
-import random
 import shutil
 import subprocess
 import sys
@@ -192,18 +193,22 @@ def record_tests(tree: Path, tests: list[str]) -> int | None:
     return in_fork(tree, lambda: pytest.main(command, plugins=[Recorder(tree)]))
 
 
-def all_mutants(tree: Path, folder: str) -> Iterator[Mutant]:
-    """Yield the mutants of a folder; see `unchanged_spans`."""
+def all_mutants(tree: Path, folder: str, seed: int) -> Iterator[tuple[bytes, Mutant]]:
+    """Yield the mutants of a folder with their keys; see `draw_mutants`, `unchanged_spans`."""
     provider = OperatorProvider()
-    operators = [provider[name]() for name in provider if not name.endswith(NO_FAULTS)]
+    kinds = [kind for kind in provider if not kind.endswith(NO_FAULTS)]
     for path in sorted(path for pattern in FOLDERS[folder][0] for path in tree.glob(pattern)):
         source, name = path.read_text(encoding='utf-8'), str(path.relative_to(tree))
         nodes, fixed = list(ast_nodes(get_ast(source))), list(unchanged_spans(source))
-        for operator in operators:
+        lines = source.splitlines()
+        for kind in kinds:
+            operator = provider[kind]()
             spots = [spot for node in nodes for spot in operator.mutation_positions(node)]
             for number, (start, _) in enumerate(spots):
                 if not any(begin <= start < end for begin, end in fixed):
-                    yield Mutant(folder, name, start[0], operator, number)
+                    place = (seed, name, lines[start[0] - 1], start[1], kind)
+                    key = sha256(repr(place).encode()).digest()
+                    yield key, Mutant(folder, name, start[0], operator, number)
 
 
 def unchanged_spans(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
@@ -222,7 +227,7 @@ def find_tests(
     durations: dict[str, float],
     recorded: list[coverage.CoverageData],
 ) -> list[str]:
-    """Return the tests that execute the function of a mutant, or any function of its file."""
+    """Return the tests of the function of a mutant, or of any function of its file or folder."""
     parsed = ast.parse((trees[0] / mutant.path).read_text(encoding='utf-8'))
     kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
     functions = [node for node in ast.walk(parsed) if isinstance(node, kinds)]
@@ -235,16 +240,21 @@ def find_tests(
         contexts = data.contexts_by_lineno(str(tree / mutant.path))
         executing |= {test for line in lines for test in contexts.get(line, ()) if test}
     own = FOLDERS[mutant.folder][1]
+    if not functions:  # a file of constants
+        executing = {test for test in durations if test.startswith(own)}
     ordered = sorted(executing, key=lambda test: (not test.startswith(own), durations[test]))
     spent = itertools.accumulate(durations[test] for test in ordered)
     return [test for test, s in zip(ordered, spent, strict=True) if s < MAX_TEST_DURATION]
 
 
 def draw_mutants(tree: Path, folder: str, count: int, seed: int) -> list[Mutant]:
-    """Return a random sample of the mutants of a folder, without those listed as equal."""
+    """
+    Return a random sample of the mutants of a folder, without those listed as equal.
+
+    A mutant is drawn by its line, so that a sample stays the same while its lines do.
+    """
     equal = {(entry['path'], entry['before'], entry['after']) for entry in read_equal()}
-    mutants = list(all_mutants(tree, folder))
-    random.Random(seed).shuffle(mutants)
+    mutants = (mutant for _, mutant in sorted(all_mutants(tree, folder, seed), key=itemgetter(0)))
     unlisted = (mutant for mutant in mutants if (mutant.path, *mutant.lines(tree)) not in equal)
     return list(itertools.islice(unlisted, count))
 
