@@ -13,7 +13,6 @@ from geometry_msgs.msg import Point
 from isotruss_ros.core.holding.held_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
@@ -121,9 +120,9 @@ def _tube_color(utilisation: float) -> ColorRGBA:
 def _make_body(name: str, body: ConvexObject, color: ColorRGBA, height: float) -> Marker:
     """Return the prism of a convex object, half of its height [m] above the plane."""
     shape = body.shape
-    if shape.is_round or isinstance(shape, Ellipse):
-        a, b = shape.semi_axes if isinstance(shape, Ellipse) else (shape.reach, shape.reach)
-        marker = _make_marker(name, 0, Marker.CYLINDER, color, (2.0 * a, 2.0 * b, height))
+    if shape.is_round:
+        width = 2.0 * shape.reach
+        marker = _make_marker(name, 0, Marker.CYLINDER, color, (width, width, height))
     else:
         corners = _prism(shape.outline(OUTLINE_SPACING), shape.centroid, 0.5 * height)
         marker = _make_marker(name, 0, Marker.TRIANGLE_LIST, color, UNIT_SCALE, corners)

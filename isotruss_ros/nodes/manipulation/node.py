@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import math
+
 from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core import Status
 from isotruss_ros.core.inputs import RejectedInput, StampedInput
@@ -94,7 +96,7 @@ class Manipulation(ManagedNode):
         inputs.keep('rollers', 'estimate', 'pose', 'pressures', 'obstacles')
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
         self._markers = self.advertise(MarkerArray, 'obstacle_markers')
-        self.create_timer(MARKER_PERIOD, self._draw_obstacles)
+        self._markers_time = -math.inf
 
     def prepare(self, settings: ServoSettings) -> ServoSettings:
         """
@@ -271,11 +273,14 @@ class Manipulation(ManagedNode):
         elif twist == rejected:
             servo.receive(twist=None)
 
-    def _draw_obstacles(self) -> None:
-        """Publish markers of all obstacles if there is a subscriber."""
+    def _draw_obstacles(self, now: float) -> None:
+        """Publish markers of all obstacles if they are due and there is a subscriber."""
+        if 0.0 <= now - self._markers_time < MARKER_PERIOD:
+            return
+        self._markers_time = now
         if not self._markers.get_subscription_count():
             return
-        now, received = self.now(), self.inputs.obstacles
+        received = self.inputs.obstacles
         moving = received.value if isinstance(received, StampedInput) else ()
         obstacles = (*self._obstacles, *(obstacle.at(now) for obstacle in moving))
         height = self.robot.description.tube_diameter
@@ -290,3 +295,4 @@ class Manipulation(ManagedNode):
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, self._servo.squeeze, now)
         self._report.publish_record(self._servo.describe)
+        self._draw_obstacles(now)
