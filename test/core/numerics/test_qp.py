@@ -3,13 +3,9 @@
 
 """Quadratic programs and nearest points: solutions known by hand, conditions of optimality."""
 
-from hypothesis import given, strategies
-from isotruss_ros.core.numerics.qp import (
-    find_nearest,
-    QuadraticProgram,
-    solve_least_squares,
-    solve_qp,
-)
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
 import pytest
 import robots
@@ -102,9 +98,8 @@ def test_a_program_without_a_minimum_has_no_solution(rows, bounds, hessian):
 def test_a_row_fixed_by_the_equalities_is_fulfilled_or_contradictory(bound, length):
     rows, bounds = np.array([[1.0, 1.0], [1.0, -1.0]]), np.array([bound, 0.5])
     # The other one is fulfilled, x = y = 2.
-    program = QuadraticProgram(
-        np.eye(2), np.zeros(2), length * rows, length * bounds, rows[:1], np.array([4.0])
-    )
+    limits = length * rows, length * bounds
+    program = QuadraticProgram(np.eye(2), np.zeros(2), *limits, rows[:1], np.array([4.0]))
     solution = solve_qp(program)
     if bound < 4.0:
         assert solution is None
@@ -113,7 +108,7 @@ def test_a_row_fixed_by_the_equalities_is_fulfilled_or_contradictory(bound, leng
 
 
 @robots.examples(200)
-@given(robots.generators(), strategies.integers(2, 9), strategies.booleans())
+@given(robots.generators(), st.integers(2, 9), st.booleans())
 def test_solutions_are_optimal(rng, n, degenerate):
     program = random_program(rng, n, degenerate)
     check_optimality(program, solve_qp(program))
@@ -137,21 +132,3 @@ def test_exceeding_the_iteration_cap_gives_no_solution(monkeypatch):
 
     monkeypatch.setattr(optimize, 'nnls', endless)
     assert solve_qp(random_program(np.random.default_rng(3), 6)) is None
-
-
-@pytest.mark.parametrize('perturbation', [0.0, 1e-9])
-def test_corner_of_two_planes_and_the_numbers_of_both(perturbation):
-    columns = np.array([[1.0, 0.0, 1.0], [0.0, 2.0, 1.0]])
-    nearest = find_nearest(columns, np.array([-1.0, -4.0, 3.0]), 1.0, perturbation)
-    assert nearest.point == pytest.approx([-1.0, -2.0], abs=1e-15)
-    assert nearest.active.tolist() == [0, 1]
-
-
-@robots.examples(100)
-@given(robots.generators(), strategies.integers(1, 12), strategies.integers(1, 12))
-def test_least_squares_have_minimum_norm_at_any_rank(rng, m, n):
-    matrix = rng.standard_normal((m, n))
-    matrix[-1] = matrix[0]
-    right = rng.standard_normal(m)
-    expected = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
-    assert solve_least_squares(matrix, right) == pytest.approx(expected, rel=1e-9, abs=1e-9)
