@@ -6,15 +6,7 @@
 import math
 
 from hypothesis import given
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Ellipse,
-    Obstacle,
-    Polygon,
-    Pose,
-    read_obstacles,
-)
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, Obstacle, Polygon, Pose, read_obstacles
 from isotruss_ros.core.errors import GraspError, ObjectFileError
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.obstacle import HalfPlane
@@ -46,12 +38,12 @@ def outline_of(body, count=1500):
 @examples(60)
 def test_separation_is_the_least_distance_of_the_outlines(generator):
     first, second = random_pair(generator, 1.2)
-    found = separate(first, second)
+    apart = separate(first, second)
     ones, others = outline_of(first), outline_of(second)
     least = np.abs(ones[:, None] - others).min()
-    if found.distance > 0.0:
-        assert found.distance == pytest.approx(least, abs=1e-4)
-        foot = found.point - found.distance * found.normal
+    if apart.distance > 0.0:
+        assert apart.distance == pytest.approx(least, abs=1e-4)
+        foot = apart.point - apart.distance * apart.normal
         assert first.nearest(np.array([foot])).gaps[0] == pytest.approx(0.0, abs=1e-7)
     else:
         # Overlapping outlines cross, or one object is within the other.
@@ -63,14 +55,14 @@ def test_separation_is_the_least_distance_of_the_outlines(generator):
 @examples(60)
 def test_penetration_is_the_shortest_translation_that_separates_two_objects(generator):
     first, second = random_pair(generator, 0.3)
-    found = separate(first, second)
+    apart = separate(first, second)
     normals = np.exp(2j * np.pi * np.arange(20_000) / 20_000)
     along = ((second.center - first.center) * normals.conj()).real
     depths = along - first.support(normals) - second.support(-normals)
-    assert found.distance == pytest.approx(depths.max(), abs=1e-4)
-    assert found.distance >= depths.max() - 1e-12
+    assert apart.distance == pytest.approx(depths.max(), abs=1e-4)
+    assert apart.distance >= depths.max() - 1e-12
     x, y, angle = second.pose
-    away = (1e-9 - found.distance) * found.normal
+    away = (1e-9 - apart.distance) * apart.normal
     moved = second.moved_to((x + away.real, y + away.imag, angle))
     assert separate(first, moved).distance == pytest.approx(1e-9, abs=1e-9)
 
@@ -131,15 +123,9 @@ def test_reads_obstacles_from_a_file(tmp_path):
         ('{a: {shape: disc, diameter: 10000, pose: [0, 0, 0]}}', "'a': .* if it is in mm"),
         ('{a: {shape: disc, diameter: 0.1, pose: [0, 0]}}', "'a': the object's pose .* must be 3"),
         ('{a: {shape: disc, diameter: 0.1, pose: [0, 0, 90]}}', 'if it is in degrees'),
-        (
-            '{a: {shape: disc, diameter: 0.1, pose: [0, .nan, 0]}}',
-            "'a': the object's pose .*finite",
-        ),
+        ('{a: {shape: disc, diameter: 0.1, pose: [0, .nan, 0]}}', "'a': the object's .*finite"),
         ('{a: {shape: disc, diameter: 0.1, mass: 1, pose: [0, 0, 0]}}', "unknown key 'mass'"),
-        (
-            '{1: {shape: disc, diameter: 0.1, pose: [0, 0, 0]}}',
-            "'1': name of an obstacle 1: must be",
-        ),
+        ('{1: {shape: disc, diameter: 0.1, pose: [0, 0, 0]}}', "'1': name of an obstacle 1: "),
         ('{a: 3}', "'a': '3': must be keys and values"),
         ('[a, b]', 'must be the path of a file|cannot be read'),
     ],

@@ -1,20 +1,24 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Convex shapes against their outlines, smooth curves through corners, and refusals."""
+"""Convex shapes against their outlines, smooth curves through corners, and similar shapes."""
 
 from contracts import check_shape, directions
-from hypothesis import given, strategies
+from held_grips import APART, BOX, HOME
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.convex_object import segment_gaps
+from isotruss_ros.core.model.scaled_shape import ScaledShape
 from isotruss_ros.core.model.smooth_outline import SmoothOutline
 import numpy as np
 import pytest
 import robots
 from shapes import random_polygon, random_shape, regular_polygon, sampled, SHAPES
 
-SEEDS = strategies.integers(0, 10**6)
+SEEDS = st.integers(0, 10**6)
 SQUARE = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))
 PENTAGRAM = [(np.cos(4 * np.pi * i / 5), np.sin(4 * np.pi * i / 5)) for i in range(5)]
 
@@ -74,7 +78,7 @@ def test_arcs_longer_than_their_sides_are_refused(radius, words):
         Polygon(SQUARE, radius)
 
 
-@given(strategies.floats(0.01, 1.0), strategies.floats(-4.0, 4.0))
+@given(st.floats(0.01, 1.0), st.floats(-4.0, 4.0))
 def test_arcs_may_take_whole_sides(half, angle):
     square = half * np.exp(1j * (angle + 0.5 * np.pi * np.arange(4)))
     shape = Polygon(np.column_stack([square.real, square.imag]), half / np.sqrt(2.0))
@@ -184,3 +188,34 @@ def test_polygons_with_few_or_sharp_corners_or_long_faces_stay_polygons():
     pointed = np.append(sampled(Disc(0.3), 48, 0.0).corners[:40], 0.1455 - 0.0972j)
     polygon = Polygon(tuple(zip(pointed.real, pointed.imag, strict=True)))
     assert polygon.smoothed(1.0) is polygon
+
+
+SIMILAR = {
+    'disc': core.Disc(0.3),
+    'ellipse': core.Ellipse((0.2, 0.12)),
+    'triangle': core.Polygon([(0.0, 0.0), (0.3, 0.0), (0.1, 0.2)], corner_radius=0.02),
+}
+
+
+@pytest.mark.parametrize('name', SIMILAR)
+def test_quantities_of_a_scaled_shape_agree_with_its_outline(name):
+    check_shape(ScaledShape(SIMILAR[name], 1.1), np.random.default_rng(1))
+
+
+def test_a_scaled_box_has_the_contacts_of_the_box_with_scaled_corners():
+    scaled = ScaledShape(BOX, 1.1)
+    corners = (1.1 * np.array(BOX.vertices)).tolist()
+    larger = core.Polygon(corners, corner_radius=1.1 * BOX.corner_radius)
+    for angle in np.linspace(0.0, 6.0, 13):
+        ends, expected = (s.contact_patch(np.exp(1j * angle), 0.05) for s in (scaled, larger))
+        assert [end.corner for end in ends] == [end.corner for end in expected]
+        assert [end.along for end in ends] == pytest.approx([end.along for end in expected])
+
+
+def test_scaled_objects_settle_together_as_alone():
+    body = core.place_between(HOME, APART, BOX, 0.4, 0.01).body
+    bodies = [body.scaled(factor) for factor in (1.0, 0.98, 1.01)]
+    together = core.settle_grasps(HOME, bodies, 0.9, members=APART)
+    for i, scaled in enumerate(bodies):
+        alone = core.settle_grasp(HOME, scaled, 0.9, members=APART)
+        assert together.squeeze[i] == pytest.approx(alone.equilibrium.squeeze, rel=1e-10)
