@@ -4,7 +4,8 @@
 """Contact of tubes with convex objects: points, complementarity, relaxation, small objects."""
 
 from held_grips import HOME, LOOP, NINE, numbers
-from hypothesis import given, strategies
+from hypothesis import given
+from hypothesis import strategies as st
 from isotruss_ros import core
 from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.errors import SolverError
@@ -19,12 +20,6 @@ import pytest
 import robots
 from shapes import circle, dense_outline, random_shape, surface_distance
 from studies.comparison.wedge import pressed_into
-
-
-def plane_compliance(points):
-    """Return the displacements (c, 2) in the plane for unit forces (c, 2) on contact points."""
-    count = len(points.points)
-    return points.compliance.reshape(2, count, 2, count).transpose(1, 0, 3, 2)
 
 
 def node_compliance(frame, nodes):
@@ -51,7 +46,9 @@ def test_compliance_agrees_with_a_frame_with_nodes_at_the_candidates(robot, rng)
     structure = structure_of(config)
     frame = structure.frame.cut(*structure.locate(points.member[some], place[some])[:2])
     expected = node_compliance(frame, frame.layout.nodes)
-    compliance = plane_compliance(points)[some][:, :, some]
+    count = len(points.points)
+    compliance = points.compliance.reshape(2, count, 2, count).transpose(1, 0, 3, 2)
+    compliance = compliance[some][:, :, some]
     assert compliance == pytest.approx(expected, rel=1e-6, abs=1e-8 * np.abs(expected).max())
 
 
@@ -129,7 +126,7 @@ def test_an_object_deeper_than_a_diameter_of_the_tube_is_refused():
 MODULE = 'south/P'
 TUBE_RADIUS = 0.5 * HOME.robot.description.tube_diameter
 SQUARE_BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
-SEEDS = strategies.integers(0, 10**6)
+SEEDS = st.integers(0, 10**6)
 
 
 @robots.examples(25)
@@ -165,11 +162,8 @@ def test_friction_defaults_to_that_of_the_object():
 
 
 def test_closure_is_independent_of_the_frame_of_the_object():
-    held, away, wrench = (
-        pressed_into(HOME, MODULE, SQUARE_BOX, 0.4, 0.02),
-        0.05 - 0.03j,
-        (0.5, -2.0, 0.1),
-    )
+    held = pressed_into(HOME, MODULE, SQUARE_BOX, 0.4, 0.02)
+    away, wrench = 0.05 - 0.03j, (0.5, -2.0, 0.1)
     shifted = Polygon([(x + away.real, y + away.imag) for x, y in SQUARE_BOX.vertices])
     arm = held.turn * away
     center = held.center - arm
