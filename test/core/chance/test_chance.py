@@ -159,9 +159,8 @@ def test_samples_are_the_default_where_a_contact_is_lost_within_two_deviations(g
 
 
 def test_samples_are_the_default_for_an_object_with_corners():
-    box = core.settle_grasp(
-        HOME, core.place_between(HOME, APART, BOX, 0.4, 0.01).body, 0.9, members=APART
-    )
+    body = core.place_between(HOME, APART, BOX, 0.4, 0.01).body
+    box = core.settle_grasp(HOME, body, 0.9, members=APART)
     certain = replace(CERTAIN, friction=0.01)
     assert box.chance(certain).method == 'samples'
 
