@@ -3,11 +3,7 @@
 
 """Wrong markers and slipping rollers, and covariances after updates."""
 
-from isotruss_ros.core.estimation.marker_gate import (
-    FALSE_ALARM_PROBABILITY,
-    find_swap,
-    judge_markers,
-)
+from isotruss_ros.core.estimation.marker_gate import FALSE_ALARM_PROBABILITY, judge_markers
 from isotruss_ros.core.estimation.schmidt_filter import condition, SchmidtFilter
 import numpy as np
 import pytest
@@ -83,13 +79,6 @@ def test_a_slip_that_explains_all_markers_is_more_probable_than_two_wrong_ones()
 def test_a_slip_is_at_most_the_travel():
     off = (RATES @ (3.0 * SLIP * np.eye(6)[2])).reshape(6, 2)
     assert not judge_markers(off, NOISE, RATES, REACH)[1].any()
-
-
-def test_two_swapped_markers_are_named():
-    expected = np.random.default_rng(2).normal(size=(6, 2))
-    measured = expected[[0, 4, 2, 3, 1, 5]]
-    assert find_swap(measured, expected, NOISE) == (1, 4)
-    assert find_swap(measured + 0.1, expected, NOISE) is None
 
 
 RNG = np.random.default_rng(0)

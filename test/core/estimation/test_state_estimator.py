@@ -99,7 +99,6 @@ class DrawnRobot:
 
     @property
     def joints(self):
-        """Return where the joints are, (j, 2) [m]."""
         return self.config.nodes[: len(NAMES)] if self.grip is None else held_joints(self.grip)
 
     def markers(self, names=THREE):
@@ -254,7 +253,7 @@ def test_errors_of_the_offsets_of_an_upright_robot_are_within_stated_deviations(
         (THREE, {'inclination': 0.0}, False),
     ],
 )
-def test_markers_of_a_flat_robot_exclude_an_upright_one_if_offsets_cannot_imitate_it(
+def test_markers_of_a_flat_robot_exclude_an_upright_one_unless_offsets_imitate_it(
     names, settings, admitted
 ):
     found = [weighted(seed, names, (0.0, 0.0), **settings)[1] for seed in range(4)]

@@ -276,9 +276,7 @@ def test_a_box_tilted_off_its_face_has_the_squeeze_of_its_contacts(shifts):
         ((0.0, 0.0, 1.0), 0.0025, 0.006),
     ],
 )
-def test_a_drift_at_rest_is_a_slip_if_load_and_model_error_do_not_explain_it(
-    direction, least, most
-):
+def test_drift_at_rest_is_a_slip_if_load_and_model_error_do_not_explain_it(direction, least, most):
     settings, control = SqueezeSettings(0.0, **MASSLESS | {'load': 0.5}), SqueezeControl()
     control, _ = control.followed(settings, CONFIG, GRIP.moved_to(MODEL.pose), 0.0)
     away = np.array(direction) / ARM
