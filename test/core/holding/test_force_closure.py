@@ -48,9 +48,8 @@ def test_held_implies_force_closure(robot, rng, kind, count, flat):
     forces = (contacts.normal_forces + 1j * contacts.friction_forces) * contacts.normals
     size = max(1.0, contacts.normal_forces.sum())
     assert sum(settled.normal_forces.values()) == pytest.approx(contacts.normal_forces.sum())
-    assert sum(settled.friction_forces.values()) == pytest.approx(
-        -contacts.friction_forces.sum(), abs=1e-9 * size
-    )
+    expected = -contacts.friction_forces.sum()
+    assert sum(settled.friction_forces.values()) == pytest.approx(expected, abs=1e-9 * size)
     assert abs(-forces.sum() + complex(*load[:2])) < 1e-7 * size
     for name, normal in settled.normal_forces.items():
         assert normal > 0.0
@@ -129,10 +128,7 @@ def test_slip_margin_without_contact_is_minus_the_external_wrench():
 
 def test_slip_margin_is_continuous_at_the_loss_of_contact():
     for pull in ((0.0, 0.0, 0.0), (0.0, -0.2, 0.0)):
-        touching, apart = (
-            settle(np.zeros(6), -1e-5, pull=pull),
-            settle(np.zeros(6), 1e-5, pull=pull),
-        )
+        touching, apart = (settle(np.zeros(6), gap, pull=pull) for gap in (-1e-5, 1e-5))
         assert touching.slip_margin == pytest.approx(apart.slip_margin, abs=0.05)
 
 
@@ -178,6 +174,7 @@ def test_slip_margin_vanishes_under_its_wrench_along_the_slip_direction(away):
         ((1.0, 0.0, 0.0), '→'),
         ((0.1, -5.0, 1.0), '↓'),
         ((0.1, 0.0, 0.5), '↺'),
+        ((0.1, 0.0, -0.5), '↻'),
         ((0.0, 0.0, 0.0), ''),
         ((np.nan, 0.0, 0.0), ''),
     ],

@@ -70,7 +70,6 @@ class Grasp(NamedTuple):
     friction: float = 0.5
 
     def changed(self, change, parameters):
-        """Return the grasp with changed parameters."""
         config, body, members, wrench, pressures, friction = self
         scale = config.robot.description.stiffness_scale * (1.0 + change[parameters.stiffness])
         robot = core.Robot(replace(config.robot.description, stiffness_scale=scale))
@@ -84,7 +83,6 @@ class Grasp(NamedTuple):
         )
 
     def settle(self):
-        """Return the equilibrium."""
         config, body, members, wrench, pressures, friction = self
         return core.settle_grasp(config, body, friction, wrench, pressures, members)
 

@@ -93,9 +93,8 @@ def test_response_agrees_with_small_wrenches(shape, angle, members, count):
         moved = ahead.state.unknowns - behind.state.unknowns
         places = grip.statics.places
         assert moved[:3] / 2e-3 == pytest.approx(response.pose[:, i], rel=2e-4, abs=1e-8)
-        assert moved[places.normal] / 2e-3 == pytest.approx(
-            response.change[places.normal, i], rel=2e-4, abs=1e-5
-        )
+        expected = response.change[places.normal, i]
+        assert moved[places.normal] / 2e-3 == pytest.approx(expected, rel=2e-4, abs=1e-5)
 
 
 # The rollers do not open a loop of one tube, and three tubes at home hardly.
@@ -105,9 +104,7 @@ OPENED += [(OBLIQUE, core.Disc(0.83), 0.0, AROUND, 0.2)]
 
 
 @pytest.mark.parametrize(('config', 'shape', 'angle', 'members', 'error'), OPENED)
-def test_squeeze_stiffness_is_the_change_of_the_squeeze_by_opening_the_members(
-    config, shape, angle, members, error
-):
+def test_squeeze_stiffness_is_the_change_by_opening(config, shape, angle, members, error):
     body = core.place_between(config, members, shape, angle, 0.01).body
     grip = attach_grip(config, body, numbers(members))
     opening = 1e-5 * np.linalg.pinv(grip_jacobian(config, grip.touching(1.0)))[:, 3]

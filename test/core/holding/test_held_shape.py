@@ -10,15 +10,9 @@ import weakref
 from held_grips import APART, BOX, CORNER, held, HOME
 from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError, StructureError
+from isotruss_ros.core.holding import held_shape
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.core.holding.held_shape import (
-    deformed_lines,
-    force_lines,
-    held_joints,
-    lowest_frequency,
-    region_lines,
-)
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.kinematics.depths import member_lines
 import numpy as np
@@ -43,7 +37,7 @@ def grip(request):
 
 def test_drawn_ends_of_members_agree_with_the_deformation_under_the_contact_forces(grip):
     deformed = core.deform(grip.config, {}, tube_loads=contact_loads(grip))
-    lines, straight = deformed_lines(grip), member_lines(grip.config)
+    lines, straight = held_shape.deformed_lines(grip), member_lines(grip.config)
     for name, line, ends in zip(ROBOT.member_names, lines, straight, strict=True):
         tube, _, joints = name.partition('/')
         for joint, node, drawn, before in zip(
@@ -54,7 +48,7 @@ def test_drawn_ends_of_members_agree_with_the_deformation_under_the_contact_forc
 
 
 def test_force_arrows_end_on_the_object_and_are_in_balance(grip):
-    arrows = force_lines(grip, 0.02)
+    arrows = held_shape.force_lines(grip, 0.02)
     center = complex(*grip.pose[:2])
     assert np.abs(arrows[:, 1] - center) == pytest.approx(0.5 * DIAMETER)
     forces = np.diff(arrows)[:, 0] / 0.02
@@ -63,7 +57,7 @@ def test_force_arrows_end_on_the_object_and_are_in_balance(grip):
 
 
 def test_regions_are_on_the_object_and_as_long_as_the_contact(grip):
-    regions = region_lines(grip)
+    regions = held_shape.region_lines(grip)
     assert np.abs(regions - complex(*grip.pose[:2])) == pytest.approx(0.5 * DIAMETER)
     lengths = np.abs(np.diff(regions)).sum(axis=1)
     assert lengths == pytest.approx(grip.patches.lengths, rel=0.03)
@@ -97,9 +91,8 @@ def frequency(grip):
     """Return the lowest frequency by differences of rolled equilibria, with masses at points."""
     robot, body, flexibility, columns = grip.config.robot, grip.body, [], []
     for unit in np.eye(3):
-        (ahead, points), (behind, before) = (
-            moved_parts(grip, sign * STEP * unit) for sign in (1.0, -1.0)
-        )
+        ends = (moved_parts(grip, sign * STEP * unit) for sign in (1.0, -1.0))
+        (ahead, points), (behind, before) = ends
         pose = (ahead - behind) / (2.0 * STEP)
         flexibility.append(pose)
         moved = {name: (points[name] - before[name]) / (2.0 * STEP) for name in points}
@@ -127,19 +120,18 @@ def frequency(grip):
 )
 def test_lowest_frequency_agrees_with_differences_of_equilibria(masses, options):
     grip = grip_of(*masses, **options)
-    assert lowest_frequency(grip) == pytest.approx(frequency(grip), rel=1e-3)
+    assert held_shape.lowest_frequency(grip) == pytest.approx(frequency(grip), rel=1e-3)
 
 
 def test_without_masses_there_is_no_lowest_frequency():
-    grip = attach_grip(
-        core.Robot(FILE).home, core.place_between(core.Robot(FILE).home, CORNER, TRAPEZOID).body
-    )
-    assert lowest_frequency(grip) is None
+    home = core.Robot(FILE).home
+    grip = attach_grip(home, core.place_between(home, CORNER, TRAPEZOID).body)
+    assert held_shape.lowest_frequency(grip) is None
 
 
 def test_a_computed_frequency_keeps_no_grip_in_memory():
     grip = grip_of(1.5, 0.6)
-    assert lowest_frequency(grip) > 0.0
+    assert held_shape.lowest_frequency(grip) > 0.0
     reference = weakref.ref(grip)
     del grip
     gc.collect()
@@ -163,7 +155,8 @@ def test_restored_grip_has_the_margins_of_the_original_and_rolls_as_it(shape, an
     assert restored.pressures == pytest.approx(grip.pressures)
     assert restored.pose == pytest.approx(grip.pose, abs=1e-12)
     assert restored.state.forces == pytest.approx(grip.state.forces, abs=1e-9)
-    assert held_joints(restored) == pytest.approx(held_joints(grip), abs=1e-9)
+    expected = held_shape.held_joints(grip)
+    assert held_shape.held_joints(restored) == pytest.approx(expected, abs=1e-9)
     assert restored.sections.used == pytest.approx(grip.sections.used, abs=1e-5)
     assert restored.slip_margin(0.5) == pytest.approx(grip.slip_margin(0.5), rel=1e-3)
     there = grip.config.moved_to(grip.config.roller_positions + 0.003)

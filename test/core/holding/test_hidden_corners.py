@@ -1,8 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Polygons with many corners, and corners hidden in members."""
+"""Random grasps: polygons with many or hidden corners, and families without holes."""
 
+from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -10,6 +11,7 @@ from held_grips import NINE
 from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.planning.approach import Closing
 from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
@@ -21,9 +23,8 @@ from robots import preset
 from shapes import random_polygon, sampled
 from skin_depths import hidden_depth
 
-ROBOTS = [
-    preset(name) for name in ('nine_member', 'triangle', 'open_chain', 'bow_tie', 'ring_of_four')
-]
+NAMES = 'nine_member', 'triangle', 'open_chain', 'bow_tie', 'ring_of_four'
+ROBOTS = [preset(name) for name in NAMES]
 FRICTION = 1.3
 #: Depth of a corner that the centre line between nodes of the frame does not resolve [m].
 TOLERANCE = 1e-4
@@ -141,3 +142,82 @@ def test_slip_margin_is_that_of_the_smooth_shape_within_one_percent(count, seed,
     assert grasp.slip_margin == pytest.approx(smooth.slip_margin, rel=0.01)
     for name, force in smooth.normal_forces.items():
         assert grasp.normal_forces[name] == pytest.approx(force, rel=0.01)
+
+
+PARAMETERS = ('stiffness_scale', 'friction', 'depth', 'x', 'angle')
+
+
+def box(width, height):
+    """Return a rectangle about its origin."""
+    x, y = 0.5 * width, 0.5 * height
+    return core.Polygon([(-x, -y), (x, -y), (x, y), (-x, y)])
+
+
+def random_shape(rng):
+    """Return a disc, a box, a hexagon, an ellipse, or another polygon."""
+    size = rng.uniform(0.1, 0.35)
+    sixths = 0.5 * size * np.exp(1j * np.pi / 3.0 * np.arange(6))
+    shapes = (
+        core.Disc(size),
+        box(size, size * rng.uniform(0.5, 1.0)),
+        core.Polygon([(z.real, z.imag) for z in sixths]),
+        core.Ellipse((size, size * rng.uniform(0.6, 1.0))),
+        random_polygon(rng, 0.5 * size),
+    )
+    return shapes[rng.integers(len(shapes))]
+
+
+def holds(robot, travel, members, shape, place, parameter, shares, friction=1.3):
+    """Return the hold statuses of a grasp (angle, depth), a parameter of which is varied."""
+    angle, depth = place
+    config = robot.configuration(travel)
+    body = core.place_between(config, members, shape, angle, depth).body
+    x, y, _ = body.pose
+    kinds = []
+    for share in shares.tolist():
+        varied, coefficient, config_then = body, friction, config
+        if parameter == 'stiffness_scale':
+            description = replace(robot.description, stiffness_scale=1.0 + share)
+            config_then = Robot(description).configuration(travel)
+        elif parameter == 'friction':
+            coefficient = friction * (1.0 + share)
+        elif parameter == 'depth':
+            varied = core.place_between(config, members, shape, angle, depth * (1.0 + share)).body
+        elif parameter == 'x':
+            varied = core.ConvexObject(shape, (x + 0.05 * share, y, angle))
+        else:
+            varied = core.ConvexObject(shape, (x, y, angle + share))
+        kinds.append(core.settle_grasp(config_then, varied, coefficient, members=members).hold)
+    return kinds
+
+
+def test_a_box_whose_corner_crosses_a_guide_ring_is_held():
+    # At a guide ring the centre line has a kink: with a discontinuous inclination there is no
+    # equilibrium for scales from 1.25 to 1.36.
+    travel = [0.0371, 0.0937, 0.0703, 0.0756, 0.0687, 0.0432]
+    members, shares = ('left/A-B', 'left/B-E'), np.linspace(0.2, 0.45, 16)
+    place = -0.3920863517142519, 0.013
+    kinds = holds(ROBOTS[2], travel, members, box(0.169, 0.135), place, 'stiffness_scale', shares)
+    assert set(kinds) == {core.HoldStatus.HELD}
+
+
+@pytest.mark.parametrize('seed', some_now(range(200), 0))
+def test_families_of_grasps_have_no_holes(seed):
+    rng = np.random.default_rng(seed)
+    parameter, shares = PARAMETERS[seed % len(PARAMETERS)], np.arange(-0.2, 0.2, 0.005)
+    while True:
+        robot = ROBOTS[rng.integers(len(ROBOTS))]
+        travel = rng.uniform(-0.1, 0.1, len(robot.roller_names))
+        names = [robot.member_names[i] for i in rng.permutation(len(robot.member_names))[:2]]
+        shape = random_shape(rng)
+        place = rng.uniform(-3.0, 3.0), rng.uniform(0.004, 0.02)
+        try:
+            if not holds(robot, travel, names, shape, place, 'x', np.zeros(1))[0].at_rest:
+                continue
+            kinds = holds(robot, travel, names, shape, place, parameter, shares)
+        except (ConfigurationError, GraspError):
+            continue
+        break
+    at_rest = np.flatnonzero([hold.at_rest for hold in kinds])
+    between = kinds[at_rest[0] : at_rest[-1]] if len(at_rest) else []  # noqa: E203
+    assert core.HoldStatus.NO_BALANCE not in between

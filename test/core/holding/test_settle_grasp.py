@@ -1,27 +1,23 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The equilibrium of a free object: held or not, by which forces, and how far from slipping."""
+"""The equilibrium of a free object, its forces, and the range of friction that holds it."""
 
+from dataclasses import replace
 from itertools import product
+import math
 
 from grips import gripped
-from held_grips import APART, BOX, CORNER, HOME
-from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    deform,
-    Disc,
-    HoldStatus,
-    place_between,
-    Polygon,
-    settle_grasp,
-)
+from held_grips import APART, BOX, CORNER, HOME, LOOP
+from isotruss_ros import core
+from isotruss_ros.core import ConvexObject, place_between, Polygon, settle_grasp
 from isotruss_ros.core.holding.held_shape import held_joints
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.depths import member_depths
 from nightly import some_now
 import numpy as np
 import pytest
+import robots
 from robots import with_round_tubes
 from skin_depths import contact_loads
 
@@ -30,7 +26,7 @@ FRICTION = 0.5
 
 
 def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
-    settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    settled = core.settle_grasp(CONFIG, CYLINDER, FRICTION)
     assert settled.held
     assert settled.reason == ''
     assert set(settled.normal_forces) == {'north/P-Z', 'north/Z-R'}
@@ -43,9 +39,8 @@ def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
     assert 1.0 < settled.required_friction / np.tan(np.radians(17.5)) < 1.25
     assert settled.slip_margin > 1.0
     assert np.linalg.eigvalsh(0.5 * (settled.stiffness + settled.stiffness.T)).min() > 0.0
-    assert settled.displacement[:2] == pytest.approx(
-        np.subtract(settled.pose[:2], CYLINDER.pose[:2])
-    )
+    expected = np.subtract(settled.pose[:2], CYLINDER.pose[:2])
+    assert settled.displacement[:2] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -57,8 +52,8 @@ def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
 def test_settled_grasp_without_friction_agrees_with_analyze_grasp(degrees, squeeze):
     config, cylinder = gripped(degrees, squeeze=squeeze)
     config = with_round_tubes(config)
-    analysis = analyze_grasp(config, cylinder, FRICTION)
-    settled = settle_grasp(config, cylinder, FRICTION, -analysis.normal_wrench)
+    analysis = core.analyze_grasp(config, cylinder, FRICTION)
+    settled = core.settle_grasp(config, cylinder, FRICTION, -analysis.normal_wrench)
     pressing = sum(analysis.contact_forces.values())
     assert settled.normal_forces == pytest.approx(analysis.contact_forces, abs=3e-3 * pressing)
     assert max(map(abs, settled.friction_forces.values())) < 3e-3 * pressing
@@ -68,18 +63,17 @@ def test_settled_grasp_without_friction_agrees_with_analyze_grasp(degrees, squee
 def test_nonlinearity_is_the_increase_over_the_forces_of_linear_tubes():
     config, cylinder = gripped(60.0, squeeze=0.01)
     config = with_round_tubes(config)
-    analysis = analyze_grasp(config, cylinder, FRICTION)
-    settled = settle_grasp(config, cylinder, FRICTION, -analysis.normal_wrench)
-    bent, linear = (
-        sum(each.values()) for each in (settled.normal_forces, analysis.contact_forces)
-    )
+    analysis = core.analyze_grasp(config, cylinder, FRICTION)
+    settled = core.settle_grasp(config, cylinder, FRICTION, -analysis.normal_wrench)
+    bent, linear = (sum(f.values()) for f in (settled.normal_forces, analysis.contact_forces))
     assert settled.nonlinearity == pytest.approx(bent / linear - 1.0, rel=0.1)
 
 
 @pytest.mark.parametrize('center', [(9.0, 9.0), (0.5, 0.2)])
 def test_object_with_one_contact_is_not_held(center):
-    settled = settle_grasp(HOME, ConvexObject.disc(center, 0.1), FRICTION, (0.0, -5.0, 0.0))
-    assert settled.hold is HoldStatus.NO_CONTACT
+    body = core.ConvexObject.disc(center, 0.1)
+    settled = core.settle_grasp(HOME, body, FRICTION, (0.0, -5.0, 0.0))
+    assert settled.hold is core.HoldStatus.NO_CONTACT
     assert settled.pose == (*center, 0.0)
     assert settled.normal_forces == {}
     assert settled.required_friction == np.inf
@@ -87,52 +81,52 @@ def test_object_with_one_contact_is_not_held(center):
 
 
 def test_refusal_of_a_deep_object_has_its_deepest_member_and_depth():
-    body = ConvexObject.disc((0.75, -0.2), 0.6)
+    body = core.ConvexObject.disc((0.75, -0.2), 0.6)
     depths = member_depths(HOME, body)
     deepest = f'{1e3 * depths.max():.3g} mm deep in {HOME.robot.member_names[depths.argmax()]}'
-    assert deepest in settle_grasp(HOME, body).reason
+    assert deepest in core.settle_grasp(HOME, body).reason
 
 
 def test_contacts_that_bend_beyond_the_ends_of_their_members_are_named():
-    grip = place_between(HOME, APART, Disc(0.27), indentation=0.015)
-    assert settle_grasp(HOME, grip.body, members=APART).hold is HoldStatus.OFF_MEMBER
+    grip = core.place_between(HOME, APART, core.Disc(0.27), indentation=0.015)
+    assert core.settle_grasp(HOME, grip.body, members=APART).hold is core.HoldStatus.OFF_MEMBER
 
 
 def test_used_friction_is_the_share_of_the_cone():
-    settled = settle_grasp(CONFIG, CYLINDER, FRICTION, external_wrench=(0.3, 0.0, 0.05))
+    settled = core.settle_grasp(CONFIG, CYLINDER, FRICTION, external_wrench=(0.3, 0.0, 0.05))
     for name, used in settled.friction_used.items():
         cone = FRICTION * settled.normal_forces[name]
         assert used == pytest.approx(abs(settled.friction_forces[name]) / cone)
-    assert max(settled.friction_used.values()) == pytest.approx(
-        settled.required_friction / FRICTION
-    )
+    expected = settled.required_friction / FRICTION
+    assert max(settled.friction_used.values()) == pytest.approx(expected)
 
 
 def test_displacement_of_the_angle_is_below_half_a_turn():
-    grip = place_between(HOME, APART, BOX, angle=0.0, indentation=0.01)
-    (x, y, _), settled = grip.body.pose, settle_grasp(HOME, grip.body, 5.0, members=APART)
+    grip = core.place_between(HOME, APART, BOX, angle=0.0, indentation=0.01)
+    (x, y, _), settled = grip.body.pose, core.settle_grasp(HOME, grip.body, 5.0, members=APART)
     turned = settled.displacement[2]
     assert 1e-6 < abs(turned) < 0.1
     # The box looks the same after half a turn: the angles are just at that.
-    shape = Polygon([(-x, -y) for x, y in BOX.vertices], corner_radius=0.02)
+    shape = core.Polygon([(-x, -y) for x, y in BOX.vertices], corner_radius=0.02)
     for angle in (np.pi - 0.5 * abs(turned), -np.pi + 0.5 * abs(turned)):
-        again = settle_grasp(HOME, ConvexObject(shape, (x, y, angle)), 5.0, members=APART)
+        body = core.ConvexObject(shape, (x, y, angle))
+        again = core.settle_grasp(HOME, body, 5.0, members=APART)
         expected = settled.pose.angle - (angle - np.copysign(np.pi, angle))
         assert again.displacement[2] == pytest.approx(expected, abs=1e-3)
 
 
 #: One face of the second is in contact.
 PLACED = [
-    (CORNER, Disc(0.3), 0.0),
-    (CORNER, Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02), 2.094),
+    (CORNER, core.Disc(0.3), 0.0),
+    (CORNER, core.Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02), 2.094),
 ]
 
 
 @pytest.mark.parametrize(('members', 'shape', 'angle'), PLACED)
 def test_an_object_keeps_its_position_along_the_bisector_of_the_forces(members, shape, angle):
-    body = place_between(HOME, members, shape, angle, 0.012).body
+    body = core.place_between(HOME, members, shape, angle, 0.012).body
     body = body.moved_to(np.add(body.pose, (0.004, -0.003, 0.0)))
-    settled = settle_grasp(HOME, body, 0.9, members=members)
+    settled = core.settle_grasp(HOME, body, 0.9, members=members)
     normals, owners = settled.equilibrium.state.normals, settled.equilibrium.contacts.owners
     moved = settled.equilibrium.body.middle - body.middle
     bisector = 1j * (normals[owners == 0].mean() - normals[owners == 1].mean())
@@ -140,16 +134,118 @@ def test_an_object_keeps_its_position_along_the_bisector_of_the_forces(members, 
     assert (moved * bisector.conjugate()).real == pytest.approx(0.0, abs=1e-9)
 
 
-FLAT = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+FLAT = core.Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
 
 
-@pytest.mark.parametrize(('shape', 'depth'), [(Disc(0.3), 0.02), (Disc(0.3), 0.035), (FLAT, 0.02)])
+@pytest.mark.parametrize(
+    ('shape', 'depth'), [(core.Disc(0.3), 0.02), (core.Disc(0.3), 0.035), (FLAT, 0.02)]
+)
 def test_structure_of_a_held_object_agrees_with_deform(shape, depth):
-    grip = place_between(HOME, CORNER, shape, angle=0.3, indentation=depth)
-    settled = settle_grasp(HOME, grip.body, 2.0)
-    bent = deform(HOME, {}, tube_loads=contact_loads(settled.equilibrium))
+    grip = core.place_between(HOME, CORNER, shape, angle=0.3, indentation=depth)
+    settled = core.settle_grasp(HOME, grip.body, 2.0)
+    bent = core.deform(HOME, {}, tube_loads=contact_loads(settled.equilibrium))
     count = len(HOME.robot.topology.joint_names)
     moved = held_joints(settled.equilibrium) - HOME.nodes[:count]
     expected = bent.state.displacements[:count, :2]
     assert moved == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
     assert settled.utilisation == pytest.approx(bent.utilisation, rel=1e-5, abs=1e-9)
+
+
+HIGH_FRICTION = 0.9
+HEXAGON, SMALL_HEXAGON = (
+    Polygon([(r * math.cos(a), r * math.sin(a)) for a in math.pi / 3.0 * np.arange(6)])
+    for r in (0.34, 0.175)
+)
+
+
+def settled_between(members, shape, degrees, friction=HIGH_FRICTION, home=HOME, **options):
+    """Return an object that members press by 10 mm."""
+    grip = place_between(home, members, shape, math.radians(degrees), 0.01)
+    return settle_grasp(home, grip.body, friction, members=members, **options)
+
+
+def test_range_of_an_object_on_two_points_is_the_required_friction():
+    disc, corners = gripped(40.0, squeeze=0.04), settled_between(CORNER, SMALL_HEXAGON, 30.0)
+    assert len(corners.equilibrium.state.normals) == 2
+    for settled in (settle_grasp(*disc, HIGH_FRICTION), corners):
+        required = settled.required_friction
+        assert settled.friction_range == pytest.approx((required, required), abs=2e-5)
+
+
+@pytest.mark.parametrize(('share', 'verdict'), [(0.99, 'lost'), (1.01, 'unknown'), (1.3, 'held')])
+def test_verdict_depends_on_the_place_of_friction_in_the_range(share, verdict):
+    settled = settled_between(APART, BOX, 0.0)
+    assert settled.friction_range.verdict(share * settled.required_friction) == verdict
+
+
+@pytest.mark.parametrize(('members', 'degrees'), [(APART, 0.0), (CORNER, 60.0)])
+def test_force_of_a_box_on_a_face_turns_by_twice_its_way_to_rest_after_a_fall(members, degrees):
+    settled = settled_between(members, BOX, degrees)
+    # The force between the members is at the edge of one cone. It turns toward the other cone,
+    # to rest at the edge of the smaller cone, and then as far again.
+    opening = 2.0 * math.atan(settled.required_friction)
+    expected = math.tan((opening + math.atan(HIGH_FRICTION)) / 3.0)
+    assert settled.friction_range.necessary == pytest.approx(settled.required_friction, abs=2e-5)
+    assert settled.friction_range.sufficient == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ('members', 'shape', 'degrees'), [(CORNER, BOX, 60.0), (LOOP, HEXAGON, 10.0)]
+)
+def test_equilibria_of_other_histories_use_the_necessary_friction_or_more(members, shape, degrees):
+    settled = settled_between(members, shape, degrees)
+    grip, rng = settled.equilibrium, np.random.default_rng(0)
+    used = []
+    for slips in rng.uniform(-1e-4, 1e-4, (20, len(grip.anchors))):
+        other = roll_grip(replace(grip, anchors=grip.anchors + slips), grip.config)
+        used.append(np.abs(other.state.friction_forces / other.state.normal_forces).max())
+    assert min(used) > 0.995 * settled.friction_range.necessary
+    assert max(used) > 1.005 * settled.friction_range.necessary
+
+
+def moved_home(change, supports):
+    """Return the home configuration of a robot with moved joints and its own supports."""
+    document = robots.preset_document('nine_member')
+    places = {name: change(complex(*place)) for name, place in document['joints'].items()}
+    document['joints'] = {name: [place.real, place.imag] for name, place in places.items()}
+    return robots.load({**document, 'supports': supports}).home
+
+
+@pytest.mark.parametrize(
+    ('members', 'shape', 'degrees'), [(CORNER, BOX, 60.0), (LOOP, HEXAGON, 10.0)]
+)
+def test_range_is_invariant_to_turns_and_reflections(members, shape, degrees):
+    expected = settled_between(members, shape, degrees).friction_range
+    turned_home = moved_home(lambda place: 1j * place, {'X': ['x', 'y'], 'Y': ['x']})
+    turned = settled_between(members, shape, degrees + 90.0, home=turned_home)
+    reflected_home = moved_home(lambda place: -place.conjugate(), {'X': ['x', 'y'], 'Y': ['y']})
+    reflected_shape = Polygon([(-x, y) for x, y in shape.vertices][::-1], shape.corner_radius)
+    reflected = settled_between(members, reflected_shape, -degrees, home=reflected_home)
+    assert turned.friction_range == pytest.approx(expected, abs=1e-4)
+    assert reflected.friction_range == pytest.approx(expected, abs=1e-4)
+
+
+def test_range_does_not_depend_on_the_scale_of_the_forces():
+    home = with_round_tubes(HOME)
+    soft, stiff = (settled_between(CORNER, BOX, 60.0, home=home, stiffness=k) for k in (1.0, 2.0))
+    assert stiff.friction_range == pytest.approx(soft.friction_range, abs=1e-3)
+
+
+def test_range_of_three_members_grows_with_the_friction_of_the_histories():
+    histories = [settled_between(LOOP, HEXAGON, 10.0, friction) for friction in (0.5, 0.9)]
+    small, large = (settled.friction_range for settled in histories)
+    assert small.necessary == pytest.approx(large.necessary, abs=2e-5)
+    assert small.necessary < small.sufficient < large.sufficient
+
+
+def test_range_without_an_equilibrium_is_infinite():
+    settled = settle_grasp(HOME, ConvexObject.disc((9.0, 9.0), 0.3), HIGH_FRICTION)
+    assert settled.friction_range == (math.inf, math.inf)
+    assert settled.friction_range.verdict(HIGH_FRICTION) == 'lost'
+
+
+def test_history_of_contacts_that_have_rolled_is_known():
+    settled = settled_between(LOOP, HEXAGON, 10.0)
+    rolled = roll_grip(settled.equilibrium, HOME)
+    known = replace(settled, equilibrium=rolled)
+    assert known.friction_range.sufficient < settled.friction_range.sufficient

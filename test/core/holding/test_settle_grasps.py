@@ -62,15 +62,8 @@ def random_grasps(count, seed):
 
 def alone(grasps, i):
     """Return the settled grasp i of arguments of `settle_grasps`."""
-    given = {name: values[i] for name, values in grasps.items()}
-    return settle_grasp(
-        given['configs'],
-        given['bodies'],
-        given['friction'],
-        given['external_wrench'],
-        given['pressure'].item(),
-        stiffness=given['stiffness'],
-    )
+    config, body, friction, wrench, pressure, scale = (values[i] for values in grasps.values())
+    return settle_grasp(config, body, friction, wrench, pressure.item(), stiffness=scale)
 
 
 def assert_equal(settled, i, expected):
@@ -85,8 +78,8 @@ def assert_equal(settled, i, expected):
     forces = expected.normal_forces.values()
     assert settled.squeeze[i] == pytest.approx(np.mean([*forces]) if forces else 0.0, **near)
     for name in ('normal_forces', 'friction_forces', 'utilisation'):
-        found = {member: values[i] for member, values in getattr(settled, name).items()}
-        assert found == pytest.approx({**dict.fromkeys(NAMES, 0.0), **getattr(expected, name)})
+        by_member = {member: values[i] for member, values in getattr(settled, name).items()}
+        assert by_member == pytest.approx({**dict.fromkeys(NAMES, 0.0), **getattr(expected, name)})
 
 
 @pytest.mark.parametrize('seed', range(3))
@@ -174,13 +167,13 @@ def test_nodes_that_can_move_in_an_unbraced_robot_are_named(force):
     ],
 )
 def test_an_invalid_argument_is_named_with_its_grasp(arguments, words):
-    given = {'configs': HOME, 'bodies': DISC, 'poses': POSES, **arguments}
+    values = {'configs': HOME, 'bodies': DISC, 'poses': POSES, **arguments}
     with pytest.raises((GraspError, StructureError), match=words):
-        settle_grasps(**given)
+        settle_grasps(**values)
 
 
 @pytest.mark.parametrize('name', ['configs', 'bodies'])
 def test_an_argument_of_another_kind_is_named_with_its_number(name):
-    given = {'configs': HOME, 'bodies': DISC, name: [HOME, DISC]}
+    values = {'configs': HOME, 'bodies': DISC, name: [HOME, DISC]}
     with pytest.raises(ArgumentError, match=rf'{name}\[{int(name == "configs")}\]: '):
-        settle_grasps(**given)
+        settle_grasps(**values)
