@@ -152,15 +152,3 @@ def test_one_member_pushes_along_its_normal_until_the_surfaces_touch(member, sid
     assert gaps[member] == pytest.approx(0.0, abs=2e-9)
     assert ((moved.center - box.center) * normal.conjugate()).imag == pytest.approx(0.0, abs=1e-9)
     assert moved.pose.angle == 0.4
-
-
-def test_two_members_push_out_of_their_wedge():
-    """Where two members meet, on the bisector, after many pushes."""
-    one, other = 0, TOPOLOGY.following[0]
-    tip = 0.5 * (END[one] + BEGIN[other])
-    sides = [BEGIN[one] - tip, END[other] - tip]
-    inward = sum(side / abs(side) for side in sides)
-    center = tip + 0.1 * inward / abs(inward)
-    pushed = push_out(HOME, ConvexObject(Disc(SIZE), (center.real, center.imag, 0.0)))
-    assert segment_gaps(pushed, BEGIN, END).gaps.min() - TUBE > -2e-9
-    assert 0.0 < ((pushed.center - center) * inward.conjugate()).real < 0.5

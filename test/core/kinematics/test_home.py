@@ -3,7 +3,8 @@
 
 """The robot at home: names, modules that bisect, and rigidity with locked rollers."""
 
-from hypothesis import given, strategies
+from hypothesis import given
+from hypothesis import strategies as st
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
@@ -12,7 +13,7 @@ import pytest
 import robots
 from robots import refusal
 
-SEEDS = strategies.integers(0, 2**32 - 1)
+SEEDS = st.integers(0, 2**32 - 1)
 
 
 def modules_of(document):
@@ -26,13 +27,7 @@ def modules_of(document):
     ]
 
 
-def nodes_by_name(config):
-    points = config.nodes @ np.array([1.0, 1.0j])
-    return dict(zip(config.robot.node_names, points, strict=True))
-
-
 def signed_angle(a, b):
-    """Return the angle from a to b."""
     return np.angle(b * np.conj(a))
 
 
@@ -50,12 +45,12 @@ def check_names(robot, document):
 
 
 @robots.examples(60)
-@given(SEEDS, strategies.sampled_from(robots.KINDS))
+@given(SEEDS, st.sampled_from(robots.KINDS))
 def test_home_fulfils_the_constraints_of_the_paper(seed, kind):
     document = robots.random_document(seed, kind)
     robot = robots.load(document)
     check_names(robot, document)
-    place = nodes_by_name(robot.home)
+    place = dict(zip(robot.node_names, robot.home.nodes @ (1.0, 1.0j), strict=True))
     s, h = document['module']['pinch_separation'], document['module']['rod_length']
     for joint, (x, y) in document['joints'].items():
         assert place[joint] == complex(x, y)  # to the last bit
@@ -86,11 +81,7 @@ def pinched(opening, module):
     """Return an isosceles triangle with this angle [deg] at its top, and this module."""
     document = robots.example()
     half = np.deg2rad(0.5 * opening)
-    document['joints'] = {
-        'P': [-np.sin(half), 0.0],
-        'Q': [np.sin(half), 0.0],
-        'X': [0.0, np.cos(half)],
-    }
+    document['joints'] = {'P': [-np.sin(half), 0], 'Q': [np.sin(half), 0], 'X': [0, np.cos(half)]}
     document['module'].update(module, guide_ring_distance=0.001)
     document['members'] = {'min_length': 1e-3, 'max_length': 10.0}
     return document
@@ -139,9 +130,7 @@ def test_only_moving_joints_of_a_mechanism_are_named():
     # A second triangle that hangs on one joint of the first, and turns about it.
     document['joints'].update({'U': [2.0, 0.0], 'V': [1.6, 0.9]})
     document['tubes']['loose'] = {'joints': ['Q', 'U', 'V'], 'passive': 'U'}
-    assert 'these joints can still move: U, V; 1 more members or supports are needed' in refusal(
-        document
-    )
+    assert 'these joints can still move: U, V; 1 more members or supports' in refusal(document)
     document['supports']['U'] = ['y']
     robots.load(document)
 
