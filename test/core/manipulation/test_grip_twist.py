@@ -6,14 +6,9 @@
 from dataclasses import replace
 
 from grips import surface
-from hypothesis import assume, given, strategies
-from isotruss_ros.core import (
-    load_robot,
-    reachable_twists,
-    solve_joint_velocity,
-    solve_twist,
-    Status,
-)
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 import numpy as np
@@ -22,7 +17,7 @@ import random_grips
 import robots
 from scipy.linalg import null_space
 
-NINE = load_robot('nine_member')
+NINE = core.load_robot('nine_member')
 KINDS = (('module', 2), ('tube', 2), ('tubes', 2), ('module', 3), ('tubes', 3))
 
 
@@ -35,7 +30,6 @@ def motions(config, grip, failed):
 
 
 def some_failed(robot, rng):
-    """Return random failed rollers."""
     return [name for name in robot.roller_names if rng.random() < rng.choice([0.0, 0.3])]
 
 
@@ -67,13 +61,13 @@ def well_posed(config, grip, failed=()):
 
 @pytest.mark.parametrize(('kind', 'count'), KINDS)
 @robots.examples(15)
-@given(strategies.data(), robots.generators())
+@given(st.data(), robots.generators())
 def test_reachable_twists_are_those_that_keep_the_contacts(kind, count, data, rng):
     robot = data.draw(random_grips.robots_with(kind))
     config, grip = random_grips.random_grip(robot, rng, kind, count)
     failed = some_failed(robot, rng)
     assume(grip is not None and well_posed(config, grip, failed))
-    basis = reachable_twists(config, grip, failed) * surface(grip)
+    basis = core.reachable_twists(config, grip, failed) * surface(grip)
     _, twists = np.split(motions(config, grip, failed), [len(config.roller_positions)])
     # Where no motion keeps the contacts, twists are zero but for rounding.
     directions, sizes, _ = np.linalg.svd(twists, full_matrices=False)
@@ -82,14 +76,14 @@ def test_reachable_twists_are_those_that_keep_the_contacts(kind, count, data, rn
     assert basis.T @ basis == pytest.approx(wanted, abs=1e-9)
     assert basis @ basis.T == pytest.approx(np.eye(len(basis)), abs=1e-12)
     for twist in basis / surface(grip):
-        command = solve_twist(config, grip, twist, failed, limits=())
-        assert command.status is Status.OK
+        command = core.solve_twist(config, grip, twist, failed, limits=())
+        assert command.status is core.Status.OK
         assert command.reachable_dof == len(basis)
     for twist in null_space(basis).T / surface(grip) if len(basis) else ():
-        command = solve_twist(config, grip, twist, failed, limits=())
-        assert command.status is Status.UNREACHABLE
+        command = core.solve_twist(config, grip, twist, failed, limits=())
+        assert command.status is core.Status.UNREACHABLE
         assert not command.roller_velocities.any()
-    assert solve_twist(config, grip, np.zeros(3), failed).reachable_dof == len(basis)
+    assert core.solve_twist(config, grip, np.zeros(3), failed).reachable_dof == len(basis)
 
 
 @pytest.mark.parametrize(
@@ -97,7 +91,7 @@ def test_reachable_twists_are_those_that_keep_the_contacts(kind, count, data, rn
     [(flat, *kind) for flat in (None, False, True) for kind in KINDS if not flat or kind[1] == 2],
 )
 @robots.examples(10)
-@given(strategies.data(), robots.generators())
+@given(st.data(), robots.generators())
 def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(flat, kind, count, data, rng):
     """Of discs, of any shapes, and of polygons on a face."""
     robot = data.draw(random_grips.robots_with(kind))
@@ -106,17 +100,16 @@ def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(flat, kind, 
     assume(grip is not None and well_posed(config, grip, failed))
     grip = replace(grip, friction=0.0)  # a polygon does not roll off its face
     twist = rng.standard_normal(3) / surface(grip)
-    command = solve_twist(config, grip, twist, failed, limits=())
+    command = core.solve_twist(config, grip, twist, failed, limits=())
     rollers, nearest = least_cost(config, grip, twist, failed)
     size = max(1.0, np.abs(rollers).max())
     missed = np.abs(surface(grip) * (nearest - twist)).max()
     assert command.scale == 1.0
     if flat is None:
-        assert command.status is (Status.OK if missed < 1e-9 else Status.UNREACHABLE)
+        assert command.status is (core.Status.OK if missed < 1e-9 else core.Status.UNREACHABLE)
     assert command.roller_velocities == pytest.approx(rollers, abs=1e-8 * size)
-    assert command.achieved_twist * surface(grip) == pytest.approx(
-        nearest * surface(grip), abs=1e-8 * size
-    )
+    expected = nearest * surface(grip)
+    assert command.achieved_twist * surface(grip) == pytest.approx(expected, abs=1e-8 * size)
 
 
 def test_three_members_open_alike_by_half_of_the_opening_rate():
@@ -126,10 +119,10 @@ def test_three_members_open_alike_by_half_of_the_opening_rate():
         config, grip = random_grips.random_grip(NINE, rng, 'tubes', 3)
         if grip is None:
             continue
-        assert solve_twist(config, grip, np.zeros(3)).status is Status.IDLE
+        assert core.solve_twist(config, grip, np.zeros(3)).status is core.Status.IDLE
         if np.linalg.svd(grip_jacobian(config, grip), compute_uv=False)[-1] < 1e-2:
             continue
-        command = solve_twist(config, grip, np.zeros(3), limits=(), opening_rate=0.01)
+        command = core.solve_twist(config, grip, np.zeros(3), limits=(), opening_rate=0.01)
         hand, rigid = contact_rows(config, grip)
         speeds = hand @ command.roller_velocities
         # Without what would carry the object along.
@@ -155,8 +148,8 @@ def test_joint_commands_have_the_least_cost():
     rng = np.random.default_rng(0)
     config = robots.random_state(NINE, rng)
     velocities = {'Z': VELOCITY, 'Q': (0.0, 0.01)}
-    command = solve_joint_velocity(config, velocities)
-    assert command.status is Status.OK
+    command = core.solve_joint_velocity(config, velocities)
+    assert command.status is core.Status.OK
     assert command.scale == 1.0
     achieved = command.achieved_twist.reshape(-1, 2)
     for (joint, velocity), result in zip(velocities.items(), achieved, strict=True):
@@ -164,9 +157,7 @@ def test_joint_commands_have_the_least_cost():
         assert result == pytest.approx(velocity, abs=1e-10)
     incidence = NINE.topology.incidence
     cost = np.linalg.norm(incidence @ command.roller_velocities)
-    rows = np.stack(
-        [unit.reshape(-1, 2)[PLACES].ravel() for unit in config.node_jacobian.T], axis=1
-    )
+    rows = np.stack([c.reshape(-1, 2)[PLACES].ravel() for c in config.node_jacobian.T], axis=1)
     for direction in null_space(rows).T:
         for step in (-1e-3, 1e-3):
             other = command.roller_velocities + step * direction
@@ -174,22 +165,22 @@ def test_joint_commands_have_the_least_cost():
 
 
 def test_zero_is_idle_and_limits_scale():
-    idle = solve_joint_velocity(HOME, {'Z': (0.0, 0.0)})
-    assert idle.status is Status.IDLE
+    idle = core.solve_joint_velocity(HOME, {'Z': (0.0, 0.0)})
+    assert idle.status is core.Status.IDLE
     assert not idle.roller_velocities.any()
-    fast = solve_joint_velocity(HOME, {'Z': (5.0, -10.0)})
-    assert fast.status is Status.SLOWED_ROLLER_SPEED
+    fast = core.solve_joint_velocity(HOME, {'Z': (5.0, -10.0)})
+    assert fast.status is core.Status.SLOWED_ROLLER_SPEED
     assert np.abs(fast.roller_velocities).max() == pytest.approx(NINE.description.max_speed)
     expected = fast.scale * np.array([5.0, -10.0])
     assert moved(HOME, fast, 'Z') == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_grounded_joint_stays_and_failed_rollers_stand_still():
-    command = solve_joint_velocity(HOME, {'X': (0.01, 0.02)})
-    assert command.status is Status.UNREACHABLE
+    command = core.solve_joint_velocity(HOME, {'X': (0.01, 0.02)})
+    assert command.status is core.Status.UNREACHABLE
     assert moved(HOME, command, 'X') == pytest.approx(0.0, abs=1e-10)
     failed = NINE.roller_names[-1]
-    command = solve_joint_velocity(HOME, {'Z': VELOCITY}, failed=(failed,))
+    command = core.solve_joint_velocity(HOME, {'Z': VELOCITY}, failed=(failed,))
     assert command.roller_velocities[-1] == 0.0
     assert moved(HOME, command, 'Z') == pytest.approx(command.achieved_twist)
 
@@ -205,4 +196,4 @@ def test_a_grounded_joint_stays_and_failed_rollers_stand_still():
 )
 def test_invalid_velocities_are_refused(velocities, words):
     with pytest.raises(GraspError, match=words):
-        solve_joint_velocity(HOME, velocities)
+        core.solve_joint_velocity(HOME, velocities)
