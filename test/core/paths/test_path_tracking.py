@@ -6,7 +6,8 @@
 from collections import deque
 import math
 
-from hypothesis import given, strategies
+from hypothesis import given
+from hypothesis import strategies as st
 from isotruss_ros.core import ObjectPath, PathTracker, Pose
 from isotruss_ros.core.inputs import MAX_TIMEOUT
 from isotruss_ros.core.paths.path_tracking import FINISHED, PathClock, PathPhase, TrackingSettings
@@ -41,7 +42,6 @@ class Object:
         return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
 
     def move(self, twist, duration=PERIOD):
-        """Move for a cycle."""
         scale = min(1.0, self._most / max(math.hypot(*twist[:2]), 1e-12))
         self.scale = scale if self._tells else 1.0
         self.pose += duration * (self._keeps * scale * twist + self._drift)
@@ -53,9 +53,8 @@ def follow(path, thing, settings=None, seconds=200.0, held=lambda _time: False):
     tracker = PathTracker(path, settings or TrackingSettings(), PERIOD)
     steps = []
     for cycle in range(int(seconds / PERIOD)):
-        steps.append(
-            tracker.update(thing.measured(), thing.age, PERIOD, thing.scale, held(cycle * PERIOD))
-        )
+        halted = held(cycle * PERIOD)
+        steps.append(tracker.update(thing.measured(), thing.age, PERIOD, thing.scale, halted))
         if steps[-1].phase in FINISHED:
             return tracker, steps
         thing.move(steps[-1].twist)
@@ -193,11 +192,11 @@ def test_errors_so_far_are_kept():
 
 @robots.examples(40)
 @given(
-    strategies.integers(0, 2**32 - 1),
-    strategies.floats(0.0, 0.15),
-    strategies.integers(0, 20),
-    strategies.floats(0.0, 3e-4),
-    strategies.booleans(),
+    st.integers(0, 2**32 - 1),
+    st.floats(0.0, 0.15),
+    st.integers(0, 20),
+    st.floats(0.0, 3e-4),
+    st.booleans(),
 )
 def test_reaches_the_end_of_any_path_within_tolerance(seed, slip, delay, noise, smooth):
     rng = np.random.default_rng(seed)

@@ -41,9 +41,7 @@ MAX_SPEED = ROBOT.description.max_speed
 PERIOD, TIMEOUT = 0.01, 0.2
 PERFECT = RollerFaults()
 GRASP = disc_grip(ROBOT.home, 'north/Z')
-WAY = np.array(
-    [[0.0] * N, [0.02, -0.01, 0.0, 0.03, 0.01, -0.02], [0.0, 0.02, 0.01, 0.0, 0.0, 0.0]]
-)
+WAY = np.array([[0.0] * N, [0.02, -0.01, 0, 0.03, 0.01, -0.02], [0, 0.02, 0.01, 0, 0, 0]])
 TIMES = np.array([0.0, 0.5, 1.1])
 PATH = RollerTrajectory(ROBOT, WAY, TIMES)
 
@@ -53,9 +51,8 @@ class Run:
 
     def __init__(self, faults=PERFECT, seed=0, late=0, begin=None):
         config = ROBOT.home if begin is None else ROBOT.configuration(begin)
-        self.robot = SimulatedRobot(
-            config, RigidObject(RollingGrip.attach(ROBOT.home, GRASP)), faults, seed
-        )
+        thing = RigidObject(RollingGrip.attach(ROBOT.home, GRASP))
+        self.robot = SimulatedRobot(config, thing, faults, seed)
         self.servo = RollerTrajectoryServo(ROBOT, TIMEOUT, LatestInputs())
         self.now, self.commands, self.places = 100.0, [], []
         self._late = [self.state()] * (late + 1)
