@@ -1,41 +1,39 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prediction of slip along paths of held objects."""
+"""Prediction of slip along paths, and roller positions that bring an object to a pose."""
 
 from dataclasses import replace
 import math
 
 from carries import FRICTION, make_robot, place
-from held_grips import APART, AROUND, inclined_grip, NINE, numbers
+from grips import disc_grip
+from held_grips import APART, AROUND, box_between, inclined_grip, NINE, numbers
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from isotruss_ros import core
+from isotruss_ros.core import reach_pose, Robot, RollingGrip, Status
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import MIN_RELATIVE_MARGIN
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.model.shapes import Disc
+from isotruss_ros.core.paths import path_tracking
 from isotruss_ros.core.paths.object_path import ObjectPath
-from isotruss_ros.core.paths.path_tracking import (
-    FINISHED,
-    PathPhase,
-    PathTracker,
-    TrackingSettings,
-)
 from isotruss_ros.core.planning.foresee_path import foresee_grip, foresee_path
-from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from nightly import some_now
 import numpy as np
 import pytest
 from robots import random_robot
+from squeeze_loop import SqueezeLoop
 
 ROBOT = make_robot()
 
 
 def held(grasp):
-    """Return how the object of a grasp is held at home."""
     body, members = place(ROBOT, grasp, 0.5)
     return attach_grip(ROBOT.home, body, np.array([ROBOT.member_names.index(n) for n in members]))
 
@@ -67,10 +65,8 @@ def test_a_path_ends_where_friction_is_insufficient():
     start = np.array(grip.pose)
     foresight = foresee_path(grip, 0.9 * grip.required_friction, np.array([start, start + 0.1]))
     assert foresight.share == 0.0
-    assert (
-        foresight.why
-        == 'the equilibrium needs a larger coefficient of friction than the given one'
-    )
+    words = 'the equilibrium needs a larger coefficient of friction than the given one'
+    assert foresight.why == words
 
 
 def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
@@ -91,30 +87,19 @@ def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
 
 def follow_in_loop(robot, body, members, displacement, period=0.04):
     """Return the fraction of a straight path that the loop executes on the elastic plant."""
-    held = core.ElasticObject(body, FRICTION)
-    plant = core.SimulatedRobot(robot.home, held, core.RollerFaults())
-    plant.advance(0.0)
-    start = np.array(plant.object_pose)
+    grip = core.Grip(members, body, FRICTION)
+    servo = {'bounds': ShapeBounds()}
+    loop = SqueezeLoop(robot.home, grip, period=period, pose_gain=3.0, load=0.0, servo=servo)
+    start, scale = np.array(loop.plant.object_pose), 1.0
     path = ObjectPath([start, start + displacement], SPEED, TURN_RATE)
-    tracker, scale = PathTracker(path, TrackingSettings(), period), 1.0
-    squeeze = SqueezeSettings(held.grasp.squeeze, pose_gain=3.0, max_utilisation=math.inf)
-    settings = ServoSettings(core.Grip(members, body, FRICTION), period, 0.2, squeeze=squeeze)
-    servo = core.TwistServo(robot, settings)
-    for now in period * np.arange(1000):
-        pose = plant.object_pose
-        tracking = tracker.update(pose, 0.0, period if now else 0.0, scale)
-        if tracking.phase in FINISHED:
-            return 1.0 if tracking.phase is PathPhase.REACHED else tracking.progress
-        state = RollerState(plant.roller_positions, plant.roller_velocities)
-        servo.receive(
-            twist=StampedInput(tracking.twist, now),
-            rollers=StampedInput(state, now),
-            pose=StampedInput(pose, now),
-        )
-        command = servo.decide(now).command
-        scale = command.scale
-        plant.command(command.roller_velocities)
-        plant.advance(period)
+    tracker = path_tracking.PathTracker(path, path_tracking.TrackingSettings(), period)
+    for number in range(1000):
+        elapsed = period if number else 0.0
+        tracking = tracker.update(loop.plant.object_pose, 0.0, elapsed, scale)
+        if tracking.phase in path_tracking.FINISHED:
+            reached = tracking.phase is path_tracking.PathPhase.REACHED
+            return 1.0 if reached else tracking.progress
+        scale = loop.cycle(tracking.twist).command.scale
     return 0.0
 
 
@@ -149,10 +134,8 @@ def test_random_robots_execute_paths_as_far_as_foreseen(seed):
     rng, robot = np.random.default_rng(seed), random_robot(seed)
     module = robot.module_names[rng.integers(len(robot.module_names))]
     diameter = rng.uniform(0.15, 0.4)
-    center, members = (
-        core.tangent_center(robot.home, module, diameter, 0.015),
-        members_at(robot, module),
-    )
+    center = core.tangent_center(robot.home, module, diameter, 0.015)
+    members = members_at(robot, module)
     body = replace(core.ConvexObject.disc(center, diameter), mass=0.5, friction=FRICTION)
     indices = np.array([robot.member_names.index(name) for name in members])
     grip = attach_grip(robot.home, body, indices)
@@ -163,3 +146,58 @@ def test_random_robots_execute_paths_as_far_as_foreseen(seed):
     foresight = foresee_path(grip, FRICTION, poses, SPEED, TURN_RATE)
     share = follow_in_loop(robot, body, members, displacement)
     assert share == pytest.approx(foresight.share, abs=0.01)
+
+
+GRIP = disc_grip(NINE.home, 'north/Z', shift=0.01)
+SIDES = box_between(angle=0.2)
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    grip=st.sampled_from([GRIP, SIDES]),
+    move=st.tuples(*[st.floats(-0.04, 0.04)] * 2, st.floats(-0.2, 0.2)),
+)
+def test_the_pose_is_reached_and_the_contacts_are_kept(grip, move):
+    goal = np.add(grip.body.pose, move)
+    result = reach_pose(NINE.home, grip, goal)
+    assert (result.status, result.why, result.share) == (Status.OK, '', pytest.approx(1.0))
+    assert result.pose == pytest.approx(goal, abs=1e-7)
+    rolled = RollingGrip.attach(NINE.home, grip)
+    for positions in result.path[1:]:
+        rolled = rolled.moved_to(rolled.config.moved_to(positions))
+        assert rolled.misfit < 1e-4
+    assert rolled.pose == pytest.approx(result.pose, abs=1e-9)
+
+
+def test_there_and_back_the_rollers_are_where_they_were():
+    there = reach_pose(NINE.home, GRIP, np.add(GRIP.body.pose, (0.03, -0.03, 0.15)))
+    back = reach_pose(there.config, GRIP.moved_to(there.pose), GRIP.body.pose)
+    assert back.roller_positions == pytest.approx(NINE.home.roller_positions, abs=1e-6)
+
+
+def test_a_length_that_ends_the_way_is_named_with_the_place():
+    file = replace(NINE.description, max_length=1.05)
+    robot = Robot(file)
+    result = reach_pose(robot.home, GRIP, np.add(GRIP.body.pose, (0.0, -0.5, 0.0)))
+    assert result.status is Status.SLOWED_MEMBER_LENGTH
+    assert result.why.startswith('limits of ')
+    assert 0.0 < result.share < 1.0
+    assert result.config.member_lengths.max() <= 1.05 + 1e-6
+    assert result.pose.y == pytest.approx(GRIP.body.pose.y - 0.5 * result.share, abs=1e-3)
+
+
+def test_a_barrier_ends_the_way():
+    config = NINE.configuration([0.065, 0.509, 0.0, 0.0, 0.197, 0.099])
+    grip = disc_grip(config, 'east/Q')
+    result = reach_pose(config, grip, np.add(grip.body.pose, (0.4, 0.0, 0.0)))
+    assert result.status is Status.SLOWED_SELF_COLLISION
+    assert result.why == 'limits of module south/P and member south/Q-X'
+    assert 0.0 < result.share < 1.0
+
+
+def test_motions_that_the_rollers_do_not_produce_are_told():
+    grip = disc_grip(NINE.home, 'south/X')
+    result = reach_pose(NINE.home, grip, np.add(grip.body.pose, (0.1, 0.0, 0.0)))
+    assert result.status is Status.UNREACHABLE
+    assert result.why == 'the rollers produce 1 of 3 motions there'
+    assert (result.share, len(result.path)) == (0.0, 1)

@@ -43,7 +43,6 @@ def plans():
 
 
 def all_grasps(plans):
-    """Return every object with every grasp of it."""
     return [(OBJECTS[name], grasp) for name, plan in plans.items() for grasp in plan]
 
 

@@ -23,9 +23,7 @@ from shapes import BRICK
 
 CLEARANCE, CENTER = 0.05, (0.6, 0.3)
 MEMBERS = members_at(HOME.robot, 'north/Z')
-SMALL_BOX = core.Polygon(
-    [(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], corner_radius=0.02
-)
+SMALL_BOX = core.Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)
 #: Angles count at an arm [m].
 ARMS = np.array([1.0, 1.0, 0.2])
 SMALL = core.ConvexObject.disc(CENTER, 0.2)
@@ -33,7 +31,6 @@ SMALL = core.ConvexObject.disc(CENTER, 0.2)
 
 @functools.lru_cache(maxsize=8)
 def grasped(body, members=MEMBERS):
-    """Return a planned grasp."""
     needs = core.GraspRequirements(members=members, squeeze=8.0, count=1)
     return core.plan_grasps(HOME, body, needs, max_rounds=1, thorough=False)[0]
 
@@ -47,7 +44,6 @@ def drive(robot, path, parts=30):
 
 
 def disc(diameter, angle):
-    """Return a disc that lies at an angle."""
     return core.ConvexObject(core.Disc(diameter), (*CENTER, angle))
 
 
@@ -158,7 +154,6 @@ BODY = core.ConvexObject.disc((0.6, 0.3), 0.3)
 
 @functools.lru_cache(maxsize=8)
 def planned(**values):
-    """Return a planned grasp."""
     needs = core.GraspRequirements(friction=FRICTION, module=MODULE, count=1, **values)
     return core.plan_grasps(HOME, BODY, needs, thorough=False)[0]
 
