@@ -129,9 +129,7 @@ def test_a_motion_ends_where_a_margin_reaches_its_bound(rng):
 @pytest.mark.parametrize(
     ('travel', 'speed', 'is_violated'), [(1e-2, 0.0, False), (0.0, 1.0, False), (1e-3, 0.1, True)]
 )
-def test_effects_of_second_order_are_those_of_this_or_the_previous_sample(
-    travel, speed, is_violated
-):
+def test_second_order_effects_are_those_of_this_or_the_previous_sample(travel, speed, is_violated):
     law = BarrierLaw(0.5, 0.2)
     barrier = SimpleNamespace(law=law, status=1, values=lambda *_: np.array([0.495]), names=list)
     active = ActiveValues(np.array([0]), np.array([0.5]), np.zeros((1, 0)))

@@ -18,9 +18,7 @@ import pytest
 
 
 @pytest.mark.parametrize('first', range(9))
-def test_distances_leave_out_grasping_members_their_meeting_module_and_the_rods_at_its_joint(
-    first,
-):
+def test_distances_leave_out_grasping_members_their_module_and_the_rods_at_its_joint(first):
     config = core.load_robot('nine_member').home
     topology = config.robot.topology
     meeting = topology.following[first]
@@ -37,14 +35,6 @@ def test_distances_leave_out_grasping_members_their_meeting_module_and_the_rods_
 GRIP = box_between()
 
 
-def distances_after(travel):
-    """Return the distances from the box after some roller travel [m]."""
-    there = NINE.home.moved_to(travel)
-    return object_distances(
-        there, core.RollingGrip.attach(NINE.home, GRIP).moved_to(there).grip.body, GRIP.members
-    )
-
-
 def test_a_command_ends_before_a_contact_is_lost():
     watch = core.ShapeGuard(NINE, ShapeBounds(0.0, 0.0, 0.0, 1e-6, 1e-6)).watch(NINE.home, GRIP)
     away = np.array([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
@@ -53,7 +43,9 @@ def test_a_command_ends_before_a_contact_is_lost():
     assert kept.status is core.Status.SLOWED_OBJECT
     assert kept.limiting == ('the contacts of the grip',)
     assert 0.0 < kept.scale <= 0.4
-    assert distances_after(kept.roller_velocities).min() >= 0.0
+    there = NINE.home.moved_to(kept.roller_velocities)
+    body = core.RollingGrip.attach(NINE.home, GRIP).moved_to(there).grip.body
+    assert object_distances(there, body, GRIP.members).min() >= 0.0
 
 
 def test_a_shape_on_a_line_is_not_rigid():
@@ -68,13 +60,11 @@ LAW = BarrierLaw(0.1, 0.2)
 def grip_of(center=0.0, turn=0.0, reach=1.0, members=('P-Q', 'Q-R')):
     """Return a stand-in of the grip of a rod from the centre to its tip."""
     shape = SimpleNamespace(reach=reach)
-    return SimpleNamespace(
-        members=members, body=SimpleNamespace(center=center, turn=turn, shape=shape)
-    )
+    body = SimpleNamespace(center=center, turn=turn, shape=shape)
+    return SimpleNamespace(members=members, body=body)
 
 
 def tip(grip):
-    """Return the tip of the rod."""
     body = grip.body
     return body.center + body.shape.reach * np.exp(1j * body.turn)
 
@@ -110,9 +100,8 @@ TRAVEL = np.array([3e-3, -4e-3])
 
 def grasp(used):
     """Return a stand-in of an equilibrium with a utilisation of its second member."""
-    config = SimpleNamespace(
-        roller_positions=np.zeros(2), robot=SimpleNamespace(member_names=('P-Q', 'Q-R'))
-    )
+    robot = SimpleNamespace(member_names=('P-Q', 'Q-R'))
+    config = SimpleNamespace(roller_positions=np.zeros(2), robot=robot)
     return SimpleNamespace(config=config, sections=SimpleNamespace(used=np.array([0.1, used])))
 
 

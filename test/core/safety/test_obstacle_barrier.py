@@ -8,7 +8,8 @@ from dataclasses import replace
 from contracts import check_barrier
 from driven import Driven
 from grips import held_at
-from hypothesis import assume, given, strategies
+from hypothesis import assume, given
+from hypothesis import strategies as st
 from isotruss_ros.core import ConvexObject, load_robot, Obstacle, Polygon, ShapeGuard, Status
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.obstacle import HalfPlane
@@ -74,7 +75,7 @@ def test_active_values_depend_on_the_present_state_and_obstacles_alone():
 
 
 @robots.examples(16)
-@given(rng=robots.generators(), slide=strategies.booleans())
+@given(rng=robots.generators(), slide=st.booleans())
 def test_clearance_from_obstacles_stays_above_its_bound(rng, slide):
     room = random_room(rng, HELD, 3, BOUND + 1e-3, wall=bool(rng.integers(2)))
     robot = Driven(HELD, 0.01, slide_along_limits=slide, obstacles=tuple(room))
@@ -143,9 +144,8 @@ def test_start_too_near_an_obstacle_is_left_by_motion_away_only(gap):
 
 def test_guard_without_obstacles_has_the_same_limits():
     guard = ShapeGuard(ROBOT)
-    assert not any(
-        limit.status is Status.SLOWED_OBSTACLE for limit in guard.watch(ROBOT.home, None).limits
-    )
+    limits = guard.watch(ROBOT.home, None).limits
+    assert all(limit.status is not Status.SLOWED_OBSTACLE for limit in limits)
 
 
 def test_walls_keep_the_whole_robot_on_one_side():

@@ -3,7 +3,8 @@
 
 """Detection of failed rollers in time, without false detections."""
 
-from hypothesis import given, strategies
+from hypothesis import given
+from hypothesis import strategies as st
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME, FailureDetector
 import numpy as np
@@ -66,7 +67,7 @@ def test_a_roller_that_becomes_stuck_after_a_long_way_is_detected():
 
 
 @robots.examples(40)
-@given(robots.generators(), strategies.floats(0.1, 4.5))
+@given(robots.generators(), st.floats(0.1, 4.5))
 def test_oscillating_commands_detect_stuck_rollers_alone(rng, frequency):
     """Over 2 mm or more, up to 5 Hz, among late and noisy ones."""
     rollers = Rollers(rng.uniform(0.0, 0.1), 2e-5, 0.2, int(rng.integers(1e9)))
@@ -83,10 +84,7 @@ def test_oscillating_commands_detect_stuck_rollers_alone(rng, frequency):
 
 
 @robots.examples(40)
-@given(
-    robots.generators(),
-    strategies.sampled_from(['steps', 'swing', 'slow swing', 'jumps', 'ramps']),
-)
+@given(robots.generators(), st.sampled_from(['steps', 'swing', 'slow swing', 'jumps', 'ramps']))
 def test_rollers_that_follow_are_never_flagged(rng, kind):
     """Late by up to 0.1 s, noisy, slipping, at any command."""
     rollers = Rollers(rng.uniform(0.0, 0.1), rng.uniform(0.0, 5e-4), 0.2, int(rng.integers(1e9)))
@@ -103,9 +101,7 @@ def test_rollers_that_follow_are_never_flagged(rng, kind):
         pieces = rng.choice([0.0, 0.0021, -0.0021, 0.1, -0.1], (200, 4))
         commands = np.repeat(pieces, round(rng.uniform(0.01, 0.3) * RATE), axis=0)
     else:
-        commands = 0.1 * np.clip(
-            np.cumsum(rng.standard_normal((len(times), 4)), axis=0) / 20, -1, 1
-        )
+        commands = 0.1 * np.clip(rng.standard_normal((len(times), 4)).cumsum(axis=0) / 20, -1, 1)
     assert rollers.run(commands) == {}
 
 

@@ -8,7 +8,8 @@ from functools import cache
 
 from driven import Driven
 from grips import held_at, rolled
-from hypothesis import assume, given, strategies
+from hypothesis import assume, given
+from hypothesis import strategies as st
 from isotruss_ros.core import Robot, ShapeGuard, solve_twist, Status
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.status import RollerCommand
@@ -109,7 +110,7 @@ def test_a_robot_beyond_its_bounds_gets_no_further_beyond_them(seed):
     bounds = ShapeBounds(min(0.95, reached[0] + 0.05), reached[1] + 0.01, reached[2] + 0.02)
     robot = Driven(held, PERIOD, bounds=bounds, slide_along_limits=False)
     least = (
-        np.array([bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance]) - own
+        np.array((bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance)) - own
     )
     moved, before = 0, walks.margins(robot.held)
     for step in range(100):
@@ -125,7 +126,7 @@ def test_a_robot_beyond_its_bounds_gets_no_further_beyond_them(seed):
 
 
 @robots.examples(12)
-@given(robots.robots(), robots.generators(), strategies.booleans())
+@given(robots.robots(), robots.generators(), st.booleans())
 def test_any_robot_keeps_its_bounds_and_gets_no_further_beyond_them(robot, rng, slide):
     module = str(rng.choice(robot.module_names))
     try:

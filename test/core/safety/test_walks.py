@@ -5,10 +5,8 @@
 
 import os
 
-from grips import rolled
+from driven import Driven
 from isotruss_ros import core
-from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.servo.servo_settings import ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
@@ -43,25 +41,13 @@ def come_back(seed, steps=40):
     rng = np.random.default_rng([seed, 7])
     held = begin_beyond(rng)
     period = float(rng.choice([0.02, 0.01, 0.005, 0.002]))
-    slide = bool(seed % 3 == 2)
-    settings = ServoSettings(held.grip, period, timeout=0.2, slide_along_limits=slide)
-    servo = core.TwistServo(ROBOT, settings)
+    robot = Driven(held, period, slide_along_limits=bool(seed % 3 == 2))
     twist = rng.standard_normal(3) * rng.choice([0.03, 0.1])
-    first = margins(held)
-    commands, lost = [np.zeros(len(ROBOT.roller_names))], np.zeros(3)
-    for step in range(steps):
-        now = 1.0 + step * period
-        servo.receive(twist=StampedInput(twist, now))
-        travel = held.config.roller_positions
-        servo.receive(
-            rollers=StampedInput(RollerState(travel, commands[-1]), now),
-            pose=StampedInput(held.pose, now),
-        )
-        commands.append(servo.decide(now).command.roller_velocities)
-        held = rolled(held, period * commands[-1])
-        after = margins(held)
-        lost = np.maximum(lost, np.where(first < 0.0, first - after, 0.0))
-    return np.array(commands[1:]), lost
+    commands, lost, first = [], np.zeros(3), margins(held)
+    for _ in range(steps):
+        commands.append(robot.step(twist).roller_velocities)
+        lost = np.maximum(lost, np.where(first < 0.0, first - margins(robot.held), 0.0))
+    return np.array(commands), lost
 
 
 def reversals(commands):
