@@ -4,7 +4,8 @@
 """The robot as a frame against the system of equation (4), written down here from the paper."""
 
 import frames
-from hypothesis import given, strategies
+from hypothesis import given
+from hypothesis import strategies as st
 from isotruss_ros.core import deform, load_robot
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
@@ -93,9 +94,8 @@ def from_scratch(config):
         nodes = [joint, b, c, d, e]
         row[[number[node] for node in nodes], :2] = gradient([points[node] for node in nodes])
         rows.append(row.ravel())
-    held = frames.supports(
-        len(names), {number[joint]: axes for joint, axes in description.supports.items()}
-    )
+    supported = {number[joint]: axes for joint, axes in description.supports.items()}
+    held = frames.supports(len(names), supported)
     bars = frames.members(ends, *np.array(rigidities).T, pins)
     return names, np.array(list(points.values())), bars, held, np.array(rows)
 
@@ -115,10 +115,8 @@ def cases():
     def case(robot, rng):
         return robots.random_state(robot, rng), random_loads(rng, robot)
 
-    return strategies.builds(
-        case,
-        strategies.one_of(strategies.sampled_from(PRESETS).map(load_robot), robots.robots()),
-        generators(),
+    return st.builds(
+        case, st.one_of(st.sampled_from(PRESETS).map(load_robot), robots.robots()), generators()
     )
 
 
@@ -149,16 +147,11 @@ def test_agrees_with_the_system_of_the_paper(case):
 def test_pressure_may_be_one_for_all_one_for_each_or_by_tube():
     config = load_robot('nine_member').home
     loads = {'Z': (0.0, -10.0)}
+    pressures = {'file': None, 'same': 34.5e3, 'mapping': {'north': 34500}, 'low': 17e3}
+    pressures |= {'north': {'north': 17e3}, 'order': [34.5e3, 34.5e3, 17e3]}
     sink = {
         name: deform(config, loads, pressure).displacement('Z')[1]
-        for name, pressure in {
-            'file': None,
-            'same': 34.5e3,
-            'mapping': {'north': 34500},
-            'north': {'north': 17e3},
-            'order': [34.5e3, 34.5e3, 17e3],
-            'low': 17e3,
-        }.items()
+        for name, pressure in pressures.items()
     }
     assert sink['file'] == sink['same'] == sink['mapping']
     assert sink['north'] == sink['order']
