@@ -7,11 +7,7 @@ from dataclasses import replace
 
 from held_grips import CORNER, HOME
 from isotruss_ros.core import Disc, Grip, place_between, Polygon, Pose, Robot, Status
-from isotruss_ros.core.estimation.state_estimate import (
-    EstimatedTravel,
-    EstimatorSettings,
-    is_squeeze_known,
-)
+from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from nightly import some_now
@@ -49,9 +45,7 @@ def start(loop, away, twist=(0.0, 0.0, 0.0), cycles=12):
 @pytest.mark.parametrize(
     ('zeros', 'gripped', 'held'), [(1e-2, True, True), (1e-2, False, False), (1e-3, True, False)]
 )
-def test_gripped_object_is_held_where_only_wrong_offsets_explain_its_pose(
-    away, zeros, gripped, held
-):
+def test_gripped_object_is_held_where_wrong_offsets_alone_explain_it(away, zeros, gripped, held):
     """A twist says that the object is gripped. The squeeze is the desired one, but unknown."""
     twist = (0.0, 0.0, 0.0) if gripped else None
     loop = at_rest(zero_deviation=zeros)
@@ -72,7 +66,7 @@ def test_gripped_object_is_held_where_only_wrong_offsets_explain_its_pose(
 @pytest.mark.parametrize('force', some_now([2.0, 0.8, 1.3], 2))
 def test_an_assumed_squeeze_is_within_two_model_errors_of_the_setting(force):
     loop = at_rest(force)
-    error = 2.0 * EstimatorSettings().squeeze_error
+    error = 2.0 * state_estimate.EstimatorSettings().squeeze_error
     assert start(loop, OUTSIDE[0]).squeeze[0] == pytest.approx(loop.target, rel=error)
 
 
@@ -143,7 +137,7 @@ def test_the_offsets_have_the_deviation_of_the_robot_file_unless_it_is_set(devia
 
 
 def test_a_load_of_zero_stands_for_that_of_the_estimator():
-    prior = EstimatorSettings().load
+    prior = state_estimate.EstimatorSettings().load
     squeezes = [at_rest(load=load).cycle().squeeze for load in (0.0, prior, 3.0 * prior)]
     assert squeezes[0] == squeezes[1]
     assert squeezes[2] != squeezes[0]
@@ -158,9 +152,8 @@ def test_corrected_offsets_end_an_assumed_squeeze():
     for offsets, deviation, cycles in ((opening, 0.01, 10), (np.zeros(6), 1e-3, 4)):
         for _ in range(cycles):
             state = RollerState(positions + offsets, np.zeros(6), offsets)
-            estimate = EstimatedTravel(offsets, deviation**2 * spread)
-            decision = loop.cycle(
-                rollers=StampedInput(state, loop.now), estimate=StampedInput(estimate, loop.now)
-            )
-        assert is_squeeze_known(*decision.squeeze) is (deviation < 5e-3)
+            estimate = state_estimate.EstimatedTravel(offsets, deviation**2 * spread)
+            measured, known = StampedInput(state, loop.now), StampedInput(estimate, loop.now)
+            decision = loop.cycle(rollers=measured, estimate=known)
+        assert state_estimate.is_squeeze_known(*decision.squeeze) is (deviation < 5e-3)
     assert decision.squeeze[0] == pytest.approx(MODEL.squeeze, rel=0.1)

@@ -20,18 +20,12 @@ import pytest
 
 ROBOT = core.load_robot('nine_member')
 NONE = np.zeros(len(ROBOT.roller_names))
-
-
 COUNT = len(NONE)
 NAN = np.full(COUNT, math.nan)
 #: Input, valid value, invalid values with a word of the reason.
 INPUTS = [
     ('twist', (0.0, 0.1, 0.2), [((0.0, 0.1), 'twist'), ((0.0, 0.1, math.inf), 'twist')]),
-    (
-        'pose',
-        core.Pose(0.0, 0.1, 0.2),
-        [((0.0, 0.1, 0.2, 0.3), 'pose'), ((math.nan,) * 3, 'pose')],
-    ),
+    ('pose', core.Pose(0, 0.1, 0.2), [((0.0, 0.1, 0.2, 0.3), 'pose'), ((math.nan,) * 3, 'pose')]),
     ('wrench', (1.0, 2.0, 0.1), [((1.0, 2.0), 'wrench'), ((1e7, 0.0, 0.0), 'wrench')]),
     ('pressures', (3e4,) * 3, [((3e4,) * 2, 'pressure'), ((-1.0, 3e4, 3e4), 'pressure')]),
     (
@@ -54,8 +48,6 @@ INPUTS = [
         ],
     ),
 ]
-
-
 GRIP = core.Grip(('north/P-Z', 'north/Z-R'), core.ConvexObject.disc((0.7, 0.8), 0.3))
 
 
@@ -87,10 +79,8 @@ WRONG_SETTINGS = [
     (TrackingSettings, dict.fromkeys(vars(TrackingSettings()), -1.0)),
     (core.RollerFaults, {'slip': 0.6, 'noise': -1.0, 'speed_limit': -1.0}),
 ]
-GOOD_SETTINGS = {
-    ServoSettings: {'grip': GRIP, 'period': 0.01, 'timeout': 0.2},
-    SqueezeSettings: {'force': 15.0},
-}
+GOOD_SETTINGS = {ServoSettings: {'grip': GRIP, 'period': 0.01, 'timeout': 0.2}}
+GOOD_SETTINGS[SqueezeSettings] = {'force': 15.0}
 
 
 @pytest.mark.parametrize(
@@ -106,11 +96,6 @@ def test_settings_out_of_range_are_refused_with_their_name_and_range(kind, name,
 def test_an_inclination_in_degrees_is_refused_with_its_value_in_radians():
     with pytest.raises(ConfigurationError, match=r'if it is in degrees, it is 1\.571 rad'):
         EstimatorSettings(inclination=90.0)
-
-
-def test_a_utilisation_and_a_failure_time_may_be_infinite_and_deviations_zero():
-    SqueezeSettings(0.0, max_utilisation=math.inf, load=0.0, zero_deviation=0.0)
-    ServoSettings(**GOOD_SETTINGS[ServoSettings], failure_time=math.inf)
 
 
 CLOSEST = (
@@ -132,9 +117,7 @@ CLOSEST = (
         (Status.UNREACHABLE, 0.5, ('a',), f'{CLOSEST}; slowed to 50 % by the limits of a'),
     ],
 )
-def test_the_message_names_the_closest_twist_and_the_remaining_share(
-    status, scale, limiting, text
-):
+def test_message_names_the_closest_twist_and_the_remaining_share(status, scale, limiting, text):
     command = RollerCommand(np.ones(6), np.array([0.01, 0.02, 0.3]), scale, status, limiting)
     assert describe(command, True) == text
     if text.startswith(CLOSEST):  # a joint has no contacts

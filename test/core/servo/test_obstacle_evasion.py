@@ -123,12 +123,12 @@ def test_robot_goes_on_when_the_hand_is_gone():
 def test_invalid_moving_obstacles_halt_the_robot_with_the_reason():
     servo = Room(approaching(0.0, 0.1)).robot.servo
     hand = Obstacle('hand', ConvexObject.disc((1.0, 0.0), 0.1), stamp=0.0)
-    for given_obstacles, words in (
+    for obstacles, words in (
         ((hand, hand), "'hand': is given twice"),
         ((replace(hand, stamp=None),), "'hand': has no stamp"),
         ((replace(hand, stamp=float('nan')),), "stamp of moving obstacle 'hand'"),
     ):
-        servo.receive(obstacles=StampedInput(given_obstacles, 0.0))
+        servo.receive(obstacles=StampedInput(obstacles, 0.0))
         assert words in servo.inputs.obstacles.reason
 
 

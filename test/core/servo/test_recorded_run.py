@@ -30,6 +30,7 @@ GRIPS = {
     'wedge': (CONFIG, Grip.at_module(CONFIG.robot, 'north/Z', BODY, 0.5)),
     'home': (HOME, Grip(MEMBERS, attach_grip(HOME, DISC).body, 0.8)),
 }
+KINDS = ['twist', 'twist', 'rest', 'jump', 'repeat', 'bad', 'gone', 'offsets', 'stop']
 
 
 class Faults:
@@ -40,13 +41,10 @@ class Faults:
         self.offsets = np.zeros(6)
 
     def cycle(self, number):
-        """Execute a cycle of the loop."""
         loop, rng = self.loop, self.rng
         if number >= self.until:
             self.until = number + int(rng.integers(4, 12))
-            self.kind = rng.choice(
-                ['twist', 'twist', 'rest', 'jump', 'repeat', 'bad', 'gone', 'offsets', 'stop']
-            )
+            self.kind = rng.choice(KINDS)
             self.twist = rng.normal(size=3) * (0.03, 0.03, 0.15)
             self.away = rng.normal(size=3) * (3e-3, 3e-3, 0.0)
             halt = (Status.HALT_EMERGENCY_STOP, 'stop') if self.kind == 'stop' else None
@@ -68,7 +66,6 @@ class Faults:
 
 
 def numbers(decision):
-    """Return the parts of a decision."""
     command = decision.command
     return (
         command.roller_velocities.tolist(),
@@ -90,11 +87,8 @@ def recorded_loop(name='wedge', **settings):
 
 def record_faults(seed=1, name='wedge'):
     """Return records, decisions and pickled memories of a run with random faults and calls."""
-    loop, texts, memories = (
-        recorded_loop(name, noise=1e-4, servo={'bounds': ShapeBounds()}),
-        [],
-        [],
-    )
+    loop = recorded_loop(name, noise=1e-4, servo={'bounds': ShapeBounds()})
+    texts, memories = [], []
     servo, rng = loop.servo, np.random.default_rng(seed)
     faults, settings = Faults(loop, rng), servo.settings
     renewed, cleared = rng.integers(1, CYCLES, size=2)
@@ -111,7 +105,7 @@ def record_faults(seed=1, name='wedge'):
     return texts, loop.decisions, memories
 
 
-TEXTS, DECISIONS, _ = record_faults()
+TEXTS, *_ = record_faults()
 CYCLE = json.loads(TEXTS[0])
 
 

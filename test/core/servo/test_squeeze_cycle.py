@@ -1,15 +1,18 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Limits, slip margin, desired pose and lost contacts under squeeze control."""
+"""Limits, slip margin and lost contacts under squeeze control, also of convex objects."""
 
 from dataclasses import replace
 import math
 
 from grips import gripped
-from isotruss_ros.core import Grip, Pose, Robot, Status
+from held_grips import APART, AROUND, BOX, HOME, numbers
+from isotruss_ros.core import Disc, Ellipse, Grip, place_between, Polygon, Pose, Robot, Status
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_search import measure_gaps
 from isotruss_ros.core.inputs import RollerState, StampedInput
+from nightly import some_now
 import numpy as np
 import pytest
 from squeeze_loop import SqueezeLoop
@@ -20,7 +23,6 @@ AWAY = (2e-3, -2e-3, 0.01)
 
 
 def loop_of(friction=0.5, config=CONFIG, body=CYLINDER, force=MODEL.squeeze, **settings):
-    """Return the loop of the cylinder at a module."""
     grip = Grip.at_module(config.robot, 'north/Z', body, friction)
     return SqueezeLoop(config, grip, force, **settings)
 
@@ -32,7 +34,6 @@ def limited(**limits):
 
 
 def repeat(loop, twist, count, **inputs):
-    """Return the decisions of some cycles."""
     return [loop.cycle(twist, **inputs) for _ in range(count)]
 
 
@@ -107,20 +108,16 @@ def test_the_slip_margin_does_not_rely_on_an_estimated_load(friction, load, slow
     assert (min(scales) == 0.0) is slowed
 
 
-def opened_state(loop):
-    """Return a roller state after travel that opens the grip."""
-    closing = SqueezeLoop(CONFIG, loop.servo.settings.grip, 2.0 * MODEL.squeeze).cycle()
-    opening = -closing.command.roller_velocities
-    positions = CONFIG.roller_positions + 0.3 * opening / np.abs(opening).max()
-    return StampedInput(RollerState(positions, 0.0 * opening), loop.now)
-
-
 @pytest.mark.parametrize('was_held', [True, False])
 def test_members_without_contact_are_a_loss_only_of_an_object_that_was_held(was_held):
     loop = loop_of(follows=False)
     if was_held:
         loop.cycle()
-    decision = loop.cycle(rollers=opened_state(loop))
+    closing = SqueezeLoop(CONFIG, loop.servo.settings.grip, 2.0 * MODEL.squeeze).cycle()
+    opening = -closing.command.roller_velocities
+    positions = CONFIG.roller_positions + 0.3 * opening / np.abs(opening).max()
+    opened = StampedInput(RollerState(positions, 0.0 * opening), loop.now)
+    decision = loop.cycle(rollers=opened)
     assert decision.command.status is Status.HALT_NO_GRASP
     assert decision.squeeze is None
     decision = repeat(loop, (0.0, 0.0, 0.0), 2)[-1]
@@ -156,3 +153,69 @@ def test_desired_pose_moves_with_the_command_of_an_accelerating_object():
     achieved = [decision.command.achieved_twist[1] for decision in decisions]
     assert max(achieved) < 0.05
     assert moved[:, 1] / loop.period == pytest.approx(achieved[:-1], abs=8e-4)
+
+
+#: At home three members of three tubes close next to nothing around a disc.
+OBLIQUE = HOME.moved_to(HOME.roller_positions + np.array([0.1, -0.1, 0.0, 0.1, -0.1, 0.05]))
+#: The two that meet at a module.
+CORNER = ('north/Z-R', 'north/P-Z')
+LOW_BOX = Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)
+SMALL_BOX = Polygon([(-0.08, -0.06), (0.08, -0.06), (0.08, 0.06), (-0.08, 0.06)], 0.02)
+
+
+def loop_between(shape, angle, members, more=1.0, config=HOME, **settings):
+    grip = place_between(config, members, shape, angle=angle, indentation=0.015)
+    body = attach_grip(config, grip.body, numbers(members)).body
+    return SqueezeLoop(config, Grip(members, body, 1.2), more=more, **settings)
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'members'),
+    some_now([(BOX, 0.2, APART), (Ellipse((0.25, 0.2)), 1.0, APART), (BOX, 0.2, AROUND[:2])]),
+)
+def test_pose_and_squeeze_of_a_grip_follow_their_references(shape, angle, members):
+    loop = loop_between(shape, angle, members)
+    loop.run((0.01, -0.01, 0.03), 0.4)
+    distance, turn = loop.largest_error()
+    assert distance < 2e-4
+    assert turn < 2e-3
+    assert loop.squeeze == pytest.approx(loop.target, rel=5e-3)
+
+
+@pytest.mark.parametrize('noise', some_now([2e-3, 0.0]))
+def test_a_box_that_lies_on_a_face_stays_held(noise):
+    """Its rows are not those of the corner on which it would be between straight members."""
+    loop = loop_between(SMALL_BOX, 2.1, CORNER, 1.05, noise=noise)
+    assert len(loop.object.grasp.contacts.members) == 3
+    loop.run((0.01, 0.01, 0.05), 0.5)
+    assert loop.squeeze == pytest.approx(loop.target, rel=0.03 + 10.0 * noise)
+    assert loop.final_error() < 1e-3 + noise
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'members', 'config', 'more', 'duration'),
+    some_now([(Disc(0.83), 0.0, AROUND, OBLIQUE, 1.1, 0.9), (BOX, 0.2, APART, HOME, 1.2, 1.3)]),
+)
+def test_a_rising_target_closes_in_place(shape, angle, members, config, more, duration):
+    loop = loop_between(shape, angle, members, more, config)
+    loop.run((0.0, 0.0, 0.0), duration)
+    assert loop.squeeze == pytest.approx(loop.target, rel=5e-3)
+    assert loop.final_error() < 1e-3
+
+
+def test_an_object_at_rest_on_a_face_is_not_told_as_unreachable():
+    loop = loop_between(SMALL_BOX, 0.5, CORNER)
+    loop.run((0.0, 0.0, 0.0), 5 * loop.period)
+    assert set(loop.statuses) <= {Status.OK, Status.IDLE}
+
+
+@pytest.mark.parametrize('twist', some_now([((0.02, 0.0, -0.2),), ((0.0, 0.02, -0.1),)]))
+def test_the_velocity_does_not_jump_where_a_face_comes_to_lie_on_a_member(twist):
+    loop, poses = loop_between(LOW_BOX, 0.62, CORNER), []
+    for share in np.linspace(0.0, 1.0, 12).tolist() + 18 * [1.0]:
+        loop.cycle(share * np.array(twist))
+        poses.append(loop.plant.object_pose[:2])
+    velocities = np.diff(poses, axis=0) / loop.period
+    assert np.hypot(*np.diff(velocities, axis=0).T).max() < 3e-3
+    grip = measure_gaps(loop.object.grasp, 1.2)
+    assert min(gap.width for gap in grip.gaps) < 3e-3  # it lies on the member, but for this gap

@@ -91,9 +91,7 @@ LATENESS = [*product((2.5,), (0.033, 0.1), (0.0, 1e-3))]
         ]
     ),
 )
-def test_a_loop_starved_of_processor_time_states_no_fault_of_the_grip(
-    held, twist, duration, mean, noise
-):
+def test_loop_starved_of_processor_time_states_no_fault(held, twist, duration, mean, noise):
     servo, messages = starve(held, twist, duration, mean, noise)
     assert messages == {''}
     assert servo.squeeze.faults.softening == 1.0
@@ -115,7 +113,6 @@ class Loop:
         self.travel, self.pose, self.work = ROBOT.home.roller_positions, GRIP.body.pose, []
 
     def cycle(self, pressures=None):
-        """Return the decision of the next cycle."""
         self.now += 0.01
         self.servo.receive(
             twist=StampedInput((0.03, 0.02, 0.1), self.now),
@@ -132,7 +129,6 @@ class Loop:
 
     @property
     def belief(self):
-        """Return the belief of the grip."""
         return self.servo.squeeze.belief
 
 

@@ -23,7 +23,6 @@ NOW, TWIST = 1000.0, [0.0, 0.02, 0.1]
 
 
 def at(positions, velocities=0.0 * HOME):
-    """Return a roller state."""
     return RollerState(np.asarray(positions), np.asarray(velocities))
 
 
@@ -50,8 +49,7 @@ def test_a_roller_that_fails_in_motion_is_commanded_zero_at_once():
 
 
 @pytest.mark.parametrize(
-    ('name', 'stated'),
-    [('twist', 'TWIST'), ('rollers', 'JOINT_STATES'), ('pose', 'OBJECT_POSE')],
+    ('name', 'stated'), [('twist', 'TWIST'), ('rollers', 'JOINT_STATES'), ('pose', 'OBJECT_POSE')]
 )
 def test_halts_with_the_status_of_each_input_fault(name, stated):
     good = getattr(servo().inputs, name)
@@ -99,9 +97,8 @@ def test_decision_is_independent_of_earlier_states():
         made.receive(
             rollers=StampedInput(at(there), NOW), pose=StampedInput(core.Pose(*center, 0.0), NOW)
         )
-    assert travelled.decide(NOW).command.roller_velocities == pytest.approx(
-        fresh.decide(NOW).command.roller_velocities, abs=1e-10
-    )
+    expected = fresh.decide(NOW).command.roller_velocities
+    assert travelled.decide(NOW).command.roller_velocities == pytest.approx(expected, abs=1e-10)
 
 
 def moved(positions):
@@ -192,15 +189,6 @@ def test_failed_rollers_are_commanded_zero_and_reported():
     assert made.decide(NOW).failed == ()
 
 
-def test_idle_status_reports_the_mobility():
-    idle = servo(twist=StampedInput((0.0, 0.0, 0.0), NOW)).decide(NOW)
-    assert idle.command.status is core.Status.IDLE
-    assert idle.command.reachable_dof == 3
-    made = servo(twist=StampedInput((0.0, 0.0, 0.0), NOW))
-    made.receive(failed=ROBOT.roller_names)
-    assert made.decide(NOW).command.reachable_dof == 0
-
-
 def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
     """Let a servo drive a simulated robot; return the decisions."""
     decisions, period = [], made.settings.period
@@ -219,9 +207,8 @@ def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
 
 def simulated(*stuck):
     held = core.RollingGrip.attach(ROBOT.home, GRIP)
-    return core.SimulatedRobot(
-        ROBOT.home, core.RigidObject(held), core.RollerFaults(stuck=frozenset(stuck))
-    )
+    faults = core.RollerFaults(stuck=frozenset(stuck))
+    return core.SimulatedRobot(ROBOT.home, core.RigidObject(held), faults)
 
 
 def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
