@@ -24,9 +24,8 @@ def test_a_stamp_counts_from_the_largest_age_to_the_skew(ahead):
         return
     with pytest.raises(inputs.InputError, match='object pose: ') as caught:
         inputs.check_stamp('object_pose', stamp, NOW, TIMEOUT)
-    assert caught.value.fault is (
-        inputs.InputFault.STALE if age > 0.0 else inputs.InputFault.INVALID
-    )
+    fault = inputs.InputFault.STALE if age > 0.0 else inputs.InputFault.INVALID
+    assert caught.value.fault is fault
     assert f' {abs(age):.3f} s ' in str(caught.value)
     assert ('set it higher' in str(caught.value)) is (TIMEOUT < age < 3.0 * TIMEOUT)
 
@@ -83,7 +82,6 @@ STEP = 1e-4
 
 
 def by_steps(times, speeds, before, begin, end):
-    """Integrate by small steps."""
     middles = np.arange(begin + 0.5 * STEP, end, STEP)
     place = np.searchsorted(times, middles, side='right') - 1
     rates = np.where((place < 0)[:, None], before, np.asarray(speeds)[place])

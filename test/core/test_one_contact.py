@@ -85,5 +85,4 @@ def test_plans_have_the_contacts_of_grips_at_the_planned_indentation(tilt):
 
 
 def _corners_of(grip, owner=0):
-    """Return the corners with which a grip touches one of its members."""
     return tuple(each.corner for each in find_contacts(HOME, grip) if each.owner == owner)

@@ -100,7 +100,6 @@ class World:
 
 
 def solve_twist(world):
-    """Solve for a twist."""
     slide, regularized = map(bool, world.rng.integers(2, size=2))
     command = core.solve_twist(
         world.config,
@@ -203,9 +202,7 @@ CALLS = {
     simulate: 5,
     lambda w: (shape_margins(w.config), core.reachable_twists(w.config, w.grip, w.failed)): 10,
     deform: 5,
-    lambda w: core.analyze_grasp(
-        w.config, w.body, w.number(0.0, 1.0), w.numbers(3, -20.0, 20.0)
-    ): 5,
+    lambda w: core.analyze_grasp(w.config, w.body, w.number(0, 1), w.numbers(3, -20, 20)): 5,
     lambda w: core.settle_grasp(
         w.config, w.body, w.number(0.0, 1.0), w.numbers(3, -20.0, 20.0), members=w.grip.members
     ): 5,
@@ -223,7 +220,6 @@ CALLS = {
 
 
 def has_nan(result):
-    """Return whether a result has a NaN in any of its fields."""
     if isinstance(result, float | np.ndarray):
         return np.asarray(result).dtype.kind in 'fc' and bool(np.isnan(result).any())
     if isinstance(result, dict):

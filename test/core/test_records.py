@@ -17,7 +17,6 @@ DISC = core.ConvexObject.disc(core.tangent_center(ROBOT.home, 'north/Z', 0.3, 0.
 SETTLED = core.settle_grasp(ROBOT.home, DISC)
 GRIP = core.Grip.at_module(ROBOT, 'north/Z', DISC)
 MEMBERS = ('north/P-Z', 'north/Z-R')
-
 RESULTS = {
     'robot': ROBOT,
     'object': DISC,

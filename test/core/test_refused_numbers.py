@@ -34,9 +34,8 @@ HOME, NONE = ROBOT.home, np.zeros(len(ROBOT.roller_names))
 BODY = core.ConvexObject.disc(core.tangent_center(HOME, 'north/Z', 0.3, 0.02), 0.3)
 TRIANGLE = core.ConvexObject(core.Polygon([(0.0, 0.0), (0.1, 0.0), (0.0, 0.1)]), BODY.pose)
 GRIP = core.Grip.at_module(ROBOT, 'north/Z', BODY, 0.8)
-TRACKER = core.PathTracker(
-    core.ObjectPath([(0, 0, 0), (0.1, 0, 0)], 0.05, 0.5), TrackingSettings(), 0.01
-)
+PATH = core.ObjectPath([(0, 0, 0), (0.1, 0, 0)], 0.05, 0.5)
+TRACKER = core.PathTracker(PATH, TrackingSettings(), 0.01)
 POSES = np.array([BODY.pose, BODY.pose])
 SERVO = core.TwistServo(ROBOT, ServoSettings(GRIP, 0.01, 0.2))
 TIMES, SWING = np.linspace(0.0, 3.0, 40), np.zeros((40, 3))
@@ -117,20 +116,9 @@ DOORS = [
     (door, parameter)
     for door in (
         *filter(inspect.isfunction, (getattr(core, name) for name in core.__all__)),
-        *(
-            foresee_grip,
-            foresee_path,
-            core.ConvexObject,
-            core.Grip.at_module,
-            core.RollingGrip.attach,
-        ),
-        *(
-            core.ElasticObject,
-            core.PathTracker,
-            core.RigidObject,
-            core.ShapeGuard,
-            core.SimulatedRobot,
-        ),
+        *(foresee_grip, foresee_path, core.ConvexObject, core.Grip.at_module, core.SimulatedRobot),
+        *(core.ElasticObject, core.PathTracker, core.RigidObject, core.ShapeGuard),
+        core.RollingGrip.attach,
         *(StateEstimator, core.TwistServo, core.Uncertainty.of, core.Uncertainty.chance),
         *(core.Uncertainty.covariance, SettledGrasp.chance, GraspGradient.chance),
     )

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 import re
 
-from hypothesis import example, given, strategies
+from hypothesis import example, given
+from hypothesis import strategies as st
 from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.manipulation.grip import Grip
@@ -109,7 +110,6 @@ def _placed(case, move, **changes):
 
 
 def shifted(case, rng):
-    """Return a grasp elsewhere."""
     away = complex(*rng.uniform(-10.0, 10.0, 2))
     place, angle = case.pose
     return _placed(case, lambda z: z + away, pose=(place + away, angle))
@@ -258,8 +258,6 @@ def _scaled_forces(case, force, length):
 
 
 CHANGES = (shifted, turned, mirrored, reframed, reordered, stiffened, enlarged)
-
-
 FRICTION = 0.8
 #: Sizes of which errors are shares where values are smaller [N, m]: the rest is rounding.
 FLOORS = dict.fromkeys(('forces', 'friction', 'margin'), 1.0)
@@ -377,7 +375,7 @@ PROPERTIES = {
 @example(seed=97)  # an ellipse
 @example(seed=306)  # a face lies on a straight tube
 @example(seed=32640)  # a corner is deeper than the tolerance of a small tube's skin
-@given(seed=strategies.integers(0, 2**32 - 1))
+@given(seed=st.integers(0, 2**32 - 1))
 def test_results_depend_on_no_frame_order_or_unit(function, change, seed):
     case = random_case(seed)
     if case is None:
