@@ -7,15 +7,7 @@ from dataclasses import replace
 import functools
 
 from held_grips import CORNER, HOME, NINE
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    ElasticObject,
-    Grip,
-    solve_twist,
-    Status,
-    tangent_center,
-)
+from isotruss_ros import core
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.servo.recorded_cycle import RecordedCycle
@@ -35,15 +27,15 @@ STILL = np.zeros(3)
 @functools.cache
 def travels():
     """Return roller travel that closes the grip, moves the object forth and back, and rests."""
-    center = tangent_center(HOME, 'north/Z', 0.3, 0.012)
-    grip = Grip(CORNER, ConvexObject(Disc(0.3)).moved_to((*center, 0.0)))
+    center = core.tangent_center(HOME, 'north/Z', 0.3, 0.012)
+    grip = core.Grip(CORNER, core.ConvexObject(core.Disc(0.3)).moved_to((*center, 0.0)))
     commands = [(STILL, 0.0)] * 8 + [(STILL, -0.003)] * 8
     commands += [(np.array([-0.02, -0.016, 0.0]), 0.0)] * 12
     commands += [(np.array([0.02, 0.016, 0.0]), 0.0)] * 12 + [(STILL, 0.0)] * 56
     config, rows = HOME, []
     for twist, opening in commands:
         rows.append(config.roller_positions)
-        command = solve_twist(config, grip, twist, opening_rate=opening)
+        command = core.solve_twist(config, grip, twist, opening_rate=opening)
         config = config.moved_to(config.roller_positions + PERIOD * command.roller_velocities)
         grip = grip.moved_to(np.array(grip.body.pose) + PERIOD * command.achieved_twist)
     return np.array(rows), grip
@@ -74,9 +66,9 @@ def run_elastic(
     """Return the measured run of a plant with these values; the delay is in cycles."""
     travel, grip = travels()
     random = np.random.default_rng(0)
-    center = tangent_center(HOME, 'north/Z', 0.3, 0.012)
+    center = core.tangent_center(HOME, 'north/Z', 0.3, 0.012)
     body = replace(grip.body.moved_to((*center, 0.0)), mass=MASS)
-    simulated = ElasticObject(body, friction, stiffness)
+    simulated = core.ElasticObject(body, friction, stiffness)
     settings = ServoSettings(replace(grip, body=body, friction=FRICTION), PERIOD, 1.0)
     cycles, readings, poses = [], [], []
     for number, place in enumerate(travel):
@@ -97,10 +89,9 @@ def run_elastic(
         }
         if pressures_recorded:
             inputs['pressures'] = StampedInput(tuple(pressure * np.array(NOMINAL)), now)
-        status = Status.OK if simulated.dropped is None else Status.HALT_NOT_HELD
+        status = core.Status.OK if simulated.dropped is None else core.Status.HALT_NOT_HELD
         decision = {'status': status, 'message': ''}
         cycles.append(RecordedCycle(number, now, settings, inputs, decision))
     rows = np.array(readings)
-    return read_run(
-        cycles, NINE, Gauge('gauge', rows[:, 0], rows[:, 1], rows[:, 2:4], rows[:, 4:]), count
-    )
+    gauge = Gauge('gauge', rows[:, 0], rows[:, 1], rows[:, 2:4], rows[:, 4:])
+    return read_run(cycles, NINE, gauge, count)

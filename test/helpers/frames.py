@@ -113,9 +113,7 @@ def member_stiffness(span, axial, flexural, shear):
     give = np.diag([length / axial, length**3 / (3.0 * flexural) + length / shear, 0.0])
     give[1, 2] = give[2, 1] = length**2 / (2.0 * flexural)
     give[2, 2] = length / flexural
-    carry = np.array(
-        [[-1, 0, 0, 1, 0, 0], [0, -1, -length, 0, 1, 0], [0, 0, -1, 0, 0, 1]], dtype=float
-    )
+    carry = np.array([[-1.0, 0, 0, 1, 0, 0], [0, -1, -length, 0, 1, 0], [0, 0, -1, 0, 0, 1]])
     block = np.array([[unit.real, unit.imag, 0], [-unit.imag, unit.real, 0], [0, 0, 1]])
     turn = np.kron(np.eye(2), block)
     local = carry.T @ np.linalg.inv(give) @ carry

@@ -82,16 +82,14 @@ def random_pressed(rng):
 def backed_off(config, body, distance, steps=10):
     """Return configurations in which the wedge moves back from a disc along its bisector."""
     diameter = body.shape.diameter
-    near, deep = (
-        complex(*core.tangent_center(config, 'north/Z', diameter, d)) for d in (0.01, 0.02)
-    )
+    centers = (core.tangent_center(config, 'north/Z', diameter, d) for d in (0.01, 0.02))
+    near, deep = (complex(*center) for center in centers)
     back = distance / steps * (deep - near) / abs(deep - near)
     configs = [config]
     for step in range(steps):
         where = body.center + step * back
-        grip = core.Grip.at_module(
-            config.robot, 'north/Z', core.ConvexObject.disc((where.real, where.imag), diameter)
-        )
+        moved = core.ConvexObject.disc((where.real, where.imag), diameter)
+        grip = core.Grip.at_module(config.robot, 'north/Z', moved)
         rows = grip_jacobian(configs[-1], grip)
         travel = np.linalg.pinv(rows) @ [back.real, back.imag, 0.0, 0.0]
         configs.append(configs[-1].moved_to(configs[-1].roller_positions + travel))

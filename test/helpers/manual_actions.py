@@ -83,9 +83,8 @@ class MotionClient:
         return _finished(SimpleNamespace(accepted=True, cancel_goal_async=self._end))
 
     def _end(self) -> None:
-        self._ended.set_result(
-            SimpleNamespace(status=GoalStatus.STATUS_SUCCEEDED, result=self._result)
-        )
+        succeeded = GoalStatus.STATUS_SUCCEEDED
+        self._ended.set_result(SimpleNamespace(status=succeeded, result=self._result))
 
     def _get_result_async(self, handle: Any) -> Future:
         if bytes(handle.goal_id.uuid) == self._id:

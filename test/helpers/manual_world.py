@@ -40,7 +40,6 @@ from rclpy.timer import Timer
 DEADLINE = 20.0
 #: The system's clock at the beginning [s].
 EPOCH = 1.7e9
-
 UP, DOWN = Manager.UP, Manager.DOWN
 TRANSIENT, BEST_EFFORT = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.BEST_EFFORT
 
@@ -377,9 +376,8 @@ def report_matches(node: Node, topic: str, *events: tuple[int, int]) -> None:
         if handler.event_type == QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED
     )
     for came, left in events:
-        handler.callback(
-            SimpleNamespace(total_count_change=came, current_count_change=came - left)
-        )
+        change = {'total_count_change': came, 'current_count_change': came - left}
+        handler.callback(SimpleNamespace(**change))
 
 
 def check_refused(make_node: Callable[[], ManagedNode], words: str) -> None:

@@ -15,7 +15,6 @@ import pytest
 #: What is recorded: a triangle with a disc in its middle.
 ROBOT = load_robot('triangle')
 CENTER, DIAMETER = ROBOT.home.points.mean(), 0.3
-
 needs_mujoco = pytest.mark.skipif(
     importlib.util.find_spec('mujoco') is None,
     reason='MuJoCo is not installed: pip install mujoco (make venv does)',

@@ -14,8 +14,6 @@ import psutil
 CENTER, DIAMETER = (0.716, 0.43), 0.3
 #: No grasp has such a margin [N]: the search for it goes on for a long time.
 NO_MARGIN = 1e3
-
-
 #: A busy machine does not confuse it.
 node = maker(GraspPlanner, command_timeout=5.0)
 

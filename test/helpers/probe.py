@@ -16,13 +16,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import deform, load_robot, Pose, tangent_center
+from isotruss_ros.nodes.conversions import messages
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.messages import (
-    make_header,
-    read_pose,
-    to_pose_message,
-    to_twist_message,
-)
 from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -83,7 +78,7 @@ def hang_joints(weight: float) -> dict[str, list[float]]:
 
 def planar(message: PoseStamped) -> np.ndarray:
     """Return the pose of an object (x, y, angle) [m, rad]."""
-    return np.array(read_pose('pose', message.pose))
+    return np.array(messages.read_pose('pose', message.pose))
 
 
 class Probe(Node):
@@ -138,13 +133,13 @@ class Probe(Node):
         self.clock.publish(Clock(clock=Time(nanoseconds=round(1e9 * time_of)).to_msg()))
 
     def send_twist(self, twist: tuple[float, float, float] = UP) -> None:
-        self.twists.publish(to_twist_message(twist))
+        self.twists.publish(messages.to_twist_message(twist))
 
     def send_joints(self, age: float = 0.0, **changes: object) -> None:
         """Publish joint states at home, changed as given."""
         fields = {'name': list(ROBOT.roller_names), 'position': [0.0] * N} | changes
         message = JointState(**fields)
-        message.header = make_header(self.past(age))
+        message.header = messages.make_header(self.past(age))
         self.joint_states.publish(message)
 
     def send_pose(
@@ -156,8 +151,8 @@ class Probe(Node):
 
     def send_object(self, pose: Sequence[float], age: float = 0.0, frame: str = 'truss') -> None:
         """Publish a pose (x, y, angle) of the object [m, rad]."""
-        message = PoseStamped(pose=to_pose_message(Pose(*map(float, pose))))
-        message.header = make_header(self.past(age), frame)
+        message = PoseStamped(pose=messages.to_pose_message(Pose(*map(float, pose))))
+        message.header = messages.make_header(self.past(age), frame)
         self.object_poses.publish(message)
 
     def send_held(self, held: int, members: Sequence[str] = (), **fields: object) -> None:
@@ -165,7 +160,7 @@ class Probe(Node):
         if self._states is None:
             self._states = self.create_publisher(GraspState, 'grasp/state', 1)
         state = GraspState(held=held, grasping_members=list(members), **fields)
-        state.header = make_header(self.past(0.0), 'truss')
+        state.header = messages.make_header(self.past(0.0), 'truss')
         self._states.publish(state)
 
     def send_markers(self, joints: Mapping[str, Sequence[float]], age: float = 0.0) -> None:
@@ -173,12 +168,12 @@ class Probe(Node):
         if self._markers is None:
             self._markers = self.create_publisher(MultiDOFJointState, 'joint_markers', 10)
         message = to_joint_markers(joints)
-        message.header = make_header(self.past(age), 'truss')
+        message.header = messages.make_header(self.past(age), 'truss')
         self._markers.publish(message)
 
     def send_pressures(self, pressures: Sequence[float]) -> None:
         for tube, pressure in zip(ROBOT.description.pressures, pressures, strict=True):
-            header = make_header(self.past(0.0), tube)
+            header = messages.make_header(self.past(0.0), tube)
             self.gauges.publish(FluidPressure(header=header, fluid_pressure=float(pressure)))
 
     def send_wrench(
@@ -188,7 +183,7 @@ class Probe(Node):
         frame: str = 'truss_object_aligned',
     ) -> None:
         message = WrenchStamped(wrench=to_wrench_message(wrench))
-        message.header = make_header(self.past(age), frame)
+        message.header = messages.make_header(self.past(age), frame)
         self.wrenches.publish(message)
 
     def send_command(self, velocities: Sequence[float]) -> None:
@@ -292,9 +287,7 @@ class World(Watched):
     def ask(self, send: Callable[[], Future], period: float = 1.0) -> object:
         """Return the first answer to repeated requests; some are lost before discovery."""
         sent: list[Future] = []
-        self.until(
-            lambda: any(future.done() for future in sent), lambda: sent.append(send()), period
-        )
+        self.until(lambda: any(f.done() for f in sent), lambda: sent.append(send()), period)
         return next(future.result() for future in sent if future.done())
 
     def until(

@@ -26,7 +26,6 @@ PRESETS = ('nine_member', 'triangle')
 KINDS = ('arch', 'ring', 'polygon')
 #: Returns the robot of a preset, which is read once.
 preset = functools.cache(load_robot)
-
 _folder = tempfile.TemporaryDirectory(prefix='isotruss_test_')
 atexit.register(_folder.cleanup)
 

@@ -36,13 +36,10 @@ class SqueezeLoop:
         self.plant = SimulatedRobot(config, self.object, RollerFaults())
         self.plant.advance(0.0)
         self.target = more * self.squeeze / scale if force is None else force
-        squeeze = SqueezeSettings(
-            self.target, **{'max_utilisation': math.inf} | MASSLESS | settings
-        )
-        options = {'bounds': None, 'timeout': TIMEOUT} | (servo or {})
-        self.servo = TwistServo(
-            config.robot, ServoSettings(grip, period, squeeze=squeeze, **options)
-        )
+        limits = {'max_utilisation': math.inf} | MASSLESS | settings
+        squeeze = SqueezeSettings(self.target, **limits)
+        options = {'bounds': None, 'timeout': TIMEOUT, 'squeeze': squeeze} | (servo or {})
+        self.servo = TwistServo(config.robot, ServoSettings(grip, period, **options))
         self.reference, self.rng = np.array(self.plant.object_pose), np.random.default_rng(0)
         self.decisions, self.errors, self.sends = [], [], True
 
