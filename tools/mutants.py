@@ -29,6 +29,7 @@ import queue
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from typing import Any, NamedTuple
 
@@ -89,6 +90,10 @@ COPIES = 2
 MAX_TEST_DURATION = 60.0
 
 
+#: Held during a fork: a process forked while another thread imports would wait for its lock.
+FORK = threading.Lock()
+
+
 class Mutant(NamedTuple):
     """Source file with one change, which an operator of Cosmic Ray makes."""
 
@@ -139,7 +144,8 @@ def in_fork(tree: Path, work: Callable[[], Any], timeout: float | None = None) -
         os._exit(int(work()))
 
     process = multiprocessing.get_context('fork').Process(target=run)
-    process.start()
+    with FORK:
+        process.start()
     process.join(timeout)
     if process.exitcode is None:
         process.kill()
