@@ -126,3 +126,23 @@ def test_utilisation_is_that_of_the_equilibrium_while_offsets_are_corrected():
             belief = belief.with_zeros_corrected(rng.normal(0.0, 1e-6, 6))
         belief = follow(belief, 0.01 * number, 0.01)
     assert belief.cache.usage.used == pytest.approx(belief.held.sections.used.max())
+
+
+def test_a_search_finds_the_equilibrium_from_which_a_load_displaces_the_object():
+    load = np.array([1.5, -1.0, 0.2])
+    shift = MODEL.response.pose @ load
+    lag = replace(BELIEF.lag, pose_at_equilibrium=BELIEF.lag.pose_at_equilibrium + shift)
+    state = replace(BELIEF.state, load=load)
+    due = replace(BELIEF, state=state, lag=lag, search_due=HoldStatus.NO_BALANCE)
+    belief = follow(due, 0.0, 0.01)
+    assert belief.held is not MODEL
+    assert belief.held.pose == pytest.approx(MODEL.pose, abs=1e-4)
+
+
+def test_offsets_and_loads_explain_a_displacement_of_some_deviations_only():
+    explains, cache = BELIEF.state.explains, BELIEF.cache
+    by_offset = cache.by_offsets.outputs[:3, 0] * EstimatorSettings().zero_deviation
+    by_load = MODEL.response.pose[:, 0] * EstimatorSettings().load
+    for displacement in (by_offset, by_load):
+        assert explains(MODEL.pose + 2.0 * displacement, cache)
+        assert not explains(MODEL.pose + 0.5 * displacement / np.linalg.norm(displacement), cache)

@@ -166,6 +166,10 @@ def test_a_record_with_a_broken_field_is_refused_by_its_name(change, words):
         read_cycle(json.dumps(CYCLE | change))
 
 
+def test_a_record_states_the_versions_of_the_numerical_packages():
+    assert read_cycle(json.dumps(CYCLE)).versions['numpy'] == np.__version__
+
+
 @pytest.mark.parametrize('text', ['', '[', '3', '[' * 100_000, '{"number": 1}'])
 def test_a_text_that_is_no_record_is_refused(text):
     with pytest.raises(RecordedCycleError, match='record of a cycle'):
