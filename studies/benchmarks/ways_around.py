@@ -33,7 +33,12 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.paths.path_tracking import FINISHED, PathPhase, TrackingSettings
+from isotruss_ros.core.paths.path_tracking import (
+    FINISHED,
+    PathPhase,
+    speed_share,
+    TrackingSettings,
+)
 from isotruss_ros.core.planning.foresee_path import foresee_path, SPEED, TURN_RATE
 from isotruss_ros.core.planning.path_tree import Node, PathTree
 from isotruss_ros.core.planning.plan_path import search_path
@@ -180,7 +185,7 @@ def carry(held: HeldGrip, poses: Array, room: Sequence[Obstacle]) -> bool:
             pose=StampedInput(pose, now),
         )
         command = servo.decide(now).command
-        scale = command.scale
+        scale = speed_share(command.status, command.scale)
         plant.command(command.roller_velocities)
         plant.advance(PERIOD)
     return False

@@ -23,6 +23,7 @@ from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_tracking import (
     PathPhase,
     PathTracker,
+    speed_share,
     Tracking,
     TrackingSettings,
 )
@@ -102,7 +103,8 @@ class PathServo:
             self.tracker.allow_for_inertia(feedback.frequency)
             (pose,) = require_fresh(now, self.timeout, object_pose=self.inputs.pose)
             age = now - pose.time
-            tracking = self.tracker.update(pose.value, age, elapsed, feedback.scale, held)
+            scale = speed_share(feedback.code, feedback.scale)
+            tracking = self.tracker.update(pose.value, age, elapsed, scale, held)
         except (InputError, PathError) as error:
             return Step(None, PathOutcome.STOPPED, str(error))
         if tracking.phase not in OUTCOMES:

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.inputs import MAX_TIMEOUT, Timeline
+from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.pose import check_range, Pose, pose_difference
 from isotruss_ros.core.model.setting_ranges import check_settings
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
@@ -65,6 +66,19 @@ class PathPhase(enum.Enum):
 
 #: Final phases of path following.
 FINISHED = frozenset({PathPhase.REACHED, PathPhase.OFF_PATH, PathPhase.STUCK})
+
+
+def speed_share(status: int, scale: float) -> float:
+    """
+    Return the factor by which limits reduced the speed of a twist, for `PathTracker.update`.
+
+    A twist that slides along a limit has lost its component into the limit. Slower motion would
+    not restore this component, so path time is then slowed by the lag of the object only.
+
+    :param status: status of the command, see `Status`.
+    :param scale: factor by which limits reduced the twist, 0 to 1.
+    """
+    return 1.0 if status == Status.SLIDING else scale
 
 
 #: Largest period of the tracking [s]; predictions of long paths have long steps.
@@ -233,7 +247,8 @@ class PathTracker:
         :param measured: measured pose of the object.
         :param age: age of the pose [s].
         :param elapsed: time since the last cycle [s]; at most two periods of it are counted.
-        :param scale: factor by which the robot's limits reduced the last twist, 0 to 1.
+        :param scale: factor by which limits reduced the speed of the last twist, 0 to 1; see
+            `speed_share`.
         :param held: whether the robot is stopped.
         :raises PathError: the measured pose is not three finite numbers within range.
         """

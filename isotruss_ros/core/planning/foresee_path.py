@@ -40,6 +40,7 @@ from isotruss_ros.core.paths.path_tracking import (
     FINISHED,
     PathPhase,
     PathTracker,
+    speed_share,
     TrackingSettings,
 )
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
@@ -176,7 +177,7 @@ def _follow(
     grips, least_margin, why = [held], held.slip_margin(friction), ''
     elapsed, command = 0.0, None
     for number in range(MAX_STEPS):
-        scale = 1.0 if command is None else command.scale
+        scale = 1.0 if command is None else speed_share(command.status, command.scale)
         tracking = tracker.update(held.pose, 0.0, elapsed, scale)
         elapsed = step_time
         if tracking.phase in FINISHED:

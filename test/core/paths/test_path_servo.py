@@ -137,6 +137,15 @@ def test_a_slowed_robot_continues_on_its_path(status):
     assert step.tracking.twist[0] > 0.0
 
 
+def test_path_is_slowed_by_limits_of_speed_and_not_by_sliding_along_limits():
+    answers = (Status.OK, 1.0), (Status.SLIDING, 0.6), (Status.SLOWED_ROLLER_SPEED, 0.6)
+    free, sliding, slowed = (
+        len(run(begun(), 60.0, answer=ServoFeedback(*answer, ''))) for answer in answers
+    )
+    assert sliding == free
+    assert slowed > 3 * free
+
+
 def test_a_path_without_progress_ends_with_the_reason_of_the_robot():
     halted = ServoFeedback(Status.HALT_EMERGENCY_STOP, 0.0, 'somebody pressed the button')
     steps = run(begun(progress_timeout=0.5), 2.0, answer=halted)

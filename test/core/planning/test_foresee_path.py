@@ -85,21 +85,22 @@ def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
     assert anew.slip_margin > 1.3 * expected.slip_margin
 
 
-def follow_in_loop(robot, body, members, displacement, period=0.04):
+def follow_in_loop(robot, body, members, displacement, obstacles=(), cycles=1000, period=0.04):
     """Return the fraction of a straight path that the loop executes on the elastic plant."""
     grip = core.Grip(members, body, FRICTION)
-    servo = {'bounds': ShapeBounds()}
+    servo = {'bounds': ShapeBounds(), 'obstacles': obstacles}
     loop = SqueezeLoop(robot.home, grip, period=period, pose_gain=3.0, load=0.0, servo=servo)
     start, scale = np.array(loop.plant.object_pose), 1.0
     path = ObjectPath([start, start + displacement], SPEED, TURN_RATE)
     tracker = path_tracking.PathTracker(path, path_tracking.TrackingSettings(), period)
-    for number in range(1000):
+    for number in range(cycles):
         elapsed = period if number else 0.0
         tracking = tracker.update(loop.plant.object_pose, 0.0, elapsed, scale)
         if tracking.phase in path_tracking.FINISHED:
             reached = tracking.phase is path_tracking.PathPhase.REACHED
             return 1.0 if reached else tracking.progress
-        scale = loop.cycle(tracking.twist).command.scale
+        command = loop.cycle(tracking.twist).command
+        scale = path_tracking.speed_share(command.status, command.scale)
     return 0.0
 
 
@@ -122,6 +123,20 @@ def test_foresight_and_control_loop_agree_near_a_singularity(displacement, is_re
     assert (share == 1.0) is (foresight.share == 1.0) is is_reached
     assert share == pytest.approx(foresight.share, abs=0.02)
     assert bool(foresight.why) is not is_reached
+
+
+def test_object_that_slides_along_an_obstacle_reaches_its_goal_without_delay():
+    """The member beside the post slides, so a part of the feedback is blocked."""
+    center = core.tangent_center(NINE.home, 'north/Z', 0.3, 0.02)
+    body = core.ConvexObject.disc(center, 0.3, FRICTION)
+    post = (core.Obstacle('post', core.ConvexObject.disc((1.0158, 0.32694), 0.089)),)
+    members, displacement = members_at(NINE, 'north/Z'), np.array([-0.137, 0.009, -0.009])
+    grip = attach_grip(NINE.home, body, numbers(members))
+    poses = np.array([grip.pose, grip.pose + displacement])
+    assert foresee_path(grip, FRICTION, poses, SPEED, TURN_RATE, obstacles=post).share == 1.0
+    # The path takes 5 s at its full speed.
+    share = follow_in_loop(NINE, body, members, displacement, post, cycles=200)
+    assert share == 1.0
 
 
 #: Random robots with a module that holds a random disc at home.
