@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import (
@@ -27,6 +29,7 @@ from isotruss_ros.core.holding.held_grip import (
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling, LOOP_SOFT_RANK
+from isotruss_ros.core.manipulation.limits import default_limits
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
@@ -43,7 +46,7 @@ from isotruss_ros.core.paths.path_tracking import (
     speed_share,
     TrackingSettings,
 )
-from isotruss_ros.core.safety.shape_guard import ShapeGuard
+from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
 import numpy as np
 
 #: Length of a step, with rotations times the characteristic radius [m], and its longest time [s].
@@ -157,7 +160,11 @@ def foresee_path(
         return Foresight(held.pose, 1.0, held.slip_margin(friction), '', [held])
     step_time = min(STEP / max(speed, turn_rate * held.arm), MAX_STEP_TIME)
     step_time = max(step_time, path.duration / MAX_PATH_STEPS)
-    guard = ShapeGuard(held.config.robot, obstacles=obstacles)
+    robot, bounds = held.config.robot, ShapeBounds()
+    # The loop bounds the rate of a margin in short cycles; the longer step has the same decay.
+    rate = min(bounds.rate, robot.description.braking_rate)
+    bounds = replace(bounds, rate=-math.expm1(-rate * step_time) / step_time)
+    guard = ShapeGuard(robot, bounds, obstacles=obstacles)
     return _follow(held, friction, PathTracker(path, settings, step_time), step_time, guard)
 
 
@@ -183,7 +190,7 @@ def _follow(
         if tracking.phase in FINISHED:
             break
         try:
-            command = find_command(held, friction, squeeze, tracking.twist, guard)
+            command = find_command(held, friction, squeeze, tracking.twist, guard, step_time)
             moved = roll_held(held, friction, squeeze, step_time * command.roller_velocities)
         except ConfigurationError:
             why = OUT_OF_REACH
@@ -210,13 +217,23 @@ def _follow(
 
 
 def find_command(
-    held: HeldGrip, friction: float, squeeze: float, twist: Array, guard: ShapeGuard
+    held: HeldGrip,
+    friction: float,
+    squeeze: float,
+    twist: Array,
+    guard: ShapeGuard,
+    duration: float,
 ) -> RollerCommand:
-    """Return the command of the control loop for a twist (3,) at a squeeze [N]."""
+    """Return the command of the control loop for a twist (3,) in a step [s], at a squeeze [N]."""
     opening = (squeeze - held.squeeze) / (held.squeeze_stiffness() * SQUEEZE_TIME)
-    grip = measure_gaps(held, friction)
-    limits = guard.limits(held.config, grip)
-    return solve_twist(held.config, grip, twist, (), limits, LOOP_HANDLING, opening)
+    config, grip = held.config, measure_gaps(held, friction)
+    watch = guard.watch(config, grip)
+    limits = (*default_limits(config.robot), *watch.limits)
+    command = solve_twist(config, grip, twist, (), limits, LOOP_HANDLING, opening)
+    if not watch.limits:  # no step crosses the band of a barrier
+        return command
+    # The limits are linearised at the start of the step, with the rollers at rest.
+    return watch.keep(command, np.zeros(len(config.roller_positions)), duration)
 
 
 def roll_held(held: HeldGrip, friction: float, squeeze: float, travel: Array) -> HeldGrip | str:
