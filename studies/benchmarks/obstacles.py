@@ -6,7 +6,8 @@ Clearance from obstacles, evasion of moving obstacles, and the time of a cycle w
 In a random room, obstacles are near a robot that holds a disc; twists change every two seconds.
 Clearances are those of the true state after every cycle; the bound is 20 mm. A moving obstacle
 crosses the room through the middle of the robot. It *reaches* the robot if the clearance becomes
-negative; the robot says so before by a halt or by a status with its name.
+negative; the robot says so before by a halt or by a status with its name. Grasps are planned of
+the free discs of the case `grasp_planner`.
 """
 
 from __future__ import annotations
@@ -21,11 +22,13 @@ from typing import NamedTuple
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
+    GraspRequirements,
     Grip,
     IsotrussError,
     load_robot,
     Obstacle,
     place_between,
+    plan_grasps,
     Robot,
     RollingGrip,
     Status,
@@ -39,9 +42,10 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSetting
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from studies.benchmarks.grasp_planner import objects
 from studies.benchmarks.measuring import part, Table
 from studies.comparison.carrying import RATE, Regulated, squeeze_in
-from studies.comparison.rooms import clearance, random_room
+from studies.comparison.rooms import clearance, Placed, random_room
 from studies.comparison.walks import GRIPS, ROBOT, rolled
 
 PERIOD, DURATION = 0.01, 30.0
@@ -195,6 +199,24 @@ def mujoco_rooms() -> list[list[str]]:
     return [[str(x) for x in (rooms, contacts, f'{1e3 * lowest:.1f}', limited, halts, lost)]]
 
 
+def planned_grasps() -> list[list[str]]:
+    """Return the row of grasps of free discs between two obstacles."""
+    bodies, found, by_obstacles, lowest = objects(part(50)), 0, 0, math.inf
+    for seed, body in enumerate(bodies):
+        rng = np.random.default_rng([seed, 10])
+        room = random_room(rng, Placed(ROBOT.home, body), 2, BOUND + 1e-3)
+        needs = GraspRequirements(count=1, obstacles=tuple(room))
+        plan = plan_grasps(ROBOT.home, body, needs, thorough=False)
+        for grasp in plan:
+            places = (Placed(ROBOT.configuration(rollers), body) for rollers in grasp.path)
+            lowest = min(lowest, *(clearance(place, room) for place in places))
+        found += len(plan) > 0
+        if not len(plan):
+            by_obstacles += plan.closest_violation.requirement == 'obstacle_clearance'
+    cells = len(bodies), found, f'{1e3 * lowest:.1f}', len(bodies) - found, by_obstacles
+    return [[str(x) for x in cells]]
+
+
 def cycle_times() -> list[list[str]]:
     """Return the rows of cycle times with several numbers of obstacles."""
     rows, base = [], 0.0
@@ -230,5 +252,8 @@ def tables() -> Iterator[Table]:
         'smallest clearance of the others [mm]',
     )
     yield Table('A moving obstacle, up to 0.2 m/s', header, moving_obstacles())
+    header = ('discs', 'grasps', 'smallest clearance of their paths [mm]', 'without a grasp')
+    header += ('of these: obstacle named',)
+    yield Table('Grasps between two obstacles', header, planned_grasps())
     header = ('obstacles', 'mean [ms]', 'relative', '99 % [ms]')
     yield Table('Time of a cycle', header, cycle_times())

@@ -6,8 +6,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, Obstacle, Polygon, RollingGrip
+from isotruss_ros.core import (
+    Configuration,
+    ConvexObject,
+    Disc,
+    Ellipse,
+    Obstacle,
+    Polygon,
+    RollingGrip,
+)
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.model.convex_object import segment_gaps
@@ -17,10 +26,17 @@ from isotruss_ros.core.model.shapes import Shape
 import numpy as np
 
 
-def clearance(held: RollingGrip | HeldGrip, obstacles: Sequence[Obstacle]) -> float:
-    """Return the least distance of robot and held object from obstacles [m]."""
+class Placed(NamedTuple):
+    """Free object beside a robot in a configuration."""
+
+    config: Configuration  #: configuration of the robot
+    body: ConvexObject  #: the object at its pose
+
+
+def clearance(held: RollingGrip | HeldGrip | Placed, obstacles: Sequence[Obstacle]) -> float:
+    """Return the least distance of robot and object from obstacles [m]."""
     model, config = collision_model(held.config.robot), held.config
-    body = held.body if isinstance(held, HeldGrip) else held.grip.body
+    body = held.grip.body if isinstance(held, RollingGrip) else held.body
     starts, ends = model.part_ends(config)
     distances = [np.inf]
     for obstacle in obstacles:
@@ -41,7 +57,7 @@ def random_obstacle_shape(rng: np.random.Generator) -> Shape:
 
 def random_room(
     rng: np.random.Generator,
-    held: RollingGrip | HeldGrip,
+    held: RollingGrip | HeldGrip | Placed,
     count: int = 3,
     least: float = 0.025,
     wall: bool = False,
