@@ -49,7 +49,7 @@ def test_path_leads_around_an_obstacle_on_the_straight_line():
     assert plan.poses[-1] == pytest.approx(BEHIND)
     foresight = foresee_path(HELD, 0.8, plan.poses, obstacles=[POST])
     assert foresight.why == ''
-    assert min(clearance(grip, [POST]) for grip in foresight.grips) > 0.018
+    assert min(clearance(grip, [POST]) for grip in foresight.grips) > 0.0199
 
 
 def test_goal_within_an_obstacle_is_refused_with_its_name():
