@@ -33,14 +33,11 @@ def measure(offsets, readings, joints=ALL, noise=0.0, seed=0):
         nodes = ROBOT.configuration(reading + offsets).nodes + noise * rng.normal(
             size=ROBOT.home.nodes.shape
         )
-        postures.append(
-            Posture(reading, {name: tuple(nodes[NAMES.index(name)]) for name in joints})
-        )
+        postures.append(Posture(reading, {n: tuple(nodes[NAMES.index(n)]) for n in joints}))
     return postures
 
 
 def draw_offsets(seed, size=0.015):
-    """Return random roller offsets."""
     return size * np.random.default_rng(seed).normal(size=N)
 
 
@@ -104,10 +101,7 @@ SIGNS = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
 MISTAKES = {
     'markers in mm': (wrong(lambda _, z: 1e3 * z), 'the markers are in mm'),
     'encoders in mm': (wrong(reading=lambda x: 1e3 * x), 'the encoders read in mm'),
-    'encoder sign': (
-        wrong(reading=lambda x: SIGNS * x),
-        'the encoder of east/Q counts the other way',
-    ),
+    'encoder sign': (wrong(reading=lambda x: SIGNS * x), 'encoder of east/Q counts the other way'),
     'encoders swapped': (
         wrong(reading=lambda x: x[[3, 1, 2, 0, 4, 5]]),
         'the names of the encoders of south/P and east/R are swapped',
@@ -178,11 +172,9 @@ def test_measured_displacements_become_the_stiffness_scale_of_the_file(tmp_path,
 
 
 def test_comments_and_deviations_are_in_the_file(tmp_path):
-    posture = read_postures(table(tmp_path, ROBOT.home.nodes), ROBOT)
+    rows = read_postures(table(tmp_path, ROBOT.home.nodes), ROBOT)
     output = tmp_path / 'mine.yaml'
-    write_robot_file(
-        ROBOT, output, calibrate_home(ROBOT, posture), StiffnessCalibration(0.6, 0.02)
-    )
+    write_robot_file(ROBOT, output, calibrate_home(ROBOT, rows), StiffnessCalibration(0.6, 0.02))
     assert '# home position of each universal joint [m]' in output.read_text()
     known = load_robot(output).description.calibration
     assert known['stiffness_deviation'] == 0.02
@@ -194,10 +186,7 @@ def test_comments_and_deviations_are_in_the_file(tmp_path):
     [
         ('posture,joint\n1,P\n', 'columns x, y, south/P'),
         (f'{HEAD}\n1,P,a,0,0,0,0,0,0,0\n', "line 2: x 'a': must be a finite number"),
-        (
-            f'{HEAD}\n1,P,0,0,0,0,0,0,0,0\n1,P,0,0,0,0,0,0,0,0\n',
-            'line 3: joint .P. of posture .1.',
-        ),
+        (f'{HEAD}\n1,P,0,0,0,0,0,0,0,0\n1,P,0,0,0,0,0,0,0,0\n', 'line 3: joint .P. of posture .1'),
         (f'{HEAD}\n1,P,0,0,0,0,0,0,0,0\n1,Q,0,0,0,0,0,0,0,1\n', 'the rollers are in one place'),
     ],
 )

@@ -6,15 +6,11 @@
 from pathlib import Path
 import re
 
-from hypothesis import given, strategies
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_ros.calibration import measurements
 from isotruss_ros.calibration.beam_fit import fit_beam
 from isotruss_ros.calibration.law import fit_law
-from isotruss_ros.calibration.measurements import (
-    MAX_FILE_SIZE,
-    MeasurementError,
-    MODES,
-    read_measurements,
-)
 from isotruss_ros.cli.fit_tube_stiffness import main
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import Law
@@ -68,16 +64,11 @@ def grid():
 
 def measured(modes, lengths, pressures, tube=TUBE):
     cases = zip(modes, lengths, pressures, strict=True)
-    return np.array([stiffness(MODES[mode], L, p, tube) for mode, L, p in cases])
+    return np.array([stiffness(measurements.MODES[mode], L, p, tube) for mode, L, p in cases])
 
 
 @robots.examples(30)
-@given(
-    strategies.floats(3.0, 6.0),
-    strategies.floats(3.0, 6.0),
-    strategies.floats(-0.5, 2.0),
-    strategies.floats(0.02, 0.2),
-)
+@given(st.floats(3.0, 6.0), st.floats(3.0, 6.0), st.floats(-0.5, 2.0), st.floats(0.02, 0.2))
 def test_constants_of_any_tube_are_recovered_by_the_fit(wall, shear, ends, radius):
     tube = InflatableBeam(radius, 10.0**wall, 10.0**shear, 10.0**ends)
     case = grid()
@@ -133,7 +124,7 @@ def test_points_out_of_the_linear_range_are_named(softer, bend, tmp_path, capsys
     code, out, _ = run(capsys, path)
     assert code == 0
     model = accepted(out)
-    for mode in MODES:
+    for mode in measurements.MODES:
         k = stiffness(mode, 0.508, 34.5e3)
         assert stiffness(mode, 0.508, 34.5e3, model) == pytest.approx(k, rel=0.1)
     (counted,) = re.findall(r'(\d+) of 2160 rows not used', out)
@@ -154,7 +145,7 @@ def test_max_displacement_replaces_the_test_of_linearity(tmp_path, capsys):
     assert 'line 8-12' in out
 
 
-def changed(column, factor, modes=MODES):
+def changed(column, factor, modes=measurements.MODES):
     """Return exact points with one column of some modes times a factor."""
     rows = points()
     for row in rows[1:]:
@@ -163,8 +154,6 @@ def changed(column, factor, modes=MODES):
 
 
 NO_MODES = 'no block for the robot file'
-
-
 WRONG_UNITS = {
     'kPa': (changed(1, 1e-3), "pressure '34.5': must be from .* if it is in kPa, it is"),
     'lengths in mm': (changed(2, 1e3), "length '254.0': must be .* if it is in cm, it is 2.54 m"),
@@ -263,5 +252,7 @@ def test_invalid_file_gives_an_error_of_one_sentence(case, tmp_path, capsys):
 
 
 def test_file_that_never_ends_is_refused():
-    with pytest.raises(MeasurementError, match=f'at most {MAX_FILE_SIZE} bytes'):
-        read_measurements(Path('/dev/zero'))
+    with pytest.raises(
+        measurements.MeasurementError, match=f'at most {measurements.MAX_FILE_SIZE} bytes'
+    ):
+        measurements.read_measurements(Path('/dev/zero'))

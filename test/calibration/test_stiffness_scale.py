@@ -26,7 +26,6 @@ DEVIATION = 1e-3 / np.sqrt(20.0)
 
 
 def joints(nodes, noise=0.0, seed=0):
-    """Return measured joints."""
     rng = np.random.default_rng(seed)
     return {
         name: tuple(place + noise * rng.normal(size=2))
@@ -67,9 +66,8 @@ def test_ten_newtons_at_the_top_determine_the_scale_in_mujoco_within_five_percen
     before = joints(plant.nodes, DEVIATION, 1)
     plant.load_joint('Z', PULL['Z'])
     plant.settle(3.0)
-    result = calibrate_stiffness(
-        ROBOT.home, PULL, before, joints(plant.nodes, DEVIATION, 2), DEVIATION
-    )
+    under = joints(plant.nodes, DEVIATION, 2)
+    result = calibrate_stiffness(ROBOT.home, PULL, before, under, DEVIATION)
     assert result.scale == pytest.approx(scale, rel=0.05)
     assert abs(result.scale - scale) < 3.0 * result.deviation
 
