@@ -37,9 +37,7 @@ def done(value):
         ('pick --squeeze 12', PickObject.Result(code=1), PickObject.Goal(squeeze=12.0)),
     ],
 )
-def test_numbers_are_sent_and_the_code_of_the_result_is_that_of_the_exit(
-    words, result, goal, monkeypatch, capsys
-):
+def test_numbers_are_sent_and_the_code_is_the_exit_code(words, result, goal, monkeypatch, capsys):
     rclpy.try_shutdown()  # a command begins a context of its own
     goals, result.message = [], 'the end'
 

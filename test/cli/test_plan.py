@@ -12,15 +12,8 @@ import sys
 import time
 
 from held_grips import BOX_FILE
+from isotruss_ros import core
 from isotruss_ros.cli import plan_grasps as command
-from isotruss_ros.core import (
-    ConvexObject,
-    GraspRequirements,
-    load_robot,
-    plan_grasps,
-    read_object,
-    Uncertainty,
-)
 from isotruss_ros.core.planning.grasp_plan import path_times
 from isotruss_ros.workers import core_count, WorkerPool
 import numpy as np
@@ -38,7 +31,7 @@ def begun_workers(count, of=None, deadline=20.0):
     return result
 
 
-ROBOT = load_robot('nine_member')
+ROBOT = core.load_robot('nine_member')
 PLACE, ELLIPSE = (0.716, 0.43), '{shape: ellipse, semi_axes: [0.17, 0.15]}'
 TURNED, CHANCE = (*PLACE, 0.5), ['--uncertainty', '{friction: 0.3}']
 OBJECT = ['--center', '0.716', '0.43', '--diameter', '0.3']
@@ -50,18 +43,16 @@ DEADLINE = 240.0
 @pytest.mark.parametrize(
     ('number', 'shape', 'body'),
     [
-        ('1', ['--diameter', '0.3', *CHANCE], ConvexObject.disc(PLACE, 0.3)),
-        ('2', ['--object', ELLIPSE, '--angle', '0.5'], read_object(ELLIPSE).moved_to(TURNED)),
+        ('1', ['--diameter', '0.3', *CHANCE], core.ConvexObject.disc(PLACE, 0.3)),
+        ('2', ['--object', ELLIPSE, '--angle', '0.5'], core.read_object(ELLIPSE).moved_to(TURNED)),
     ],
 )
-def test_plan_is_the_same_as_in_the_core_with_one_process_or_two(
-    number, shape, body, tmp_path, capsys
-):
-    needs = GraspRequirements(
+def test_plan_is_that_of_the_core_with_one_process_or_two(number, shape, body, tmp_path, capsys):
+    needs = core.GraspRequirements(
         friction=0.6, module='north/Z', min_slip_margin=0.5, measure='total_force', count=2
     )
-    uncertainty = Uncertainty.of(ROBOT, body, CHANCE[1]) if CHANCE[0] in shape else None
-    expected = plan_grasps(ROBOT.home, body, needs, seed=4, uncertainty=uncertainty)
+    uncertainty = core.Uncertainty.of(ROBOT, body, CHANCE[1]) if CHANCE[0] in shape else None
+    expected = core.plan_grasps(ROBOT.home, body, needs, seed=4, uncertainty=uncertainty)
     assert expected.grasps
     options = ['--friction', '0.6', '--min-slip-margin', '0.5', '--measure', 'total_force']
     options += ['--count', '2', '--seed', '4', '--module', 'north/Z', '--center', *map(str, PLACE)]

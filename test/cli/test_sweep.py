@@ -21,7 +21,6 @@ except ModuleNotFoundError:
 pytestmark = pytest.mark.skipif(
     distributed is None, reason='needs the extra sweep: pip install distributed'
 )
-
 TRIANGLE = load_robot('triangle').home
 OBJECT = ConvexObject.disc((0.72, 0.45), 0.3)
 NEEDS = GraspRequirements(friction=0.7, count=2)
