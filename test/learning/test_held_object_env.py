@@ -52,9 +52,8 @@ def test_gymnasium_finds_no_fault(arguments):
 
 
 def test_the_registered_name_needs_no_import_beyond_gymnasium():
-    assert isinstance(
-        gymnasium.make(f'isotruss_ros.learning:{ENVIRONMENT}').unwrapped, HeldObjectEnv
-    )
+    made = gymnasium.make(f'isotruss_ros.learning:{ENVIRONMENT}')
+    assert isinstance(made.unwrapped, HeldObjectEnv)
 
 
 def test_episodes_of_the_same_seed_are_equal(env):
