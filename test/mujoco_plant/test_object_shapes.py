@@ -3,17 +3,9 @@
 
 """Objects, actuators, sensors and friction of the floor in the exported model."""
 
+from isotruss_ros import core
 from isotruss_ros.cli import export_mujoco
 from isotruss_ros.cli.export_mujoco import main
-from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    Disc,
-    Ellipse,
-    load_robot,
-    Polygon,
-    tangent_center,
-)
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.mujoco_plant.object_geoms import MIN_CORNER_RADIUS, object_geoms
@@ -27,13 +19,12 @@ from studies.comparison.grips import FINE, press_on, round_robot
 from studies.comparison.wedge import closed_to, MODULE, pressed_into
 
 pytestmark = needs_mujoco
-
 BOX = ((-0.12, -0.09), (0.12, -0.09), (0.12, 0.09), (-0.12, 0.09))
 SHAPES = {
-    'disc': Disc(0.3),
-    'ellipse': Ellipse((0.16, 0.1)),
-    'box': Polygon(BOX),
-    'rounded box': Polygon(BOX, (0.0, 0.01, 0.03, 0.05)),
+    'disc': core.Disc(0.3),
+    'ellipse': core.Ellipse((0.16, 0.1)),
+    'box': core.Polygon(BOX),
+    'rounded box': core.Polygon(BOX, (0.0, 0.01, 0.03, 0.05)),
 }
 
 
@@ -42,8 +33,8 @@ def test_the_surface_is_that_of_the_object(shape):
     """A ray from far away to the inside hits it where the object begins."""
     import mujoco
 
-    held = ConvexObject(shape, (3.0, 4.0, 0.7))
-    plant = MujocoPlant(load_robot('triangle'), held)
+    held = core.ConvexObject(shape, (3.0, 4.0, 0.7))
+    plant = MujocoPlant(core.load_robot('triangle'), held)
     geom = np.zeros(1, dtype=np.int32)
     for angle in np.linspace(0.0, 6.0, 25):
         away = complex(np.exp(1j * angle))
@@ -61,7 +52,7 @@ def test_contact_forces_agree_with_statics(name):
     held = pressed_into(config, MODULE, SHAPES[name], 0.5, 0.01)
     plant = press_on(config, held, members_at(config.robot, MODULE), segments=FINE)
     np.testing.assert_allclose(plant.object_pose(), held.pose, atol=1e-4)
-    forces, analysis = plant.contact_forces(), analyze_grasp(config, held)
+    forces, analysis = plant.contact_forces(), core.analyze_grasp(config, held)
     assert forces.keys() == analysis.contact_forces.keys()
     for member, force in forces.items():
         assert force.normal == pytest.approx(analysis.contact_forces[member], rel=0.05)
@@ -69,8 +60,8 @@ def test_contact_forces_agree_with_statics(name):
 
 
 def test_mass_and_friction_are_those_of_the_object():
-    held = ConvexObject(SHAPES['box'], (3.0, 4.0, 0.7), mass=2.0, friction=0.3)
-    plant = MujocoPlant(load_robot('triangle'), held)
+    held = core.ConvexObject(SHAPES['box'], (3.0, 4.0, 0.7), mass=2.0, friction=0.3)
+    plant = MujocoPlant(core.load_robot('triangle'), held)
     body = plant.model.body('object0')
     assert body.mass[0] == pytest.approx(2.0)
     assert body.inertia[2] == pytest.approx(2.0 * (0.24**2 + 0.18**2) / 12.0)
@@ -97,14 +88,14 @@ def test_objects_of_files_are_exported(tmp_path, capsys):
 
 
 def test_shape_without_geoms_is_refused_by_name():
-    class Other(Disc):
+    class Other(core.Disc):
         """Shape that MuJoCo does not know."""
 
     with pytest.raises(GraspError, match=r'Other.*: must be one of Disc, .* in MuJoCo'):
-        object_geoms(ConvexObject(Other(0.3)))
+        object_geoms(core.ConvexObject(Other(0.3)))
 
 
-ROBOT = load_robot('nine_member')
+ROBOT = core.load_robot('nine_member')
 NAMES, JOINTS = ROBOT.roller_names, ROBOT.topology.joint_names
 
 
@@ -137,7 +128,7 @@ def test_driven_rollers_move_the_joints_according_to_the_kinematics(tmp_path):
 
 
 def test_sensors_measure_speeds_and_objects(tmp_path):
-    x, y = tangent_center(ROBOT.home, 'north/Z', 0.3)
+    x, y = core.tangent_center(ROBOT.home, 'north/Z', 0.3)
     mujoco, model = load(tmp_path, '--object', str(x), str(y), '0.3')
     assert model.body('object0').pos[:2] == pytest.approx((x, y))
     data = mujoco.MjData(model)
@@ -152,7 +143,7 @@ def test_sensors_measure_speeds_and_objects(tmp_path):
     assert measured == pytest.approx([*body.xpos, *body.xquat])
 
 
-TRIANGLE = load_robot('triangle')
+TRIANGLE = core.load_robot('triangle')
 STILL = np.zeros(len(TRIANGLE.roller_names))
 
 

@@ -22,7 +22,6 @@ from studies.comparison.grips import hold_at_home
 from studies.comparison.random_carries import BOX, DISC
 
 pytestmark = needs_mujoco
-
 #: Masses of module and object [kg], those of the model over them, stiffness of plant over model.
 ROBOTS = [
     ((0.3, 0.2), 3.0, 0.6),
@@ -86,7 +85,6 @@ class Carry(Regulated):
         self.errors.append(self.even * (np.array(self.plant.object_pose()) - self.goal))
 
     def push(self, wrench, duration=0.1):
-        """Push the object for a while."""
         self.plant.pull(wrench)
         self.run(duration)
         self.plant.pull((0.0, 0.0, 0.0))
@@ -108,9 +106,7 @@ def test_a_push_decays(grasp, robot):
 
 @pytest.mark.parametrize(
     ('grasp', 'masses'),
-    some_now(
-        [('brick', (0.3, 5.0)), ('three members', (5.0, 0.5)), ('disc 0.2 m', (5.0, 0.5))], 1
-    ),
+    some_now([('brick', (0.3, 5)), ('three members', (5, 0.5)), ('disc 0.2 m', (5, 0.5))]),
 )
 def test_the_frequency_is_that_of_a_plucked_object(grasp, masses):
     carry = Carry(grasp, masses)
