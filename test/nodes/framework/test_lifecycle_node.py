@@ -52,10 +52,7 @@ def test_waits_unconfigured_without_autostart_and_publishes_only_while_active(ki
 def test_manipulation_commands_zero_before_it_is_deactivated():
     with world(manipulation()) as w:
         manager = Manager(w, 'manipulation')
-        for transition in (
-            Transition.TRANSITION_DEACTIVATE,
-            Transition.TRANSITION_ACTIVE_SHUTDOWN,
-        ):
+        for transition in (DOWN[0], Transition.TRANSITION_ACTIVE_SHUTDOWN):
             w.probe.seen['command'].clear()
             w.until(lambda: np.nan_to_num(w.command()).any(), w.probe.send_all)
             assert manager.ask(transition)

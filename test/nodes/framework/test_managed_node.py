@@ -21,7 +21,6 @@ from std_srvs.srv import Trigger
 
 PLACE = Spec('place', 'here', 'Where', read_only=True)
 SPEED = Spec('speed', 1.0, 'How quick', bounds=(0.0, 2.0))
-
 #: What a step of the node raises: one of ours, one that nobody thought of.
 REFUSAL = IsotrussError('the place is taken')
 ACCIDENT = ZeroDivisionError('an accident')

@@ -53,9 +53,8 @@ def test_codes_are_those_of_the_message(message):
 def test_every_parameter_is_described_and_every_number_has_a_range(name):
     with world(node_classes()[name]) as w:
         node = w.nodes[1]
-        own = [
-            n for n in node.get_parameters_by_prefix('') if not n.startswith(('use_', 'start_'))
-        ]
+        names = node.get_parameters_by_prefix('')
+        own = [name for name in names if not name.startswith(('use_', 'start_'))]
         for descriptor in node.describe_parameters(own):
             assert descriptor.description, f'{name}: {descriptor.name}: its Spec needs a text'
             range_field = RANGES.get(descriptor.type)
@@ -115,11 +114,7 @@ REFUSED = [
     ('manipulation', {'mode': 'joint'}, 'P, Q, R, X, Y, Z'),
     ('manipulation', {'mode': 'joints'}, 'must be one of'),
     ('manipulation', {'joint': 'S'}, 'no such joint'),
-    (
-        'manipulation',
-        {'object_diameter': -1.0},
-        '^parameter object_diameter: -1.0: out of range; ',
-    ),
+    ('manipulation', {'object_diameter': -1.0}, '^parameter object_diameter: -1.0: out of range'),
     ('grasp_analysis', {'object': 'nowhere/box.yaml'}, r'box\.yaml: cannot be read'),
     ('grasp_planner', {'workers': -1}, 'workers: -1: out of range; must be from 0 to 256'),
     ('simulator', {'robot': '/nowhere.yaml'}, 'no such file'),
