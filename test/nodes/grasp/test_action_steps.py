@@ -211,10 +211,8 @@ def test_a_refused_parameter_ends_the_steps_with_its_reason():
 def test_heartbeats_of_another_goal_do_not_replace_those_of_the_own_client():
     own, other, timeout = bytes(16), bytes(range(16)), 0.2
     with world() as w:
-        watch, beats = (
-            supervision.ClientWatch(w.probe),
-            w.probe.create_publisher(GoalInfo, supervision.TOPIC, 1),
-        )
+        watch = supervision.ClientWatch(w.probe)
+        beats = w.probe.create_publisher(GoalInfo, supervision.TOPIC, 1)
 
         def beat(*goals):
             for goal in goals:

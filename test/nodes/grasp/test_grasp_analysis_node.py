@@ -9,13 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Point, Pose
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    read_object,
-    settle_grasp,
-    tangent_center,
-)
+from isotruss_ros import core
 from isotruss_ros.nodes.conversions.grasp_messages import read_query, to_wrench_message
 from isotruss_ros.nodes.conversions.messages import make_header, MessageError, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
@@ -29,7 +23,7 @@ from sensor_msgs.msg import FluidPressure
 from studies.comparison.wedge import pressed_into
 from visualization_msgs.msg import Marker, MarkerArray
 
-SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.01)
+SQUEEZED = core.tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.01)
 node = maker(GraspAnalysisNode)
 
 
@@ -48,9 +42,8 @@ def check_analysis(state, expected, settled):
         assert getattr(state, name) == pytest.approx(getattr(expected, name), rel=1e-6), name
     assert state.closed_by_friction == expected.closed_by_friction
     wrench = state.normal_wrench
-    assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(
-        expected.normal_wrench, rel=1e-6
-    )
+    wanted = expected.normal_wrench
+    assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(wanted, rel=1e-6)
     grip = settled.equilibrium
     contacts = state.contacts
     assert [c.normal_force for c in contacts] == pytest.approx(grip.state.normal_forces, rel=1e-6)
@@ -72,8 +65,9 @@ def check_analysis(state, expected, settled):
 
 
 def test_publishes_the_result_of_the_analysis():
-    body = ConvexObject.disc(SQUEEZED, DIAMETER)
-    expected, settled = analyze_grasp(ROBOT.home, body, 0.5), settle_grasp(ROBOT.home, body, 0.5)
+    body = core.ConvexObject.disc(SQUEEZED, DIAMETER)
+    expected = core.analyze_grasp(ROBOT.home, body, 0.5)
+    settled = core.settle_grasp(ROBOT.home, body, 0.5)
     with world(node()) as w:
         state = until_ok(w)
         assert state.header.frame_id == 'truss'
@@ -105,7 +99,7 @@ def check_region(marker, state):
 
 def test_a_wrinkling_tube_is_a_warning_with_its_moment_while_it_lasts():
     with world(node(friction=0.8)) as w:
-        wrinkled = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.06)
+        wrinkled = core.tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.06)
         for center, code, level in (
             (wrinkled, GraspCode.WRINKLED, DiagnosticStatus.WARN),
             (SQUEEZED, GraspCode.OK, DiagnosticStatus.OK),
@@ -152,7 +146,7 @@ def test_markers_show_the_grasp_and_leave_nothing_behind():
         assert disc.scale.x == disc.scale.y == DIAMETER
         assert disc.color.r > disc.color.g  # open
         # Just out of touch: the arrows and regions go.
-        away = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=-0.01)
+        away = core.tangent_center(ROBOT.home, MODULE, DIAMETER, shift=-0.01)
         w.until(lambda: update() == {'members', 'deformed', 'object'}, feed(w, center=away))
         # Nothing is known: nothing is shown.
         w.until(lambda: update() == set())
@@ -166,9 +160,9 @@ BOX = (
 
 @pytest.mark.parametrize('friction', [None, 0.9])
 def test_the_service_analyses_any_object_in_its_pose(friction):
-    shape, load = read_object(BOX).shape, (1.0, -2.0, 0.1)
+    shape, load = core.read_object(BOX).shape, (1.0, -2.0, 0.1)
     pose = pressed_into(ROBOT.home, MODULE, shape, 0.3, 0.015).pose
-    box = ConvexObject(shape, pose, friction=friction)
+    box = core.ConvexObject(shape, pose, friction=friction)
     request = AnalyzeGrasp.Request(
         object=to_object_message(box),
         object_pose=to_pose_message(pose),
@@ -176,8 +170,8 @@ def test_the_service_analyses_any_object_in_its_pose(friction):
         friction=0.7,
         external_wrench=to_wrench_message(load),
     )
-    expected = analyze_grasp(ROBOT.home, box, friction or 0.7, load)
-    settled = settle_grasp(ROBOT.home, box, friction or 0.7, load)
+    expected = core.analyze_grasp(ROBOT.home, box, friction or 0.7, load)
+    settled = core.settle_grasp(ROBOT.home, box, friction or 0.7, load)
     with world(node()) as w:
         answer = w.call('analyze_grasp', request)
         assert answer.success, answer.message
@@ -204,8 +198,8 @@ def test_two_objects_or_none_are_refused(fields, words):
 
 def test_measured_pressures_are_used_while_they_are_fresh():
     softer = (20e3, 20e3, 20e3)
-    body = ConvexObject.disc(SQUEEZED, DIAMETER)
-    expected = analyze_grasp(ROBOT.home, body, 0.5, pressure=softer)
+    body = core.ConvexObject.disc(SQUEEZED, DIAMETER)
+    expected = core.analyze_grasp(ROBOT.home, body, 0.5, pressure=softer)
     with world(node(pressure_timeout=0.5)) as w:
 
         def send(count=3):

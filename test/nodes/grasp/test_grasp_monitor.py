@@ -6,14 +6,7 @@
 from dataclasses import replace
 import math
 
-from isotruss_ros.core import (
-    ConvexObject,
-    load_robot,
-    Pose,
-    settle_grasp,
-    tangent_center,
-    Uncertainty,
-)
+from isotruss_ros import core
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -23,10 +16,10 @@ from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
 import pytest
 
-ROBOT = load_robot('nine_member')
+ROBOT = core.load_robot('nine_member')
 DIAMETER, FRICTION, SPACING = 0.3, 0.5, 0.005
-CENTER = tangent_center(ROBOT.home, 'north/Z', DIAMETER, shift=0.01)
-POSE = Pose(*CENTER, 0.0)
+CENTER = core.tangent_center(ROBOT.home, 'north/Z', DIAMETER, shift=0.01)
+POSE = core.Pose(*CENTER, 0.0)
 HOME = np.zeros(len(ROBOT.roller_names))
 NOW, TIMEOUT = 1000.0, 0.2
 WRENCH = (0.5, -2.0, 0.1)
@@ -37,7 +30,7 @@ def at(positions, velocities=0.0 * HOME):
 
 
 def question(**changes):
-    body = ConvexObject.disc(CENTER, DIAMETER)
+    body = core.ConvexObject.disc(CENTER, DIAMETER)
     return GraspQuery((), body, FRICTION, (0.0, 0.0, 0.0), SPACING)._replace(**changes)
 
 
@@ -51,7 +44,7 @@ def monitor(query=None, **changes):
 
 
 def test_forces_are_those_of_the_grip_that_the_loop_has():
-    grip = attach_grip(ROBOT.home, ConvexObject.disc(CENTER, DIAMETER))
+    grip = attach_grip(ROBOT.home, core.ConvexObject.disc(CENTER, DIAMETER))
     grip = roll_grip(replace(grip, anchors=grip.anchors - np.array([0.002, -0.002])), ROBOT.home)
     displaced = np.zeros(12), np.zeros((12, 6))
     estimate = GripEstimate(np.array(POSE), np.eye(3), 20.0, 3.0, 0.0, *displaced)
@@ -72,15 +65,15 @@ def test_forces_are_those_of_the_grip_that_the_loop_has():
 @pytest.mark.parametrize('is_loop', [False, True])
 def test_chance_is_that_of_the_files_uncertainty(is_loop):
     block = {'friction': 0.05, 'roller_offset': 0.002}
-    body = ConvexObject.disc(CENTER, DIAMETER)
+    body = core.ConvexObject.disc(CENTER, DIAMETER)
     record = StampedInput(GripRecord.of(attach_grip(ROBOT.home, body)), NOW) if is_loop else None
     chances = []
     for about in (body, replace(body, uncertainty=block)):
         query = question(body=about, friction=0.63)
         report = monitor(query, wrench=None, held_grip=record).report(NOW)
         chances.append(report.grasp.chance)
-    settled = settle_grasp(ROBOT.home, body, 0.63)
-    expected = settled.chance(Uncertainty.of(ROBOT, about)).probability
+    settled = core.settle_grasp(ROBOT.home, body, 0.63)
+    expected = settled.chance(core.Uncertainty.of(ROBOT, about)).probability
     assert math.isnan(chances[0])
     assert 0.1 < chances[1] < 0.99
     assert chances[1] == pytest.approx(expected, abs=0.01)
@@ -103,7 +96,7 @@ def test_computes_only_when_something_has_changed():
     first = live.report(NOW).grasp
     later = NOW + 0.1
     live.inputs.rollers = StampedInput(at(HOME, HOME + 0.01), later)
-    live.inputs.pose = StampedInput(Pose(*POSE), later)
+    live.inputs.pose = StampedInput(core.Pose(*POSE), later)
     report = live.report(later)
     assert report.grasp is first
     assert report.time == later
@@ -111,7 +104,7 @@ def test_computes_only_when_something_has_changed():
         ('rollers', StampedInput(at(HOME + 1e-9), later)),
         ('pose', StampedInput(POSE._replace(y=POSE.y + 1e-9), later)),
         ('wrench', StampedInput((0.5, -2.0, 0.1 + 1e-9), later)),
-        ('query', question(body=ConvexObject.disc(CENTER, DIAMETER + 1e-9))),
+        ('query', question(body=core.ConvexObject.disc(CENTER, DIAMETER + 1e-9))),
         ('query', question(friction=FRICTION + 1e-9)),
         ('query', question(spacing=SPACING + 1e-9)),
     ):
@@ -132,7 +125,7 @@ def test_an_object_without_equilibrium_is_reported_as_such():
 def test_a_request_does_not_change_the_current_result():
     live = monitor()
     first = live.report(NOW).grasp
-    other = live.analyze_request(question(body=ConvexObject.disc(CENTER, 0.31)), NOW + 0.05)
+    other = live.analyze_request(question(body=core.ConvexObject.disc(CENTER, 0.31)), NOW + 0.05)
     assert other.code is GraspCode.OK
     assert other.time == NOW
     assert other.grasp.analysis.normal_forces.sum() > first.analysis.normal_forces.sum()

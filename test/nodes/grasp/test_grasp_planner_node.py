@@ -29,9 +29,6 @@ import pytest
 Result = PlanGrasp.Result
 
 
-# Goals and results
-
-
 def test_the_object_of_a_goal_goes_before_that_of_the_parameter():
     lying = PoseStamped(pose=to_pose_message(core.Pose(0.5, -0.3, -0.5)))
     box = core.read_object(BOX_FILE).moved_to((0.5, -0.3, -0.5))
@@ -88,20 +85,12 @@ def test_rejects_goals(fields, words):
 
 def test_reads_every_requirement():
     wrench = Wrench(force=Vector3(x=0.01), torque=Vector3(z=0.001))
-    scalars = {
-        'friction': 0.7,
-        'module': 'north/R',
-        'max_contact_force': 19.0,
-        'max_total_force': 37.0,
-        'min_rigidity': 0.2,
-        'measure': 'stiffness',
-        'count': 2,
-    }
+    scalars = {'friction': 0.7, 'module': 'north/R', 'measure': 'stiffness', 'count': 2}
+    scalars |= {'max_contact_force': 19.0, 'max_total_force': 37.0, 'min_rigidity': 0.2}
     about = {'center': (0.52, 0.31), 'object_diameter': 0.25, 'seed': 5, 'time_limit': 3.0}
     direction = (1.0, 0.0, 0.5)
-    arguments = read_goal(
-        goal(**about, **scalars, external_wrench=wrench, direction=np.array(direction)), ROBOT
-    )
+    about |= {'external_wrench': wrench, 'direction': np.array(direction)}
+    arguments = read_goal(goal(**about, **scalars), ROBOT)
     assert arguments.body == core.ConvexObject.disc((0.52, 0.31), 0.25)
     assert arguments.requirements == core.GraspRequirements(
         **scalars, external_wrench=(0.01, 0.0, 0.001), direction=direction
@@ -144,9 +133,6 @@ def test_the_result_has_the_planned_grasps_and_trajectories():
         times = np.array([seconds(point.time_from_start) for point in grasp.path.points])
         assert times == pytest.approx(export_path(expected)['times'], abs=1e-8)
         assert seconds(grasp.touch) == times[expected.touch]
-
-
-# The node
 
 
 class StandIn:

@@ -14,12 +14,8 @@ from isotruss_ros.nodes.grasp.searcher import Searcher, SearchOutcome
 import pytest
 
 #: What is searched for; no search of these tests computes anything.
-SEARCH = (
-    load_robot('nine_member').home,
-    ConvexObject.disc((0.716, 0.43), 0.3),
-    GraspRequirements(),
-    0,
-)
+BODY = ConvexObject.disc((0.716, 0.43), 0.3)
+SEARCH = load_robot('nine_member').home, BODY, GraspRequirements(), 0
 DEADLINE = 240.0
 
 

@@ -10,12 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.inputs import CLOCK_SKEW
-from isotruss_ros.nodes.conversions.messages import (
-    make_header,
-    MessageError,
-    read_pose,
-    read_stamp,
-)
+from isotruss_ros.nodes.conversions import messages
 from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.state_messages import read_estimate, to_estimate_message
 from isotruss_ros.nodes.simulator.node import Simulator
@@ -29,21 +24,10 @@ from sensor_msgs.msg import MultiDOFJointState
 
 NAMES = ROBOT.topology.joint_names
 #: Its encoders read zero where the tubes have run by this deviation, without an object nearby.
-PLANT = {
-    'object_is_free': True,
-    'object_pose': [0.6, 5.0, 0.0],
-    'zero_deviation': 0.01,
-    'tracker_rate': 20.0,
-    'tracker_noise': 0.001,
-    'tracker_dropouts': 0.3,
-    'marker_joints': ['all'],
-    'seed': 4,
-}
-
-
+PLANT = {'object_is_free': True, 'object_pose': [0.6, 5.0, 0.0], 'zero_deviation': 0.01, 'seed': 4}
+PLANT |= {'tracker_rate': 20.0, 'tracker_noise': 0.001, 'tracker_dropouts': 0.3}
+PLANT |= {'marker_joints': ['all']}
 estimator = maker(StateEstimatorNode)
-
-
 #: Joints at home.
 PLACES = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
 
@@ -128,7 +112,7 @@ def test_a_repeated_marker_message_is_used_once(ahead):
             w.spin(0.2, w.probe.send_joints)
             markers = w.probe.create_publisher(MultiDOFJointState, 'joint_markers', 10)
             message = to_joint_markers({'Q': tuple(ROBOT.home.nodes[1] + [0.0, 2e-3])})
-            message.header = make_header(w.probe.past(-ahead), 'truss')
+            message.header = messages.make_header(w.probe.past(-ahead), 'truss')
             for number in range(5):
                 if number < repeats:
                     markers.publish(message)
@@ -212,23 +196,15 @@ def test_an_estimate_survives_a_round_trip():
     )
     packed = serialize_message(to_estimate_message(estimate, ROBOT))
     sent = deserialize_message(packed, StateEstimate)
-    assert (read_stamp(sent.header), sent.header.frame_id) == (2.5, 'truss')
-    expected = {
-        'held': True,
-        'joint_names': list(NAMES),
-        'used_joints': ['P'],
-        'left_out_joints': ['Q', 'R'],
-        'slipping_rollers': ['north/Z'],
-        'improbable': True,
-        'may_be_upright': True,
-        'swapped_joints': ['Q', 'R'],
-        'pose_delay': 0.02,
-    }
+    assert (messages.read_stamp(sent.header), sent.header.frame_id) == (2.5, 'truss')
+    expected = {'held': True, 'joint_names': list(NAMES), 'improbable': True, 'pose_delay': 0.02}
+    expected |= {'used_joints': ['P'], 'left_out_joints': ['Q', 'R'], 'may_be_upright': True}
+    expected |= {'slipping_rollers': ['north/Z'], 'swapped_joints': ['Q', 'R']}
     assert {name: getattr(sent, name) for name in expected} == expected
     assert sent.travel == pytest.approx(estimate.travel)
     assert [(p.x, p.y) for p in sent.joints] == list(map(tuple, estimate.joints.tolist()))
     assert list(sent.joint_deviations) == list(range(1, count + 1))
-    assert read_pose('pose', sent.pose.pose) == pytest.approx((0.6, 0.3, 0.2))
+    assert messages.read_pose('pose', sent.pose.pose) == pytest.approx((0.6, 0.3, 0.2))
     planar = sent.pose.covariance.reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
     assert planar == pytest.approx(estimate.pose_covariance)
     result = read_estimate(sent, ROBOT)
@@ -248,12 +224,9 @@ def test_an_estimate_survives_a_round_trip():
     ],
 )
 def test_invalid_estimates_are_refused(changes):
-    good = {
-        'roller_names': list(ROBOT.roller_names),
-        'offsets': [0.0] * N,
-        'offset_covariance': [0.0] * N**2,
-    }
+    good = {'roller_names': list(ROBOT.roller_names), 'offsets': [0.0] * N}
+    good['offset_covariance'] = [0.0] * N**2
     estimate = StateEstimate(**(good | changes))
     estimate.header.frame_id = 'truss'
-    with pytest.raises(MessageError, match='state estimate'):
+    with pytest.raises(messages.MessageError, match='state estimate'):
         read_estimate(estimate, ROBOT)
