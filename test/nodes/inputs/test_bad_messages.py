@@ -193,12 +193,9 @@ rows = st.lists(values, max_size=N + 2)
     center=st.tuples(values, values),
     twist=st.tuples(values, values, values),
 )
-def test_any_numbers_move_the_rollers_within_their_limits_or_not_at_all(
-    names, positions, speeds, center, twist
-):
-    servo = TwistServo(
-        ROBOT, ServoSettings(disc_grip(ROBOT.home, MODULE), period=0.005, timeout=0.2)
-    )
+def test_any_numbers_move_the_rollers_within_limits(names, positions, speeds, center, twist):
+    settings = ServoSettings(disc_grip(ROBOT.home, MODULE), period=0.005, timeout=0.2)
+    servo = TwistServo(ROBOT, settings)
     message = JointState(name=list(names), position=positions, velocity=speeds)
     parts = RollerParts(NAMES)
     try:
@@ -252,9 +249,8 @@ def test_invalid_requests_of_an_analysis_get_the_reason():
             )
             request.external_wrench.force.x = numbers['force']
             answer = w.call('analyze_grasp', request)
-            expected = (
-                GraspCode.NO_CONFIGURATION if name == 'roller' else GraspCode.INVALID_REQUEST
-            )
+            codes = GraspCode.INVALID_REQUEST, GraspCode.NO_CONFIGURATION
+            expected = codes[name == 'roller']
             assert (answer.success, answer.state.code) == (False, expected), (name, value)
             assert answer.message
             assert not answer.state.force_closure

@@ -16,23 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros.core import tangent_center
 from isotruss_ros.core.numerics.arrays import MAX_LOAD
-from isotruss_ros.nodes.conversions.grasp_messages import (
-    read_external_wrench,
-    to_wrench_message,
-)
-from isotruss_ros.nodes.conversions.messages import (
-    make_header,
-    MessageError,
-    read_stamp,
-    read_twist,
-    to_twist_message,
-)
-from isotruss_ros.nodes.conversions.sensor_messages import (
-    read_joint_markers,
-    read_roller_part,
-    read_tube_pressure,
-    to_joint_markers,
-)
+from isotruss_ros.nodes.conversions import messages, sensor_messages
+from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench, to_wrench_message
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
@@ -47,7 +32,6 @@ BAD = (math.nan, math.inf, -math.inf)
 HUGE = (1e308, -1e308, 1e100)
 EXTREME, SMALL = (*BAD, *HUGE), (0.0, 0.5, 5e-324)
 MANY = 10**5
-
 numbers = st.floats(-1e3, 1e3)
 
 
@@ -79,7 +63,7 @@ def velocity(part, **components):
 PRESSURE_RANGE = 'must be from 1000 to 300000'
 REFUSED = {
     'joint states': (
-        lambda message: read_roller_part(message, NAMES),
+        lambda message: sensor_messages.read_roller_part(message, NAMES),
         [
             *((joint_states(position=[v] + [0.0] * (N - 1)), 'finite, at most') for v in EXTREME),
             *((joint_states(velocity=[v] * N), 'must be at most') for v in (math.inf, *HUGE)),
@@ -101,7 +85,9 @@ REFUSED = {
         ],
     ),
     'joint markers': (
-        lambda joints: read_joint_markers(to_joint_markers(joints), ROBOT),
+        lambda joints: sensor_messages.read_joint_markers(
+            sensor_messages.to_joint_markers(joints), ROBOT
+        ),
         [
             ({'W': (0.0, 0.0)}, "joint marker 'W': must be one of P, Q"),
             ({'P': (math.nan, 0.0)}, 'joint marker P at .nan, 0.0.: x must be finite'),
@@ -109,7 +95,7 @@ REFUSED = {
         ],
     ),
     'twist': (
-        read_twist,
+        messages.read_twist,
         [
             *((velocity('linear', **{axis: v}), 'finite') for axis in 'xy' for v in BAD),
             *((velocity('angular', z=v), 'finite') for v in BAD),
@@ -130,7 +116,7 @@ REFUSED = {
         ],
     ),
     'tube pressure': (
-        lambda message: read_tube_pressure(message, ROBOT, 0.0),
+        lambda message: sensor_messages.read_tube_pressure(message, ROBOT, 0.0),
         [
             (pressure('east', -1.0), rf'tube east \[Pa\]: -1.0: {PRESSURE_RANGE}'),
             (pressure('east', 34.5), rf'tube east \[Pa\]: 34.5: {PRESSURE_RANGE}'),
@@ -147,7 +133,7 @@ REFUSED = {
 def test_invalid_messages_are_rejected_with_the_faulty_field(name):
     read, cases = REFUSED[name]
     for message, words in cases:
-        with pytest.raises(MessageError, match=words) as error:
+        with pytest.raises(messages.MessageError, match=words) as error:
             read(message)
         assert len(str(error.value)) < 1000
 
@@ -163,27 +149,27 @@ def test_selects_the_rollers_in_any_order_among_other_joints(order, travel, spee
         position=[math.nan, *(travel[i] for i in order)],
         velocity=[math.inf, *(speeds[i] for i in order)],
     )
-    result = read_roller_part(message, NAMES)
+    result = sensor_messages.read_roller_part(message, NAMES)
     assert [result[i] for i in range(N)] == list(zip(travel, speeds, strict=True))
 
 
 @pytest.mark.parametrize('velocity', [[], [math.nan] * N])
 def test_velocities_that_are_not_measured_are_zero(velocity):
-    result = read_roller_part(joint_states(velocity=velocity), NAMES)
+    result = sensor_messages.read_roller_part(joint_states(velocity=velocity), NAMES)
     assert result == dict.fromkeys(range(N), (0.0, 0.0))
 
 
 @given(st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3))
 def test_twists_survive_a_round_trip(twist):
-    assert read_twist(to_twist_message(twist)) == twist
-    assert read_twist(to_twist_message(np.array(twist))) == twist
+    assert messages.read_twist(messages.to_twist_message(twist)) == twist
+    assert messages.read_twist(messages.to_twist_message(np.array(twist))) == twist
 
 
 @given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))
 def test_stamps_survive_a_round_trip(sec, nanosec):
-    when = read_stamp(Header(stamp=Time(sec=sec, nanosec=nanosec)))
-    assert read_stamp(make_header(when)) == pytest.approx(when, abs=3e-7)
-    assert read_stamp(make_header(-when)) == 0.0
+    when = messages.read_stamp(Header(stamp=Time(sec=sec, nanosec=nanosec)))
+    assert messages.read_stamp(messages.make_header(when)) == pytest.approx(when, abs=3e-7)
+    assert messages.read_stamp(messages.make_header(-when)) == 0.0
 
 
 @pytest.mark.parametrize('frame', ['', f'{FRAME}_object_aligned'])
@@ -200,5 +186,5 @@ def test_a_wrench_in_the_frame_of_the_object_turns_with_it():
 
 
 def test_ambient_pressure_is_subtracted_from_absolute_pressures():
-    result = read_tube_pressure(pressure('east', 121_325.0), ROBOT, 101_325.0)
+    result = sensor_messages.read_tube_pressure(pressure('east', 121_325.0), ROBOT, 101_325.0)
     assert result == ('east', pytest.approx(2e4))

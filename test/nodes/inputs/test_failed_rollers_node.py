@@ -16,8 +16,6 @@ import pytest
 from std_srvs.srv import Trigger
 
 FIRST, SECOND = ROBOT.roller_names[:2]
-
-
 node = maker(Manipulation)
 
 
@@ -55,9 +53,8 @@ def assert_held(w, *names, send=None):
 
 
 def test_a_roller_that_failed_by_parameter_is_held_and_the_rest_goes_on():
-    expected = reachable_twists(
-        ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER)), {FIRST}
-    )
+    grip = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
+    expected = reachable_twists(ROBOT.home, grip, {FIRST})
     with world(node(failed_rollers=[FIRST], failure_time=0.0)) as w:
         until_failed(w, FIRST)
         w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
@@ -100,9 +97,7 @@ def test_the_last_message_of_a_burst_names_the_failed_rollers():
         assert names_in(w) == (SECOND,)
 
 
-@pytest.mark.parametrize(
-    'names', [[FIRST, 'nobody'], ['x' * 10**5], [*map(str, range(10**4)), 'ü']]
-)
+@pytest.mark.parametrize('names', [[FIRST, 'W'], ['x' * 10**5], [*map(str, range(10**4)), 'ü']])
 def test_halts_on_unknown_names_of_failed_rollers(names):
     with moving_world() as w:
         publisher = publish(w, *names)

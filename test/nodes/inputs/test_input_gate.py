@@ -53,9 +53,6 @@ def send_gauges(w, tubes):
         w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=3e4))
 
 
-# Joint states in parts
-
-
 @pytest.mark.parametrize('parts', [(NAMES, ['gripper']), (NAMES[:3], NAMES[3:])])
 def test_joint_states_of_two_broadcasters_are_one_input(parts):
     with world(manipulation()) as w:
@@ -91,9 +88,6 @@ def test_a_broadcaster_that_falls_silent_stops_the_rollers_and_its_rollers_are_n
 
         status = w.until_code(Status.HALT_STALE_JOINT_STATES, half)
         assert f'roller {NAMES[3]} was read 0.' in status.message
-
-
-# Stamps
 
 
 UNUSABLE = {
@@ -197,9 +191,6 @@ def test_preflight_and_manipulation_allow_the_same_skew(ahead, right, capsys):
     printed = capsys.readouterr().out
     assert ('ok    encoders' in printed) is right
     assert ('FAULT encoders: joint states: stamped 0.02' in printed) is not right
-
-
-# Frames that move
 
 
 class Transforms:

@@ -100,9 +100,6 @@ def test_two_publishers_of_twists_are_reported_and_the_last_twist_is_executed():
         assert w.report('manipulation').level == DiagnosticStatus.WARN
 
 
-# Messages without a part of the input
-
-
 def send_gripper(w, *ages):
     for age in ages:
         w.probe.send_joints(age, name=['gripper'], position=[0.0])
@@ -110,13 +107,10 @@ def send_gripper(w, *ages):
 
 def test_joint_states_of_a_gripper_alone_are_named():
     with world(manipulation()) as w:
-
-        def send():
-            w.probe.send_pose()
-            w.probe.send_twist()
-            send_gripper(w, -0.02)
-
-        status = w.until_code(Status.HALT_INVALID_JOINT_STATES, send)
+        status = w.until_code(
+            Status.HALT_INVALID_JOINT_STATES,
+            lambda: (w.probe.send_pose(), w.probe.send_twist(), send_gripper(w, -0.02)),
+        )
         assert "joint states of 'gripper': must name south/P" in status.message
 
 

@@ -8,13 +8,7 @@ from types import SimpleNamespace
 from geometry_msgs.msg import TwistStamped
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core.inputs import (
-    InputError,
-    InputFault,
-    RejectedInput,
-    require_fresh,
-    StampedInput,
-)
+from isotruss_ros.core import inputs
 from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.framework.gate import Gate, Topic
 from isotruss_ros.nodes.framework.received_inputs import keep_latest, RollerParts
@@ -22,8 +16,8 @@ import numpy as np
 import pytest
 
 NOW, TIMEOUT = 100.0, 0.2
-NEW, LATE = StampedInput('new', NOW), StampedInput('late', NOW - 0.1)
-BAD = RejectedInput('bad')
+NEW, LATE = inputs.StampedInput('new', NOW), inputs.StampedInput('late', NOW - 0.1)
+BAD = inputs.RejectedInput('bad')
 
 
 def test_an_earlier_input_does_not_replace_a_later_one():
@@ -42,9 +36,9 @@ def test_an_input_replaces_one_that_is_none_rejected_or_from_the_future(kept, ne
 
 def test_a_rejection_is_the_reason_after_the_timeout_of_the_valid_input():
     kept = keep_latest(NEW, BAD, NOW)
-    with pytest.raises(InputError, match='bad') as caught:
-        require_fresh(NOW + 1.01 * TIMEOUT, TIMEOUT, object_pose=kept)
-    assert (caught.value.name, caught.value.fault) == ('object_pose', InputFault.INVALID)
+    with pytest.raises(inputs.InputError, match='bad') as caught:
+        inputs.require_fresh(NOW + 1.01 * TIMEOUT, TIMEOUT, object_pose=kept)
+    assert (caught.value.name, caught.value.fault) == ('object_pose', inputs.InputFault.INVALID)
 
 
 NAMES = ('a', 'b', 'c')
