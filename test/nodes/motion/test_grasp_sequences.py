@@ -5,14 +5,7 @@
 
 import math
 
-from isotruss_msgs.action import (
-    FollowObjectPath,
-    FollowRollerTrajectory,
-    MoveObject,
-    PickObject,
-    PlaceObject,
-    PlanGrasp,
-)
+from isotruss_msgs import action
 from isotruss_msgs.msg import GraspState, PlannedGrasp
 from isotruss_ros.core import ConvexObject, Pose, tangent_center
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -43,7 +36,7 @@ def replace_servers(monkeypatch, result):
 @pytest.fixture
 def correct(monkeypatch):
     """Return a function that corrects a displacement, and returns its note and goal."""
-    result = FollowObjectPath.Result(code=FollowObjectPath.Result.REACHED)
+    result = action.FollowObjectPath.Result(code=action.FollowObjectPath.Result.REACHED)
     client = replace_servers(monkeypatch, result)
 
     def run(displacement, noise, seed=0):
@@ -114,7 +107,7 @@ def test_stage_and_progress_of_a_release_are_those_of_its_trajectory(monkeypatch
     client, reports = replace_servers(monkeypatch, None), []
     with world(maker(PickAndPlace, command_timeout=1.0)()) as w:
         w.spin(0.1, send_held(w))
-        goal = w.send_goal(PlaceObject.Goal())
+        goal = w.send_goal(action.PlaceObject.Goal())
         w.until(lambda: client.goal is not None, send_held(w))
         points = client.goal.trajectory.points
         for client.desired in points:
@@ -122,29 +115,27 @@ def test_stage_and_progress_of_a_release_are_those_of_its_trajectory(monkeypatch
             reports.append((goal.feedback[-1].stage, goal.feedback[-1].progress))
     assert reports == sorted(reports)
     stages, progress = np.transpose(reports)
-    apart = stages.tolist().index(PlaceObject.Feedback.BACKING_OFF)
-    assert {*stages[:apart]} == {PlaceObject.Feedback.OPENING}
+    apart = stages.tolist().index(action.PlaceObject.Feedback.BACKING_OFF)
+    assert {*stages[:apart]} == {action.PlaceObject.Feedback.OPENING}
     assert progress[[0, apart - 1, -1]] == pytest.approx([0.0, 1.0, 1.0])
 
 
-def test_the_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_reported(
-    monkeypatch,
-):
-    client = replace_servers(monkeypatch, FollowRollerTrajectory.Result())
+def test_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_known(monkeypatch):
+    client = replace_servers(monkeypatch, action.FollowRollerTrajectory.Result())
     with world(maker(PickAndPlace, command_timeout=1.0, friction=0.8)()) as w:
         send = send_held(w)
         w.spin(0.1, send)
-        refusals = PlaceObject.Result
+        refusals = action.PlaceObject.Result
         for fields, code, words in (
             ({'max_rotation': 1e-9}, refusals.NO_MOTION_FOUND, 'turns the object by'),
             ({'max_rotation': math.nan}, refusals.BAD_GOAL, 'max_rotation'),
             ({'clearance': math.nan}, refusals.BAD_GOAL, 'clearance'),
             ({'clearance': -1.0}, refusals.BAD_GOAL, 'clearance'),
         ):
-            _, refused = w.finish(w.send_goal(PlaceObject.Goal(**fields)), send)
+            _, refused = w.finish(w.send_goal(action.PlaceObject.Goal(**fields)), send)
             assert refused.code == code
             assert words in refused.message
-        goal = w.send_goal(PlaceObject.Goal(clearance=0.05))
+        goal = w.send_goal(action.PlaceObject.Goal(clearance=0.05))
         w.until(lambda: client.goal is not None, send)
 
         def send_released():
@@ -172,9 +163,11 @@ def test_a_pick_sets_the_grip_and_reports_the_mean_squeeze_and_a_move_its_failur
     path = to_trajectory_message(ROBOT, [[0.0] * 6, [0.01] * 6], [0.0, 1.0])
     grasp = PlannedGrasp(module=module, squeeze=14.0, path=path)
     results = {
-        PlanGrasp: PlanGrasp.Result(grasps=[grasp]),
-        FollowRollerTrajectory: FollowRollerTrajectory.Result(),
-        FollowObjectPath: FollowObjectPath.Result(code=FollowObjectPath.Result.BAD_GOAL),
+        action.PlanGrasp: action.PlanGrasp.Result(grasps=[grasp]),
+        action.FollowRollerTrajectory: action.FollowRollerTrajectory.Result(),
+        action.FollowObjectPath: action.FollowObjectPath.Result(
+            code=action.FollowObjectPath.Result.BAD_GOAL
+        ),
     }
 
     def enter(w):
@@ -195,34 +188,32 @@ def test_a_pick_sets_the_grip_and_reports_the_mean_squeeze_and_a_move_its_failur
             w.spin(0.1, send)
             return w.finish(w.send_goal(goal), send)[1]
 
-        picked, again = result_of(PickObject.Goal()), result_of(PickObject.Goal())
+        picked, again = result_of(action.PickObject.Goal()), result_of(action.PickObject.Goal())
         assert (grip.squeeze_force, grip.grip_module) == (14.0, module)
         assert (picked.code, picked.squeeze, picked.module) == (0, 15.0, module)
         assert (again.code, again.held) == (again.BAD_GOAL, GraspState.HELD_YES)
         assert again.message.startswith('the object is already held by south/P-Q, south/Q-R')
-        assert result_of(MoveObject.Goal()).code == MoveObject.Result.BAD_GOAL
+        assert result_of(action.MoveObject.Goal()).code == action.MoveObject.Result.BAD_GOAL
 
 
 @pytest.mark.parametrize(
     ('planned', 'code'),
     [
-        (PlanGrasp.Result.NONE_FOUND, PickObject.Result.NO_MOTION_FOUND),
-        (PlanGrasp.Result.FAILED, PickObject.Result.STOPPED),
-        (PlanGrasp.Result.NO_JOINT_STATES, PickObject.Result.NOT_READY),
+        (action.PlanGrasp.Result.NONE_FOUND, action.PickObject.Result.NO_MOTION_FOUND),
+        (action.PlanGrasp.Result.FAILED, action.PickObject.Result.STOPPED),
+        (action.PlanGrasp.Result.NO_JOINT_STATES, action.PickObject.Result.NOT_READY),
     ],
 )
-def test_a_pick_searches_as_its_goal_requires_and_reports_the_violated_requirement(
-    monkeypatch, planned, code
-):
+def test_pick_searches_as_its_goal_requires_and_reports_the_violation(monkeypatch, planned, code):
     violation = {'violated_requirement': 'slip_margin', 'violation_value': 1.0}
     violation |= {'violation_bound': 2.0, 'message': 'none found'}
-    client = replace_servers(monkeypatch, PlanGrasp.Result(code=planned, **violation))
+    client = replace_servers(monkeypatch, action.PlanGrasp.Result(code=planned, **violation))
     fields = {'module': MODULE, 'squeeze': 14.0, 'min_slip_margin': 2.0, 'time_limit': 3.0}
     with world(maker(PickAndPlace, command_timeout=1.0, friction=0.7)()) as w:
-        _, unready = w.finish(w.send_goal(PickObject.Goal()))
-        assert unready.code == PickObject.Result.NOT_READY
+        _, unready = w.finish(w.send_goal(action.PickObject.Goal()))
+        assert unready.code == action.PickObject.Result.NOT_READY
         w.spin(0.1, w.probe.send_measured)
-        goal = w.send_goal(PickObject.Goal(**fields, members=['north/P-Z']))
+        goal = w.send_goal(action.PickObject.Goal(**fields, members=['north/P-Z']))
         (_, result), asked = w.finish(goal, w.probe.send_measured), client.goal
     assert result.code == code
     assert {name: getattr(result, name) for name in violation} == violation

@@ -75,10 +75,7 @@ def mover(monkeypatch):
 
 @pytest.mark.parametrize(
     'reports',
-    [
-        [(UNKNOWN, SILENT, 0.8), (YES, SILENT, 0.2), (UNKNOWN, SILENT, 0.8)],
-        [(SILENT, YES, 4.0)],
-    ],
+    [[(UNKNOWN, SILENT, 0.8), (YES, SILENT, 0.2), (UNKNOWN, SILENT, 0.8)], [(SILENT, YES, 4.0)]],
     ids=['analysis without result', 'late analysis while the loop holds the object'],
 )
 def test_motion_continues_while_no_hold_is_unknown_for_the_timeout(mover, reports):

@@ -26,13 +26,10 @@ from std_srvs.srv import Trigger
 from trajectories import AWAY, trajectory
 
 FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
-TWIST = (0.01, 0.01, 0.0)
-
-
+TWIST, FORWARD = (0.01, 0.01, 0.0), (0.02, 0.0, 0.0)
 #: The robot holds the box between two sides.
-holding = maker(
-    Manipulation, failure_time=0.0, object=BOX_FILE, grip=list(APART), command_timeout=5.0
-)
+BOX_HELD = {'object': BOX_FILE, 'grip': list(APART)}
+holding = maker(Manipulation, failure_time=0.0, command_timeout=5.0, **BOX_HELD)
 
 
 def send(w, moved=(0.0, 0.0, 0.0)):
@@ -87,9 +84,7 @@ def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
         w.until(lambda: squeeze() == pytest.approx(FORCE, rel=0.01), still(w))
         assert w.probe.last('status').code == Status.OK
         assert w.place()[:2] == pytest.approx(start[:2], abs=3e-3)
-        w.until(
-            lambda: w.place()[0] > start[0] + 0.01, lambda: w.probe.send_twist((0.02, 0.0, 0.0))
-        )
+        w.until(lambda: w.place()[0] > start[0] + 0.01, lambda: w.probe.send_twist(FORWARD))
         assert squeeze() == pytest.approx(FORCE, rel=0.02)
         assert w.place()[1] == pytest.approx(start[1], abs=3e-3)
 
@@ -149,7 +144,7 @@ observers = [
 def test_analysis_and_estimator_agree_with_the_loop_about_the_held_object():
     with world(plant, squeezing(), *observers) as w:
         w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
-        w.spin(1.0, lambda: w.probe.send_twist((0.02, 0.0, 0.0)))
+        w.spin(1.0, lambda: w.probe.send_twist(FORWARD))
         state, estimate, status = map(w.probe.last, ('state', 'estimate', 'status'))
         desired = read_pose('desired pose', status.desired_pose)
         assert desired[:2] == pytest.approx(w.place()[:2], abs=2e-3)
@@ -189,7 +184,7 @@ def test_published_records_decide_again_as_the_node_did():
         w.probe.create_subscription(
             String, 'manipulation/cycle', lambda message: texts.append(message.data), LATCHED
         )
-        texts, move = [], lambda: w.probe.send_twist((0.02, 0.0, 0.0))
+        texts, move = [], lambda: w.probe.send_twist(FORWARD)
         w.spin(0.5, move)
         w.nodes[2].set_parameters(overrides(squeeze_force=1.2 * FORCE))
         w.spin(0.5, move)
@@ -202,9 +197,7 @@ def test_published_records_decide_again_as_the_node_did():
     again = list(decide_again(cycles, read_robot(cycles[0])))
     # A late subscriber receives the first cycles, too.
     assert [cycle.recorded.number for cycle in again] == list(range(len(texts)))
-    assert {Status.OK, Status.FOLLOWING_TRAJECTORY, Status.HALT_NO_TWIST} <= {
-        cycle.status for cycle in again
-    }
-    assert [cycle.velocities.tolist() for cycle in again] == [
-        cycle.decision['velocities'].tolist() for cycle in cycles
-    ]
+    statuses = {cycle.status for cycle in again}
+    assert {Status.OK, Status.FOLLOWING_TRAJECTORY, Status.HALT_NO_TWIST} <= statuses
+    recorded = [cycle.decision['velocities'].tolist() for cycle in cycles]
+    assert [cycle.velocities.tolist() for cycle in again] == recorded

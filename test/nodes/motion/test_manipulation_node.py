@@ -9,14 +9,7 @@ from pathlib import Path
 import re
 from types import SimpleNamespace
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Grip,
-    solve_joint_velocity,
-    Status,
-    tangent_center,
-)
+from isotruss_ros import core
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
@@ -48,14 +41,14 @@ def test_a_slow_loop_is_stated_first_in_the_status():
             w.probe.send_pose()
             w.probe.send_twist()
 
-        status = w.until_code(Status.HALT_STALE_JOINT_STATES, send)
+        status = w.until_code(core.Status.HALT_STALE_JOINT_STATES, send)
         assert re.match(f'{slow}; ', status.message)
 
 
 @pytest.mark.parametrize('module', ['south/X', 'east/Y', 'north/R', 'north/P'])
 def test_halts_where_another_module_than_the_grip_holds_the_object(module):
     """The object is between the members of each of these modules, but only one of them is near."""
-    center = tangent_center(ROBOT.home, module, DIAMETER)
+    center = core.tangent_center(ROBOT.home, module, DIAMETER)
     with world(node()) as w:
 
         def send():
@@ -63,7 +56,7 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
             w.probe.send_twist()
             w.probe.send_pose(center=center)
 
-        status = w.until_code(Status.HALT_NO_GRASP, send)
+        status = w.until_code(core.Status.HALT_NO_GRASP, send)
         assert re.match('member north/(P-Z|Z-R) does not touch the object', status.message)
         assert 'Name the members' in status.message
         assert not w.command().any()
@@ -72,28 +65,13 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
 
 
 def test_every_parameter_of_the_servo_reaches_it():
-    values = {
-        'friction': 0.7,
-        'pressure_timeout': 9.0,
-        'squeeze_force': 30.0,
-        'object_mass': 1.5,
-        'frequency': 8.0,
-        'expected_load': 4.0,
-        'zero_deviation': 0.002,
-        'ambient_pressure': 0.0,
-        'object_diameter': 0.21,
-        'grip_module': 'south/P',
-        'grip': ['north/P-Z', 'north/Z-R'],
-        'rate': 50.0,
-        'command_timeout': 0.3,
-        'min_rigidity': 0.21,
-        'min_clearance': 0.011,
-        'min_object_clearance': 0.013,
-        'min_obstacle_clearance': 0.014,
-        'obstacle_timeout': 0.7,
-        'slide_along_limits': True,
-        'failure_time': 3.0,
-    }
+    values = {'friction': 0.7, 'pressure_timeout': 9.0, 'squeeze_force': 30.0, 'object_mass': 1.5}
+    values |= {'frequency': 8.0, 'expected_load': 4.0, 'zero_deviation': 0.002, 'rate': 50.0}
+    values |= {'ambient_pressure': 0.0, 'object_diameter': 0.21, 'grip_module': 'south/P'}
+    values |= {'grip': ['north/P-Z', 'north/Z-R'], 'command_timeout': 0.3, 'min_rigidity': 0.21}
+    values |= {'min_clearance': 0.011, 'min_object_clearance': 0.013, 'failure_time': 3.0}
+    values |= {'min_obstacle_clearance': 0.014, 'obstacle_timeout': 0.7}
+    values |= {'slide_along_limits': True}
     assert values.keys() | {'failed_rollers'} == {spec.name for spec in SPECS}, (
         'a parameter of SPECS has a value here, and below what `make_settings` makes of it'
     )
@@ -101,9 +79,9 @@ def test_every_parameter_of_the_servo_reaches_it():
     def settings(**others):
         return make_settings(ROBOT, SimpleNamespace(**values | others), None, 'Z')
 
-    body = ConvexObject(Disc(0.21), mass=1.5, friction=0.7)
+    body = core.ConvexObject(core.Disc(0.21), mass=1.5, friction=0.7)
     assert settings() == ServoSettings(
-        Grip(('north/P-Z', 'north/Z-R'), body),
+        core.Grip(('north/P-Z', 'north/Z-R'), body),
         period=0.02,
         timeout=0.3,
         joint='Z',
@@ -121,7 +99,8 @@ def test_every_parameter_of_the_servo_reaches_it():
 
 @pytest.mark.parametrize('squeeze', [(30.0, 2.0), None])
 def test_status_message_contains_all_fields_of_a_decision(squeeze):
-    command = RollerCommand(np.zeros(N), np.array([0.1, 0.2, 0.3]), 0.4, Status.SLIDING, (), 2)
+    achieved = np.array([0.1, 0.2, 0.3])
+    command = RollerCommand(np.zeros(N), achieved, 0.4, core.Status.SLIDING, (), 2)
     twist, failed = np.array([0.5, 0.6, 0.7]), ROBOT.roller_names[1:3]
     decision = Decision(command, twist, 'why', failed, 8.0, 1.5, squeeze, 0.03)
     with world(node(autostart=False)) as w:
@@ -131,7 +110,7 @@ def test_status_message_contains_all_fields_of_a_decision(squeeze):
         w.deliver()
         status = w.probe.last('status')
     assert (read_stamp(status.header), status.header.frame_id) == (2.5, 'truss')
-    assert (status.code, status.message) == (Status.SLIDING, 'why')
+    assert (status.code, status.message) == (core.Status.SLIDING, 'why')
     assert read_twist(status.achieved) == (0.1, 0.2, 0.3)
     assert read_twist(status.commanded) == (0.5, 0.6, 0.7)
     assert (status.scale, status.reachable_dof) == (0.4, 2)
@@ -166,20 +145,17 @@ def test_a_user_robot_file_and_its_frame_are_used(tmp_path):
     mine.write_text(preset.read_text().replace('frame: truss', 'frame: lab'))
     parameters = {'robot': str(mine), 'grip_module': 'main/T', 'command_timeout': 1.0}
     with world(lambda: Simulator(overrides(**parameters)), node(**parameters)) as w:
-        status = w.until_code(Status.IDLE, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        status = w.until_code(core.Status.IDLE, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
         assert status.header.frame_id == w.probe.last('pose').header.frame_id == 'lab'
 
 
 def test_cmd_vel_moves_the_joint_without_an_object_pose():
     velocity = (0.01, -0.02)
     with world(node(mode='joint', joint='Z')) as w:
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_twist((*velocity, 0.0))
-
-        status = w.until_code(Status.OK, send)
-        expected = solve_joint_velocity(ROBOT.home, {'Z': velocity}).roller_velocities
+        status = w.until_code(
+            core.Status.OK, lambda: (w.probe.send_joints(), w.probe.send_twist((*velocity, 0.0)))
+        )
+        expected = core.solve_joint_velocity(ROBOT.home, {'Z': velocity}).roller_velocities
         assert w.command() == pytest.approx(expected, abs=1e-12)
         assert (status.achieved.linear.x, status.achieved.linear.y) == pytest.approx(velocity)
         assert status.reachable_dof == 2
@@ -194,8 +170,8 @@ def test_the_service_switches_and_halts_first():
             assert w.nodes[1].get_parameter('mode').value == name
             assert not w.command().any()
             w.spin(0.05, w.probe.send_joints)
-            assert w.code() == Status.HALT_NO_TWIST
-            w.until_code(Status.OK, w.probe.send_all)
+            assert w.code() == core.Status.HALT_NO_TWIST
+            w.until_code(core.Status.OK, w.probe.send_all)
 
 
 def test_the_service_refuses_the_joint_mode_without_a_joint():
