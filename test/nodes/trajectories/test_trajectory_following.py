@@ -26,8 +26,6 @@ TIMEOUT = 5.0
 STOPPED = 'stopped by the topic emergency_stop'
 #: Some cycles of the node [s].
 SILENCE = 0.08
-
-
 node = maker(Manipulation, command_timeout=TIMEOUT)
 simulator = maker(Simulator, command_timeout=TIMEOUT)
 
@@ -76,7 +74,6 @@ class Rollers:
         assert np.abs(self.commands()).max() <= MAX_SPEED
 
     def message(self):
-        """Return the current message of the diagnostics."""
         self.w.probe.seen['diagnostics'].clear()
         self.w.nodes[1].diagnostics.report()
         self.until(lambda: self.w.report('manipulation').name)
@@ -84,9 +81,7 @@ class Rollers:
 
 
 @pytest.mark.parametrize('events', [[(1, 0), (0, 1)], [(1, 1)]], ids=['in two', 'in one'])
-def test_a_publisher_that_left_before_its_trajectory_was_received_ends_the_active_one(
-    events, capfd
-):
+def test_publisher_that_left_before_its_trajectory_was_received_ends_the_active_one(events, capfd):
     """It may have been another one, or the end."""
     lost = f'a publisher of {TOPIC} left before a message was received'
     with world(node(), simulator()) as w:
@@ -145,11 +140,7 @@ def test_an_emergency_stop_ends_the_trajectory_and_rejects_new_ones():
         rollers.until_moving(trajectory(HOME, AWAY))
 
 
-BAD_STATES = {
-    'nan': {'position': [math.nan] * N},
-    'old': {'age': 9.0},
-    'in the future': {'age': -9.0},
-}
+BAD_STATES = {'nan': {'position': [math.nan] * N}, 'old': {'age': 9.0}, 'ahead': {'age': -9.0}}
 
 
 @pytest.mark.parametrize('case', BAD_STATES)
@@ -191,10 +182,7 @@ HOSTILE = {
         trajectory(*[ROW] * (MAX_POINTS + 1), times=0.01 * np.arange(MAX_POINTS + 1)),
         f'{MAX_POINTS + 1} points; must be 1 to {MAX_POINTS}',
     ),
-    'elsewhere': (
-        trajectory(AWAY, HOME),
-        'the trajectory begins 0.02 m from the measured position',
-    ),
+    'elsewhere': (trajectory(AWAY, HOME), 'begins 0.02 m from the measured position'),
     'long ago': (stamped(0, 1), 's old; must be at most'),
     'in the future': (stamped(2**31 - 1), 'in the future'),
 }
