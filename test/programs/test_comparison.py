@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Benchmarks in their shortest form, a part of the comparison with MuJoCo, and its page."""
+"""Studies in their shortest form, and pages that state what they measure."""
 
 import os
 from pathlib import Path
@@ -9,12 +9,17 @@ import subprocess
 import sys
 
 from mujoco_worlds import needs_mujoco
+import numpy as np
 import pytest
+from studies import limits
 from studies.benchmarks.__main__ import NAMES
 from studies.comparison.friction import lose
 from studies.comparison.friction_cases import CASES
 from studies.comparison.page import FOLDER
 from studies.comparison.sections import SECTIONS
+from studies.membrane import Membrane
+from studies.paper.membrane import STIFFNESS
+from studies.paper.parameters import CYLINDERS, PRESSURE, PRESSURES
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
 
@@ -51,3 +56,46 @@ def test_benchmark_runs_in_its_shortest_form(name):
     )
     assert ran.returncode == 0, ran.stderr
     assert f'## {name}' in ran.stdout
+
+
+PAGE = Path(__file__).parents[2] / 'docs' / 'limits.md'
+#: Statement of the page about each change; the number is that of the grasps it loses.
+STATEMENTS = {
+    'friction 0.7': '0.7 instead of 0.8 loses {} of 12',
+    'friction 0.6': '0.6 loses {} ',
+    'stiffness -20 %': '20 % less loses {} of 12 |',
+    'object turned by 2 degrees': '2° loses {} |',
+    'object 2 mm aside': '2 mm aside loses {} of 12',
+    'a roller 5 mm off': '5 mm at one roller loses {} of 12',
+    'a roller 10 mm off': '10 mm loses {} |',
+    'pressure -10 %': '10 % less loses {} of 12;',
+    'air 10 K colder': '10 K are 13 % of the gauge pressure, and lose {} |',
+}
+
+
+def test_ten_kelvin_change_the_gauge_pressure_by_13_percent():
+    assert limits.heated_pressure(10.0) / limits.PRESSURE == pytest.approx(1.13, abs=0.005)
+
+
+@pytest.mark.nightly
+def test_page_states_the_measured_losses(capsys):
+    limits.main()
+    printed, page = capsys.readouterr().out, PAGE.read_text(encoding='utf-8')
+    for name, statement in STATEMENTS.items():
+        lost = next(line.split('|')[2].strip() for line in printed.splitlines() if name in line)
+        assert statement.format(lost) in page
+    assert 'flattening lowers the forces by 10 to 45 %' in printed
+    assert 'flattening lowers forces by 10 to 45 %' in page
+
+
+def test_round_tube_is_in_equilibrium_under_its_pressure():
+    tube = Membrane(PRESSURE, 20, 20)
+    nodes, _, _ = tube.settle(tube.nodes, True, np.array([0.0, 0.0, 1.0]), 0.1)
+    assert np.abs(nodes - tube.nodes).max() < 5e-4
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(('pressure', 'cylinder'), [(0, 1), (1, 0), (1, 2), (2, 1)])
+def test_stiffness_is_that_of_the_page(pressure, cylinder):
+    response = Membrane(PRESSURES[pressure]).press(CYLINDERS[cylinder])
+    assert response.stiffness == pytest.approx(STIFFNESS[pressure, cylinder], rel=0.01)

@@ -43,19 +43,9 @@ PRINTED = {
     'settle_grasp': 'friction 0.8: held',
     'tube_calibration': '    membrane_modulus: 5.00000000e+04',
 }
-
-
 #: Each takes a second or more, or has processes of its own.
-SLOW = {
-    'chance_map',
-    'grasp_map',
-    'grasps_in_processes',
-    'learning_loop',
-    'optimise_grasp',
-    'own_optimiser',
-    'pick_box',
-    'plan_path',
-}
+SLOW = {'chance_map', 'grasp_map', 'grasps_in_processes', 'learning_loop'}
+SLOW |= {'optimise_grasp', 'own_optimiser', 'pick_box', 'plan_path'}
 
 
 @pytest.mark.parametrize(
@@ -153,9 +143,7 @@ NEEDED_BY_EXAMPLES = {
 def run_core_only(*arguments):
     """Return the completed process of a file with arguments, without extras and ROS."""
     command = [sys.executable, '-c', CORE_ONLY, *map(str, arguments)]
-    return subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
-    )
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
 
 
 def assert_named(done, words):

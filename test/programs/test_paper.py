@@ -41,9 +41,6 @@ def results():
     return Results()
 
 
-# -- The pages --
-
-
 SLOW_ITEMS = ('figure_4', 'figure_7', 'figure_9')
 each_item = pytest.mark.parametrize(
     'item',
@@ -73,9 +70,6 @@ def test_page_contains_the_results_of_the_item(item, results):
     assert bool(item.draw) == bool(report.picture)
 
 
-# -- Table I and Fig. 4 --
-
-
 @pytest.mark.nightly
 def test_fit_recovers_the_constants_of_simulated_points(results):
     result = results['figure_4']
@@ -86,9 +80,6 @@ def test_fit_recovers_the_constants_of_simulated_points(results):
     for mode in MODES:
         assert len(result.analysis.slopes[mode]) == 9
         assert result.analysis.points(mode) > 0.95 * 9 * 5 * synthetic.COUNT
-
-
-# -- Fig. 5 --
 
 
 @pytest.mark.parametrize('name', EDGES)
@@ -108,17 +99,13 @@ def test_a_tube_bears_its_wrinkling_moment_at_the_onset(name, results):
     assert shape.excess == pytest.approx(-sunk / linear - 1.0, rel=1e-6)
 
 
-# -- Fig. 6 --
-
-
 def test_stiffness_is_that_of_membrane_elements(results):
     result = results['figure_6']
     own = np.array([[each.stiffness for each in row] for row in result.middle])
     tube = ClampedTube(BEAM, RADIUS, TUBE_LENGTH)
     near_end = [press(tube, PRESSURE, 0.127, cylinder, DEPTH).stiffness for cylinder in CYLINDERS]
-    off = np.concatenate(
-        [(own / membrane.STIFFNESS - 1.0).ravel(), near_end / membrane.STIFFNESS_NEAR_END - 1.0]
-    )
+    middle, end = own / membrane.STIFFNESS - 1.0, near_end / membrane.STIFFNESS_NEAR_END - 1.0
+    off = np.concatenate([middle.ravel(), end])
     assert np.sqrt((off**2).mean()) < 0.06
     assert np.abs(off).max() < 0.11
     for found, expected in zip(result.middle[1][1:], membrane.CONTACT[1:], strict=True):
