@@ -29,7 +29,6 @@ FILES = {name_of(path): path for path in (ROOT / 'isotruss_ros').rglob('*.py')}
 
 
 def package_of(module):
-    """Return the listed package of a module."""
     package = module
     while package not in ORDER:
         package, _, last = package.rpartition('.')

@@ -74,13 +74,11 @@ def path(request):
 
 @pytest.fixture
 def entities(path, stand_in):
-    """Return the described entities."""
     return describe(path)[0]
 
 
 @pytest.fixture
 def nodes(entities):
-    """Return the started nodes."""
     return [entity for entity in entities if entity.kind == 'Node']
 
 
@@ -165,9 +163,8 @@ def test_launch_accepts_the_files(path):
 
 
 def test_parameter_file_has_the_other_parameters_with_their_defaults(path, entities, nodes):
-    (argument,) = (
-        e for e in entities if e.kind == 'DeclareLaunchArgument' and 'parameters' in e.args
-    )
+    arguments = [e for e in entities if e.kind == 'DeclareLaunchArgument']
+    (argument,) = (e for e in arguments if 'parameters' in e.args)
     written = YAML(typ='safe').load(Path(argument.default_value))
     for node in nodes:
         specs = specs_of(node.executable)

@@ -16,40 +16,20 @@ import pytest
 import setuptools
 
 ROOT = Path(__file__).resolve().parents[2]
-
 IMPORT = re.compile(
     r'^ *(?:from (\w+)[\w.]* import|import (\w+)[\w.]*(?: as \w+)?(?:  #.*)?$)', re.MULTILINE
 )
 # Import name to rosdep key, where they differ (ROS packages are their own key).
 ROSDEP_KEYS = {
-    'PIL': 'python3-pil',
-    'hypothesis': 'python3-hypothesis',
-    'jsonschema': 'python3-jsonschema',
-    'matplotlib': 'python3-matplotlib',
-    'numpy': 'python3-numpy',
-    'psutil': 'python3-psutil',
-    'pytest': 'python3-pytest',
-    'pytest_timeout': 'python3-pytest-timeout',
-    'rich': 'python3-rich',
-    'ruamel': 'python3-ruamel.yaml',
-    'scipy': 'python3-scipy',
-    'setuptools': 'python3-setuptools',
-    'tf2_ros': 'tf2_ros_py',
-    'yaml': 'python3-yaml',
+    **{'PIL': 'python3-pil', 'pytest_timeout': 'python3-pytest-timeout', 'tf2_ros': 'tf2_ros_py'},
+    **{'ruamel': 'python3-ruamel.yaml'},
 }
+NAMED_ALIKE = 'hypothesis jsonschema matplotlib numpy psutil pytest rich scipy setuptools yaml'
+ROSDEP_KEYS |= {name: f'python3-{name}' for name in NAMED_ALIKE.split()}
 # No rosdep keys: what needs them is taken, and tested, where they are installed.
-ONLY_FROM_PYPI = {
-    'daqp',
-    'distributed',
-    'gymnasium',
-    'mcap',
-    'msgspec',
-    'mujoco',
-    'openseespylinux',
-    'playwright',
-    'qpsolvers',
-}
-ONLY_FROM_PYPI |= {'pyarrow', 'quadprog', 'rosbags', 'vermin', 'viser', 'websockets', 'zstandard'}
+ONLY_FROM_PYPI = {'daqp', 'distributed', 'gymnasium', 'mcap', 'msgspec', 'mujoco', 'playwright'}
+ONLY_FROM_PYPI |= {'openseespylinux', 'pyarrow', 'qpsolvers', 'quadprog', 'rosbags', 'vermin'}
+ONLY_FROM_PYPI |= {'viser', 'websockets', 'zstandard'}
 
 
 @pytest.fixture(scope='module')

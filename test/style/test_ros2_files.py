@@ -33,7 +33,6 @@ COMMON = {'record': {'/diagnostics'}}
 
 
 def profile(enclave):
-    """Return the one profile of an enclave."""
     (result,) = enclave.iter('profile')
     return result
 
@@ -49,7 +48,6 @@ def allowed(node, kind, action):
 
 @pytest.fixture(scope='module')
 def declared():
-    """Return what the nodes declare."""
     return all_interfaces()
 
 
@@ -84,11 +82,6 @@ def description():
     return ElementTree.parse(FOLDER / 'nine_member.urdf').getroot()
 
 
-def rollers_of(description):
-    """Return the joints of the rollers."""
-    return [joint for joint in description.findall('joint') if joint.get('type') == 'prismatic']
-
-
 def test_links_of_the_description_are_the_broadcast_frames(description):
     joints = description.findall('joint')
     assert {joint.find('parent').get('link') for joint in joints} == {ROBOT.frame}
@@ -97,7 +90,7 @@ def test_links_of_the_description_are_the_broadcast_frames(description):
 
 
 def test_description_and_controllers_have_the_rollers_of_the_robot(description):
-    rollers = rollers_of(description)
+    rollers = [j for j in description.findall('joint') if j.get('type') == 'prismatic']
     (system,) = description.findall('ros2_control')
     controllers = YAML(typ='safe').load(FOLDER / 'controllers.yaml')
     controlled = controllers['roller_velocity_controller']['ros__parameters']['joints']
