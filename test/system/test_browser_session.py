@@ -69,10 +69,6 @@ def blue(colors):
     return np.nonzero((last > red + 80) & (last > green + 60))
 
 
-def middle(found):
-    return tuple(float(np.mean(part)) for part in found)
-
-
 def count_green(colors):
     """Return how many pixels have the colour of a held object."""
     red, green, last = np.moveaxis(colors, 2, 0)
@@ -117,10 +113,6 @@ def find_switch(page):
     return page.get_by_label('control', exact=True)
 
 
-def switch_control(page):
-    find_switch(page).evaluate('box => box.click()')
-
-
 class Session:
     """Pages of one view, whose nodes have to run on whatever the pages do."""
 
@@ -146,7 +138,6 @@ class Session:
             assert time.monotonic() < end, f'{words}: not within {DEADLINE} s'
 
     def open_page(self):
-        """Return a page that draws the robot."""
         page = open_page(self._browser, 0.5)
         page.on('pageerror', lambda error: self.errors.append(str(error)))
         page.goto(self._address)
@@ -161,13 +152,13 @@ class Session:
     def take_control(self, page):
         """Switch control on in a page, once no other page has it."""
         self.until(lambda: 'nobody has control' in page.inner_text('body'), 'no control')
-        switch_control(page)
+        find_switch(page).evaluate('box => box.click()')
         self.until(lambda: len(blue(pixels(page))[0]) > SOME, 'control')
 
     def grab(self, page, way):
         """Take the handle and move it right and down, by so many pixels each."""
         self.until(lambda: len(blue(pixels(page))[0]) > SOME, 'the handle')
-        y, x = middle(blue(pixels(page)))
+        y, x = (float(np.mean(part)) for part in blue(pixels(page)))
         page.mouse.move(x, y)
         page.mouse.down()
         page.mouse.move(x + way, y + way, steps=DRAG)

@@ -17,19 +17,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool
 
 pytestmark = pytest.mark.system
-
-
-def until_heard_by_both(w, publisher):
-    """Spin until both subscriptions of the node, or the one that matches, hear a publisher."""
-    latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    w.until(lambda: publisher.get_subscription_count() == 1 + latched)
-
-
 LONG = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PLAIN = QoSProfile(depth=1000)
 HASTY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
 HELD = """
 import sys
 import rclpy
@@ -78,7 +68,7 @@ def test_lost_messages_count_as_a_stop():
     """Far more than is kept for the node while it does not look."""
     with world(node()) as w:
         publisher = w.probe.create_publisher(Bool, 'emergency_stop', LONG)
-        until_heard_by_both(w, publisher)
+        w.until(lambda: publisher.get_subscription_count() == 2)
         w.until_code(Status.OK, w.probe.send_all)
         for _ in range(7000):
             publisher.publish(Bool(data=False))
@@ -125,9 +115,7 @@ def test_the_command_stop_that_nobody_confirms_fails_and_names_the_service():
 
 
 def test_the_command_stop_imports_neither_core_nor_messages_of_the_robot():
-    code = (
-        'import sys; import isotruss_ros.executables, isotruss_ros.cli.stop; print(*sys.modules)'
-    )
+    code = 'import sys, isotruss_ros.executables, isotruss_ros.cli.stop; print(*sys.modules)'
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     slow = ('numpy', 'scipy', 'isotruss_msgs', 'isotruss_ros.core', 'isotruss_ros.nodes')
     assert not [name for name in done.stdout.split() if name.startswith(slow)]

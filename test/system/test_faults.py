@@ -19,7 +19,6 @@ from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 pytestmark = [pytest.mark.system, pytest.mark.xdist_group('one robot')]
-
 #: Parameters of the nodes by their names.
 NODES = {
     'simulator': {'rate': 50.0},
@@ -29,7 +28,6 @@ NODES = {
 
 
 def start(r, name, **values):
-    """Start a node."""
     r.start(name, **NODES[name], **values)
 
 
@@ -53,7 +51,6 @@ def r(processes, request):
 
 
 def release(r):
-    """Release an emergency stop."""
     r.w.probe.stops.publish(Bool(data=False))
     r.w.until(lambda: r.w.release_stop().success)
 

@@ -17,8 +17,6 @@ from std_msgs.msg import Bool, Float64MultiArray
 
 pytestmark = pytest.mark.system
 
-NAMES = list(ROBOT.roller_names)
-
 
 @pytest.mark.parametrize('stamped', some_now([False, True]))
 def test_a_publisher_of_the_other_type_of_twist_is_named(tmp_path, stamped):

@@ -26,7 +26,6 @@ from robot_processes import robot
 from robots import quick_robot
 
 pytestmark = [pytest.mark.system, pytest.mark.xdist_group('pick and place')]
-
 #: Whether or not the middleware has noticed that the node was gone for a while.
 ENDED = re.compile('has lost the goal|no node offers the action|has sent no feedback for')
 ACTIONS = {PickObject: 'pick_object', MoveObject: 'move_object', PlaceObject: 'place_object'}
@@ -121,7 +120,6 @@ class Client:
             self.r.w.until(lambda: len(self.analysis().grasping_members) < 2)
 
     def begin(self, goal):
-        """Send a goal; return its handle."""
         (kind,) = (kind for kind in ACTIONS if isinstance(goal, kind.Goal))
         client = self._clients[kind]
         self.r.w.until(client.server_is_ready)

@@ -23,7 +23,6 @@ from rclpy.action import ActionClient
 from robot_processes import UNSHARED
 
 pytestmark = pytest.mark.system
-
 #: A busy machine delays; these tests are about what happens, not how soon.
 PATIENT = {'command_timeout': 5.0}
 

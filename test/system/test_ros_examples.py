@@ -11,7 +11,6 @@ from isotruss_ros.demo.processes import running_nodes
 import pytest
 
 pytestmark = [pytest.mark.system, pytest.mark.xdist_group('carried')]
-
 EXAMPLES = Path(__file__).parents[2] / 'examples'
 #: What each prints, beside whatever else.
 PRINTED = {
