@@ -50,7 +50,6 @@ TEXTS = record()
 
 
 def write(path, texts):
-    """Write a recording of records."""
     store = get_typestore(Stores.ROS2_JAZZY)
     with path.open('wb') as stream:
         writer = Writer(stream)
@@ -91,9 +90,8 @@ def test_another_setting_is_named_with_the_first_other_command(tmp_path, capsys)
 def test_another_version_is_named(tmp_path, capsys):
     texts = [text.replace('"numpy": "', '"numpy": "0.') for text in TEXTS]
     assert replay.main([write(tmp_path / 'run.mcap', texts), '--decide']) == 0
-    assert f'another version: numpy 0.{np.__version__} -> {np.__version__}' in (
-        capsys.readouterr().out
-    )
+    out = capsys.readouterr().out
+    assert f'another version: numpy 0.{np.__version__} -> {np.__version__}' in out
 
 
 def test_a_recording_with_a_broken_field_is_refused(tmp_path, capsys):

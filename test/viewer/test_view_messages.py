@@ -47,9 +47,7 @@ MARKERS = st.builds(
 )
 RECEIVED = {
     'joint_states': st.builds(
-        JointState,
-        name=some(st.one_of(st.sampled_from(NAMES), TEXTS)),
-        position=some(NUMBERS),
+        JointState, name=some(st.one_of(st.sampled_from(NAMES), TEXTS)), position=some(NUMBERS)
     ),
     'object_pose': st.builds(
         PoseStamped, pose=st.builds(Pose, position=POINTS, orientation=TURNS)
@@ -66,11 +64,7 @@ RECEIVED = {
         hold_message=TEXTS,
     ),
     'status': st.builds(
-        ManipulationStatus,
-        code=CODES,
-        message=TEXTS,
-        squeeze=NUMBERS,
-        squeeze_deviation=NUMBERS,
+        ManipulationStatus, code=CODES, message=TEXTS, squeeze=NUMBERS, squeeze_deviation=NUMBERS
     ),
     'markers': st.builds(MarkerArray, markers=some(MARKERS, 10)),
 }
@@ -127,11 +121,7 @@ def marker(name, *points):
     [
         ('joint_states', JointState(name=NAMES), '0 positions for 6 names'),
         ('joint_states', JointState(name=NAMES[:1], position=[math.nan]), 'nan m'),
-        (
-            'object_pose',
-            PoseStamped(pose=Pose(position=Point(x=math.inf))),
-            'object pose .* at most',
-        ),
+        ('object_pose', PoseStamped(pose=Pose(position=Point(x=math.inf))), 'pose .* at most'),
         ('state', GraspState(code=0, utilisation=[0.1]), 'utilisation of 1 members: must be 9'),
         ('status', ManipulationStatus(code=255), 'code 255'),
         ('markers', marker('contact_regions', *[Point()] * 7), '7 points: must be a multiple of'),

@@ -222,13 +222,6 @@ def test_state_line_has_hold_chance_margin_squeeze_and_next_step(panels, picture
     assert ('<strong>' in shown) == (code in LATCHED)
 
 
-@pytest.mark.parametrize(('moment', 'arrow'), [(2.0, '↺'), (-2.0, '↻')])
-def test_a_slip_by_rotation_has_an_arrow_of_its_sense(panels, picture, moment, arrow):
-    state = GraspState(held=True, slip_direction=[0.5, 0.0, moment])
-    picture.receive_state(state, 0.0)
-    assert panels.describe_state(picture, 0.0).endswith(f'N {arrow}</div>')
-
-
 @pytest.mark.parametrize('aspect', [0.46, 0.7, 1.0, 1.6, 2.4])
 def test_the_whole_robot_is_on_the_screen_and_above_the_panel_of_a_phone(aspect):
     points = ROBOT.home.points
