@@ -252,11 +252,11 @@ class GripBelief:
             belief, hold = belief._searched(config, pressures)
             if belief.cache is not cache:  # the new equilibrium is that in this configuration
                 belief = replace(belief, lag=replace(belief.lag, pose_at_equilibrium=pose))
-        elif math.hypot(*cache.travel) > limit:
-            belief, pose = belief._rolled(config, pressures, pose)
+        elif cache.begun is not None or math.hypot(*cache.travel) > limit:
+            belief, pose = belief._rolled(config, pressures, limit, pose)
         elif not cache.is_complete:
             belief = replace(belief, cache=cache.completed())
-        elif cache.begun is None and math.hypot(*cache.next_travel) > limit:
+        elif math.hypot(*cache.next_travel) > limit:
             belief = replace(belief, cache=cache.with_begun(config))
         lag = belief.lag.recorded(pose, motion_since_reading, age)
 
@@ -271,16 +271,17 @@ class GripBelief:
         return belief, hold  # slip is detected from the poses
 
     def _rolled(
-        self, config: Configuration, pressures: Pressures, pose: Array
+        self, config: Configuration, pressures: Pressures, limit: float, pose: Array
     ) -> tuple[GripBelief, Array]:
         """
         Return the belief about the rolled equilibrium; if it is not held, a search is due.
 
+        :param limit: travel up to which an equilibrium is valid [m].
         :param pose: predicted pose (3,) by roller travel alone [m, m, rad].
         :return: the belief, and this pose with the motion to the equilibrium.
         """
-        cache, state, lag, errors = self.cache, self.state, self.lag, None
-        rolled, search_due = self._roll(config, pressures)
+        cache, state, errors = self.cache, self.state, None
+        rolled, search_due = self._roll(config, pressures, limit)
         if rolled is None:
             return replace(self, search_due=search_due), pose
         change = pose_difference(np.append(rolled.pose, rolled.squeeze), cache.outputs)[:3]
@@ -289,16 +290,19 @@ class GripBelief:
             unexplained = self.scale * (change - cache.predicted[:3])
             state = replace(state, bias=state.bias - unexplained)
         else:
-            pose, errors = lag.pose_at_equilibrium + change, cache.usage_errors_at(rolled)
-        lag = replace(lag, pose_at_equilibrium=pose)
-        return replace(self, lag=lag, state=state).taken(rolled, errors), pose
+            cache = cache.predict(rolled.config, 0.0)
+            pose, errors = self.lag.pose_at_equilibrium + change, cache.usage_errors_at(rolled)
+        lag = replace(self.lag, pose_at_equilibrium=pose)
+        belief = replace(self, lag=lag, state=state, cache=cache).taken(rolled, errors)
+        cache = belief.cache.predict(config, 0.0)
+        return replace(belief, cache=cache), pose + cache.predicted[:3]
 
     def _roll(
-        self, config: Configuration, pressures: Pressures
+        self, config: Configuration, pressures: Pressures, limit: float
     ) -> tuple[HeldGrip | None, HoldStatus | None]:
         """Return the rolled equilibrium; if it is not held, None and its hold status instead."""
         try:
-            rolled = self.cache.roll(config, pressures)
+            rolled = self.cache.roll(config, pressures, limit)
         except WorkLimitError as error:
             return None, None if error.advances else HoldStatus.NO_BALANCE
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
@@ -395,7 +399,7 @@ class GripBelief:
             error_without_shifts = error + cache.rates[:3, SHIFTS:] @ shifts
             estimated_shifts = (gain @ error_without_shifts)[SHIFTS:]
             further_shifts = (estimated_shifts - shifts)[cache.held.contacts.owners]
-            shifted = cache.roll(start.config, start.pressures, further_shifts)
+            shifted = cache.roll(start.config, start.pressures, shifts=further_shifts)
             # Forces beyond friction and contacts of other members are attributed to wrong offsets,
             # so the shifts are not applied.
             if shifted is None or len(shifted.members) != len(shifts):

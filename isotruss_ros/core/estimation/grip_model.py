@@ -98,6 +98,7 @@ class OffsetRates:
     held: HeldGrip  #: equilibrium of the object
     outputs: Array  #: (4, r) derivatives of the scaled outputs
     by_travel: Array  #: (4, r) derivatives of the scaled outputs by travel of rolling contacts
+    unknowns: Array  #: (3 + 4k, r) derivatives of the unknowns by travel of rolling contacts
     joints: Array  #: (2j, r) derivatives of the joint positions (x0, y0, x1, y1, ...)
     joints_by_shifts: Array  #: (2j, m) derivatives of the joint positions by the members' shifts
 
@@ -114,6 +115,7 @@ class OffsetRates:
             held,
             by_offsets[:4],
             by_rollers[:4],
+            gradient.unknowns[:, :rollers],
             by_offsets[4:],
             by_anchors[4:] @ shifts_of_contacts,
         )

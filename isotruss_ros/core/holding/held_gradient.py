@@ -206,17 +206,22 @@ class LoadedTubes(NamedTuple):
 
 class HeldGradient(NamedTuple):
     """
-    Derivatives of pose, normal forces and joint positions of a held object.
+    Derivatives of the unknowns, normal forces and joint positions of a held object.
 
     The p = r + k columns are the parameters: travel of the r rollers [m], and rolling invariants
     of the k contacts [m], see `find_anchors`.
     """
 
-    pose: Array  #: (3, p) derivatives of the pose (x, y, angle)
+    unknowns: Array  #: (3 + 4k, p) derivatives of the unknowns, first the pose (x, y, angle)
     normal_forces: Array  #: (m, p) derivatives of the normal forces of the grasping members
     #: (2j, p) derivatives of the joint positions (x0, y0, x1, y1, ...), in the order of
     #: `Topology.joint_names`
     joints: Array
+
+    @property
+    def pose(self) -> Array:
+        """Return the derivatives (3, p) of the pose (x, y, angle)."""
+        return self.unknowns[:POSE]
 
 
 @single_threaded
@@ -235,4 +240,4 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     change = grip.respond(residuals)
     forces = grip.contacts.sum_by_member(change[indices.normal])
     joints = tubes.respond(change).nodes[: len(config.robot.topology.joint_names), :2]
-    return HeldGradient(change[:POSE], forces, joints.reshape(-1, change.shape[1]))
+    return HeldGradient(change, forces, joints.reshape(-1, change.shape[1]))

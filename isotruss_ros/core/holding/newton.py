@@ -23,11 +23,8 @@ import numpy as np
 
 #: Tolerances of the balance, relative to the sum of normal forces [-], and of the gaps [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
-#: Largest error before the last step, and error of rounding, after which no step follows, in
-#: tolerances [-]. In 217 random equilibria, forces then err by up to 7e-13 of their mean; without
-#: the last step by up to 4e-10, with a hundred times of the second value by up to 7e-11. A
-#: hundredth of the first value takes 2 % more iterations, a hundred times of it as many.
-LAST_STEP_ERROR, ROUNDING_ERROR = 1e2, 1e-3
+#: Error of rounding, after which no step follows, in tolerances [-].
+ROUNDING_ERROR = 1e-3
 #: Largest rotation in a Newton step [rad], and largest translation in a Newton step, divided by
 #: the characteristic radius [-].
 MAX_TURN = 0.2
@@ -39,6 +36,22 @@ MAX_INCLINATION = 0.5
 RING_REACH = 0.1
 
 T = TypeVar('T')
+
+
+class Accuracy(NamedTuple):
+    """Accuracy of an equilibrium."""
+
+    reach: float  #: motion of a node beyond which the tubes are linearised again [m]
+    last_step_error: float  #: largest error before the last step, in tolerances [-]
+
+
+#: Accuracy of a single equilibrium. In 217 random equilibria, forces err by up to 7e-13 of their
+#: mean; without the last step by up to 4e-10, with a hundred times of `ROUNDING_ERROR` by up to
+#: 7e-11. A hundredth of the error before the last step takes 2 % more iterations, a hundred times
+#: of it as many.
+SETTLED = Accuracy(SETTLED_MOTION, 1e2)
+#: Accuracy of the equilibria of a robot in motion.
+FOLLOWED = Accuracy(FOLLOWED_MOTION, 1e2)
 
 
 class Iteration(NamedTuple):
@@ -114,14 +127,14 @@ def find_equilibria(
     begin: Sequence[Iteration],
     conditions: ContactConditions,
     steps: int = MAX_NEWTON_ITERATIONS,
-    reach: float = SETTLED_MOTION,
+    accuracy: Accuracy = SETTLED,
 ) -> list[Equilibria]:
     """
     Find equilibria by Newton's method, for samples with the same contacts.
 
-    Tubes are linearised again if a node has moved by more than `reach` [m], and if the error is
-    smaller than at the last time, so that the iteration does not alternate. If a contact crosses a
-    guide ring and returns, they are linearised with this contact at the ring.
+    Tubes are linearised again if a node has moved by more than `Accuracy.reach`, and if the error
+    is smaller than at the last time, so that the iteration does not alternate. If a contact
+    crosses a guide ring and returns, they are linearised with this contact at the ring.
 
     :return: the equilibria found; samples without one are left out.
     """
@@ -133,14 +146,14 @@ def find_equilibria(
             for iteration in waiting:
                 groups.setdefault(group_key(iteration.statics.bent), []).append(iteration)
             waiting = list(map(join, groups.values()))
-        waiting = [item for one in waiting for item in _iterate(one, conditions, reach, found)]
+        waiting = [item for one in waiting for item in _iterate(one, conditions, accuracy, found)]
         if not waiting:
             break
     return found
 
 
 def _iterate(
-    begin: Iteration, conditions: ContactConditions, reach: float, found: list[Equilibria]
+    begin: Iteration, conditions: ContactConditions, accuracy: Accuracy, found: list[Equilibria]
 ) -> Iterator[Iteration]:
     """Yield the samples that continue after a step of Newton's method; add those that end."""
     samples, statics, unknowns, pushes, wrench, *_ = begin
@@ -163,8 +176,8 @@ def _iterate(
     predicted = statics.bent.predict(pushes.loads, feet)
     motion = statics.bent.distance(predicted)
     # For NaN the comparisons are false, so NaN is not a solution.
-    is_solved = error <= LAST_STEP_ERROR
-    is_linearised = (motion <= reach) | begin.moves_by_rounding
+    is_solved = error <= accuracy.last_step_error
+    is_linearised = (motion <= accuracy.reach) | begin.moves_by_rounding
     is_beyond_end = (motion <= FOLLOWED_MOTION) & ~statics.are_on_members(feet)
     ends = is_valid & (is_beyond_end | (is_solved & is_linearised))
     if ends.any():
@@ -216,10 +229,10 @@ def settle(
     wrench: Array,
     conditions: ContactConditions,
     steps: int = MAX_NEWTON_ITERATIONS,
-    reach: float = SETTLED_MOTION,
+    accuracy: Accuracy = SETTLED,
 ) -> tuple[ContactStatics, ContactForces] | None:
     """Find an equilibrium, see `find_equilibria`; return its equations and state, or None."""
     begin = Iteration.of(statics.as_samples(), np.zeros(1, dtype=int), start[None], wrench[None])
-    for found in find_equilibria([begin], conditions, steps, reach):
+    for found in find_equilibria([begin], conditions, steps, accuracy):
         return take((found.statics, found.state), 0)
     return None

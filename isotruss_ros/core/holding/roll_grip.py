@@ -25,7 +25,7 @@ from isotruss_ros.core.holding.contact_statics import (
     object_angles,
 )
 from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench
-from isotruss_ros.core.holding.newton import settle
+from isotruss_ros.core.holding.newton import Accuracy, FOLLOWED, settle
 from isotruss_ros.core.holding.pressed_contacts import Places, POSE
 from isotruss_ros.core.holding.rolling_invariants import find_anchors, rolling_rows
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -33,14 +33,17 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.factorization import solve_each
 from isotruss_ros.core.numerics.samples import take
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
-from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.core.statics.structure import structure_under
 import numpy as np
 
 
 def roll_grip(
-    grip: HeldGrip, config: Configuration, external_wrench: Array | None = None
+    grip: HeldGrip,
+    config: Configuration,
+    external_wrench: Array | None = None,
+    accuracy: Accuracy = FOLLOWED,
+    is_begun: bool = False,
 ) -> HeldGrip | None:
     """
     Return a grip in a near configuration after its contacts have rolled; None: no equilibrium.
@@ -48,11 +51,15 @@ def roll_grip(
     The end of a face loses contact if it is in tension, and gains contact if it would penetrate
     the member. A third member is part of the grip while it is in compression. The wrench is about
     the origin of the object's frame [N, N m].
+
+    :param is_begun: whether the grip is that of `begin_roll` in this configuration, so that the
+        tubes are linearised already.
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
 
     def solve(chosen: ContactSet, before: HeldGrip | None) -> HeldGrip | None:
-        return roll_contacts(before or grip, config, chosen, wrench)
+        start, has_begun = (grip, is_begun) if before is None else (before, False)
+        return roll_contacts(start, config, chosen, wrench, accuracy, has_begun)
 
     return run_search(search_contacts(grip.contacts, rolls=True), solve)
 
@@ -61,8 +68,8 @@ def begin_roll(grip: HeldGrip, config: Configuration) -> HeldGrip | None:
     """
     Return a grip without a load after a step of Newton's method in a near configuration.
 
-    It is not in equilibrium: `roll_grip` has to follow, in a configuration near this one, where
-    the tubes are linearised again. None if the equations are singular.
+    It is not in equilibrium: `roll_grip` finds that in the same configuration in fewer steps. None
+    if the equations are singular.
     """
     travel = config.roller_positions - grip.config.roller_positions
     structure = structure_under(config, grip.pressures, grip.statics.bent.structure.stiffness)
@@ -80,7 +87,12 @@ def begin_roll(grip: HeldGrip, config: Configuration) -> HeldGrip | None:
 
 
 def roll_contacts(
-    grip: HeldGrip, config: Configuration, chosen: ContactSet, wrench: Array
+    grip: HeldGrip,
+    config: Configuration,
+    chosen: ContactSet,
+    wrench: Array,
+    accuracy: Accuracy = FOLLOWED,
+    is_begun: bool = False,
 ) -> HeldGrip | None:
     """Return the equilibrium with given rolling contacts, or None; new ones have no friction."""
     travel = config.roller_positions - grip.config.roller_positions
@@ -94,7 +106,9 @@ def roll_contacts(
     structure = structure_under(config, grip.pressures, stiffness)
     if are_same_contacts:
         starts = [grip.extrapolate(travel), grip.state.unknowns]
-        initial = replace(grip.statics, bent=grip.statics.bent_under(starts[0], structure))
+        initial = grip.statics
+        if not is_begun:
+            initial = replace(initial, bent=initial.bent_under(starts[0], structure))
     else:
         feet = find_feet(structure, grip.body, chosen.contacts)
         initial = build_statics(structure, grip.body, chosen.contacts, feet, bool(wrench.any()))
@@ -104,7 +118,7 @@ def roll_contacts(
 
     conditions = rolling_conditions(anchors, previous_angles, new_contacts)
     for start in starts:
-        solution = settle(initial, start, wrench, conditions, MAX_SEARCH_STEPS, FOLLOWED_MOTION)
+        solution = settle(initial, start, wrench, conditions, MAX_SEARCH_STEPS, accuracy)
         if solution is None:
             continue
         statics, state = solution

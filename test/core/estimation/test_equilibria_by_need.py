@@ -66,8 +66,9 @@ def follow_to_equilibrium():
 
 def test_utilisation_and_derivatives_by_offsets_follow_one_cycle_after_their_equilibrium():
     *_, predicted, belief = beliefs = follow_to_equilibrium()
-    usage, step = predicted.cache.usage, belief.cache.usage_errors.travel - predicted.cache.travel
-    assert belief.cache.usage.used == pytest.approx(usage.rolled(step).used)
+    usage, cache = predicted.cache.usage, belief.cache
+    step = cache.usage_errors.travel + cache.travel - predicted.cache.travel
+    assert cache.usage.used == pytest.approx(usage.rolled(step).used)
     assert belief.cache.by_offsets is predicted.cache.by_offsets
     complete = follow(belief, 0.01 * len(beliefs), 0.01)
     assert complete.held is belief.held
