@@ -47,6 +47,7 @@ class BarrierLaw:
     bound: float  #: smallest allowed value of the barrier function
     band: float  #: margin above which the rate is not bounded, in the unit of the value
     rate: float = 5.0  #: largest decay rate of a small margin [1/s]
+    is_distance: bool = False  #: whether the values are distances between surfaces [m]
 
     @cached_property
     def active_below(self) -> float:
@@ -194,11 +195,9 @@ class BarrierLimit:
 
         The limit is linearised at the midpoint of the motion, which roller `speeds` (r,) predict.
         """
-        law = self.barrier.law
-        start_margins = self.margins - 0.5 * duration * (self.matrix @ speeds)
-        end_margins = self.barrier.values(end, grip, self.indices) - law.bound
         longest = max(float(np.abs(travel).max()), duration * float(np.abs(speeds).max()))
-        bounds = law.discrete_bound(start_margins, duration, longest)
+        start_margins, bounds = self._discrete_bounds(speeds, duration, longest)
+        end_margins = self.barrier.values(end, grip, self.indices) - self.barrier.law.bound
         violated = np.flatnonzero(end_margins < bounds)
         if not len(violated):
             return None
@@ -210,3 +209,22 @@ class BarrierLimit:
         shares = np.minimum(2.0 * c / np.maximum(root - b, EPSILON), 1.0)
         names = tuple(self.barrier.names(self.indices[violated]))
         return BarrierViolation(float(shares[violated].min()), self.status, names)
+
+    def admits(self, approach: float, speeds: Array, duration: float) -> bool:
+        """
+        Return whether no motion violates `BarrierLaw.discrete_bound`; False if that is unknown.
+
+        From the midpoint to the end of the motion, surfaces `approach` by at most a distance [m].
+        """
+        if not self.barrier.law.is_distance:
+            return False
+        travel = duration * float(np.abs(speeds).max())  # a longer one has lower bounds
+        _, bounds = self._discrete_bounds(speeds, duration, travel)
+        return bool((self.margins - approach >= bounds).all())
+
+    def _discrete_bounds(
+        self, speeds: Array, duration: float, travel: float
+    ) -> tuple[Array, Array]:
+        """Return the margins (k,) at the start of a motion, and the bounds (k,) at its end."""
+        start_margins = self.margins - 0.5 * duration * (self.matrix @ speeds)
+        return start_margins, self.barrier.law.discrete_bound(start_margins, duration, travel)

@@ -6,8 +6,7 @@ Shape guard, which prevents motion into singular and colliding configurations.
 
 Each barrier adds rows to the quadratic program. A row bounds the rate dh/dt of a margin h from
 below by a class-K function of h, to first order at one instant. A command is constant during a
-sample, so the guard also evaluates the end of the sample. It scales the command down until each
-margin is above its discrete-time bound.
+sample, so the guard also evaluates the end of the sample, see `command_watch`.
 """
 
 from __future__ import annotations
@@ -15,33 +14,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
-from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
-from isotruss_ros.core.manipulation.rolling_grip import roll_object
-from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.model.setting_ranges import check_settings
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
-from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.safety.barrier_law import (
-    ALL_VALUES,
-    Barrier,
-    BarrierLaw,
-    BarrierLimit,
-    BarrierViolation,
-)
+from isotruss_ros.core.safety.barrier_law import Barrier, BarrierLaw, BarrierLimit
 from isotruss_ros.core.safety.barriers import ClearanceBarrier, RigidityBarrier
+from isotruss_ros.core.safety.command_watch import Watch
 from isotruss_ros.core.safety.obstacle_barrier import ObstacleBarrier
 import numpy as np
-
-#: Largest roller travel in a sample in which no value can cross a whole `BarrierLaw.band` [m].
-BAND_STEP = 1e-3
-
 
 #: Unit, smallest and largest plausible value of each bound.
 BOUND_RANGES = {
@@ -102,15 +88,16 @@ class ShapeGuard:
     ) -> None:
         bounds = ShapeBounds() if bounds is None else bounds
         law = partial(BarrierLaw, rate=min(bounds.rate, robot.description.braking_rate))
-        between_parts = law(bounds.min_clearance, bounds.clearance_band)
-        to_object = law(bounds.min_object_clearance, bounds.clearance_band)
+        distance_law = partial(law, band=bounds.clearance_band, is_distance=True)
+        between_parts = distance_law(bounds.min_clearance)
+        to_object = distance_law(bounds.min_object_clearance)
         self._barriers: tuple[Barrier, ...] = (
             RigidityBarrier(robot, law(bounds.min_rigidity, bounds.rigidity_band)),
             ClearanceBarrier(robot, between_parts, needs_object=False),
             ClearanceBarrier(robot, to_object, needs_object=True),
             *barriers,
         )
-        to_obstacles = law(bounds.min_obstacle_clearance, bounds.clearance_band)
+        to_obstacles = distance_law(bounds.min_obstacle_clearance)
         self._obstacle_barriers = tuple(
             ObstacleBarrier(robot, to_obstacles, obstacles, needs_object)
             for needs_object in (False, True)
@@ -152,75 +139,3 @@ class ShapeGuard:
         parts = zip(limiting, np.split(all_rows, ends[:-1]), strict=True)
         limits = (BarrierLimit(barrier, active, rows) for (barrier, active), rows in parts)
         return Watch(config, grip, barriers, tuple(limits))
-
-
-class Watch(NamedTuple):
-    """Limits on a command, linearised at the midpoint of its sample."""
-
-    config: Configuration  #: configuration at the midpoint
-    grip: Grip | None  #: grip at the midpoint; None without an object
-    barriers: tuple[Barrier, ...]  #: barriers that apply
-    limits: tuple[BarrierLimit, ...]  #: one for each barrier with values close to its bound
-
-    def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
-        """
-        Return the command, scaled down if it would violate `BarrierLaw.discrete_bound`.
-
-        The `velocities` (r,) predicted the configuration; the sample has a `duration` [s].
-        """
-        travel = duration * command.roller_velocities
-        longest = float(np.abs(travel).max())
-        # Without limits no barrier is near, and a short step crosses none.
-        if longest == 0.0 or not (self.limits or longest > BAND_STEP):
-            return command
-        scale, last_violation = 1.0, None
-        for _ in range(4):
-            violation = self._find_violation(scale * travel, velocities, duration)
-            if violation is None:
-                break
-            # The admissible share is accurate to first order, so a part of it is used.
-            scale, last_violation = 0.8 * scale * violation.share, violation
-        else:
-            scale = 0.0
-        if last_violation is None:
-            return command
-        # A twist of another direction than commanded is reported rather than a lower speed.
-        changes_direction = command.status in (Status.UNREACHABLE, Status.SLIDING)
-        status = command.status if changes_direction and scale > 0.0 else last_violation.status
-        return command.slowed(scale, status, last_violation.names)
-
-    def _find_violation(
-        self, travel: Array, velocities: Array, duration: float
-    ) -> BarrierViolation | None:
-        """
-        Return the worst violation of a barrier by the travel (r,) of a sample; None if none.
-
-        Without a margin to interpolate, half of the travel is proposed.
-        """
-        middle, grip, limits = self.config, self.grip, self.limits
-        try:
-            # The travel counts from the start of the sample; the configuration is that at its
-            # midpoint, which half of the sample with the velocities has reached.
-            end = middle.moved_to(middle.roller_positions + travel - 0.5 * duration * velocities)
-        except ConfigurationError:
-            return BarrierViolation(0.5, Status.SLOWED_RIGIDITY, ())
-        is_long = bool(np.abs(travel).max() > BAND_STEP)
-        if grip is not None and (is_long or any(limit.barrier.needs_object for limit in limits)):
-            try:
-                grip = roll_object(grip, middle, end)
-            except GraspError:  # a contact is lost during the motion
-                return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
-        motion = end, grip, travel, velocities, duration
-        checked = [limit.violation(*motion) for limit in limits]
-        violations = [violation for violation in checked if violation is not None]
-        # In a long step, values without a limit may fall from beyond the band to below the bound.
-        for barrier in self.barriers if is_long else ():
-            margins = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
-            for limit in limits:
-                if limit.barrier is barrier:
-                    margins[limit.indices] = np.inf
-            crossed = np.flatnonzero(margins < 0.0)
-            if len(crossed):
-                names = tuple(barrier.names(crossed))
-                violations.append(BarrierViolation(0.5, barrier.status, names))
-        return min(violations, default=None)

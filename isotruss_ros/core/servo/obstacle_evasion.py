@@ -24,7 +24,7 @@ from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.safety.barrier_law import BarrierLimit
-from isotruss_ros.core.safety.shape_guard import Watch
+from isotruss_ros.core.safety.command_watch import Watch
 from isotruss_ros.core.servo.decision import HaltError
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np

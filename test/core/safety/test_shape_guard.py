@@ -227,6 +227,25 @@ def test_commands_of_any_duration_cross_no_bound(duration):
     assert bool(reduced) == (duration >= 0.5)
 
 
+def test_a_short_command_that_is_kept_violates_no_limit_at_its_end():
+    guard, checked = ShapeGuard(walks.ROBOT, walks.BOUNDS), 0
+    for seed in range(12):
+        held, commands = commanded(seed)
+        for command in commands:
+            speeds = 0.09 * command.roller_velocities / np.abs(command.roller_velocities).max()
+            middle = rolled(held, 0.5 * PERIOD * speeds)
+            watch = guard.watch(middle.config, middle.grip)
+            command = replace(command, roller_velocities=speeds)
+            if watch.keep(command, speeds, PERIOD) is command:
+                end = rolled(held, PERIOD * speeds)
+                motion = end.config, end.grip, PERIOD * speeds, speeds, PERIOD
+                assert [limit.violation(*motion) for limit in watch.limits] == [None] * len(
+                    watch.limits
+                )
+                checked += len(watch.limits)
+    assert checked
+
+
 class Kink:
     """Barrier whose value falls by 10 per metre from a roller's home position on."""
 
