@@ -28,7 +28,7 @@ import functools
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
-from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
+from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps, SegmentGaps
 from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 import numpy as np
@@ -102,11 +102,20 @@ class CollisionModel:
 
     def distances(self, config: Configuration, pairs: Indices | slice = slice(None)) -> Array:
         """Return the distances between the surfaces of pairs of parts [m]."""
-        return self._nearest(config, pairs)[0] - self._pair_radii[pairs]
+        return self.nearest(config, pairs).gaps
 
-    def gradients(self, config: Configuration, pairs: Indices) -> Array:
+    def nearest(self, config: Configuration, pairs: Indices | slice) -> SegmentGaps:
+        """Return the distances between the surfaces of pairs of parts, with their directions."""
+        starts, ends = self.part_ends(config, self._pair_parts[pairs])
+        points = _middles(config.points, self._pair_nodes[:, pairs])
+        distances, normals, shares = nearest_on_segment(points, starts, ends)
+        return SegmentGaps(distances - self._pair_radii[pairs], normals, shares)
+
+    def gradients(
+        self, config: Configuration, pairs: Indices, nearest: SegmentGaps | None = None
+    ) -> Array:
         """Return the derivatives (k, 2n) of the pairs' distances by the node coordinates [-]."""
-        _, normals, shares = self._nearest(config, pairs)
+        _, normals, shares = nearest or self.nearest(config, pairs)
         rows = self.part_rows(config, self._pair_parts[pairs], shares, normals)
         _add_midpoint_gradients(rows, self._pair_nodes[:, pairs], normals)
         return rows.view(np.float64)
@@ -115,10 +124,20 @@ class CollisionModel:
         self, config: Configuration, body: ConvexObject, parts: Indices | slice = slice(None)
     ) -> tuple[Array, Array, Array]:
         """Return distances (k,) of parts from an object [m], derivatives by nodes and twist."""
+        nearest = segment_gaps(body, *self.part_ends(config, parts))
+        distances = nearest.gaps - self.part_radii[parts]
+        return distances, *self.body_gradients(config, body, parts, nearest)
+
+    def body_gradients(
+        self,
+        config: Configuration,
+        body: ConvexObject,
+        parts: Indices | slice,
+        nearest: SegmentGaps,
+    ) -> tuple[Array, Array]:
+        """Return the derivatives of the distances of k parts from an object by nodes and twist."""
+        # The normals point from the object to the parts.
         starts, ends = self.part_ends(config, parts)
-        nearest = segment_gaps(
-            body, starts, ends
-        )  # its normals point from the object to the parts
         rows = self.part_rows(config, parts, nearest.shares, -nearest.normals)
         # Moments of the normals about the object's origin; the nearest points of the segment and
         # of the surface are on the same line of action.
@@ -126,14 +145,7 @@ class CollisionModel:
         moments = (nearest.normals.conj() * 1j * arms).real
         # Motion of the object along the normal shortens the distance.
         twist_rows = -np.column_stack([as_xy(nearest.normals), moments])
-        return nearest.gaps - self.part_radii[parts], rows.view(np.float64), twist_rows
-
-    def _nearest(
-        self, config: Configuration, pairs: Indices | slice
-    ) -> tuple[Array, Points, Array]:
-        starts, ends = self.part_ends(config, self._pair_parts[pairs])
-        points = _middles(config.points, self._pair_nodes[:, pairs])
-        return nearest_on_segment(points, starts, ends)
+        return rows.view(np.float64), twist_rows
 
     def part_ends(
         self, config: Configuration, parts: Indices | slice = slice(None)

@@ -67,9 +67,10 @@ def _require_apart(distance: float) -> None:
         )
 
 
+@functools.lru_cache(maxsize=8)
 def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     """
-    Return the Jacobian (m, 3, r) of the velocities of m members with respect to roller speeds.
+    Return the Jacobian (m, 3, r) of the velocities of m members by roller speeds, cached.
 
     Rows are vx, vy of the tube's material at the start [-], and angular velocity (16) [1/m].
     """
@@ -90,6 +91,7 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     for member, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
         by_speeds[member, 0, roller] += axes[member].real
         by_speeds[member, 1, roller] += axes[member].imag
+    by_speeds.flags.writeable = False
     return by_speeds
 
 

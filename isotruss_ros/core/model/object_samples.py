@@ -133,7 +133,12 @@ class ObjectSamples:
         chosen = np.arange(len(self.center))[index]
         if chosen.ndim == 0:
             return self.objects[chosen]
-        return ObjectSamples([self.objects[i] for i in chosen.tolist()])
+        taken = ObjectSamples.__new__(ObjectSamples)
+        taken._objects = taken._shaped = [self.objects[i] for i in chosen.tolist()]
+        taken.center, taken.turn = self.center[chosen], self.turn[chosen]
+        taken.middle, taken.angle = self.middle[chosen], self.angle[chosen]
+        taken.arm = self.arm[chosen]
+        return taken
 
     @staticmethod
     def join_samples(values: Sequence[ObjectSamples]) -> ObjectSamples:

@@ -21,9 +21,9 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import ConvexObject, SegmentGaps
 from isotruss_ros.core.model.obstacle import Obstacle
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.safety.barrier_law import (
     ActiveValues,
     ALL_VALUES,
@@ -31,8 +31,11 @@ from isotruss_ros.core.safety.barrier_law import (
     NO_ACTIVE_VALUES,
     Selection,
 )
-from isotruss_ros.core.safety.margins import object_distances
+from isotruss_ros.core.safety.margins import object_gaps
 import numpy as np
+
+#: No distances.
+NO_GAPS = SegmentGaps(np.zeros(0), np.zeros(0, dtype=np.complex128), np.zeros(0))
 
 
 class EvaluatedState(NamedTuple):
@@ -93,29 +96,34 @@ class NeighborList:
         self,
         config: Configuration,
         grip: Grip | None,
-        measure: Callable[[Selection], Array],
+        measure: Callable[[Selection], SegmentGaps],
         obstacles: tuple[Obstacle, ...] = (),
-    ) -> tuple[Indices, Array]:
-        """Return indices and distances [m] of close pairs; `measure` evaluates distances."""
+    ) -> tuple[Indices, SegmentGaps]:
+        """Return indices and distances of close pairs; `measure` evaluates distances."""
         # Verlet list: all pairs are measured after a motion by the skin, the listed ones after a
         # motion by which one of them could become close.
         state = config, grip, obstacles
         if self._all_state is None or not self._all_state.holds(*state):
             measured = measure(ALL_VALUES)
-            self._list = np.flatnonzero(measured < self.listed_below)
-            distances = measured[self._list]
+            self._list = np.flatnonzero(measured.gaps < self.listed_below)
+            listed = _choose(measured, self._list)
             # Pairs outside of the list are farther by at least the skin.
-            smallest = measured.min(initial=np.inf)
+            smallest = measured.gaps.min(initial=np.inf)
             spare = self._skin if len(self._list) else smallest - self._close_below
             self._all_state = EvaluatedState(config, grip, float(spare), obstacles)
         elif self._list_state.holds(*state):
-            return self._list[:0], np.zeros(0)
+            return self._list[:0], NO_GAPS
         else:
-            distances = measure(self._list)
-        spare = float(distances.min(initial=np.inf)) - self._close_below
+            listed = measure(self._list)
+        spare = float(listed.gaps.min(initial=np.inf)) - self._close_below
         self._list_state = EvaluatedState(config, grip, spare, obstacles)
-        is_close = distances < self._close_below
-        return self._list[is_close], distances[is_close]
+        is_close = listed.gaps < self._close_below
+        return self._list[is_close], _choose(listed, is_close)
+
+
+def _choose(gaps: SegmentGaps, chosen: Indices | Flags) -> SegmentGaps:
+    """Return chosen distances."""
+    return SegmentGaps(*(part[chosen] for part in gaps))
 
 
 class ClearanceBarrier:
@@ -134,23 +142,31 @@ class ClearanceBarrier:
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """Return the distances that are near the bound; see `Barrier.active`."""
         relevant_grip = grip if self.needs_object else None
-        measure = partial(self.values, config, grip)
-        close, distances = self._neighbors.find_close(config, relevant_grip, measure)
+        measure = partial(self._measure, config, grip)
+        close, nearest = self._neighbors.find_close(config, relevant_grip, measure)
         if not len(close):
             return NO_ACTIVE_VALUES
         if relevant_grip is None:
-            return ActiveValues(close, distances, self._model.gradients(config, close))
+            by_nodes = self._model.gradients(config, close, nearest)
+            return ActiveValues(close, nearest.gaps, by_nodes)
         # By the nodes for a fixed object, and by roller travel for an object that rolls.
-        _, by_nodes, by_twist = self._model.body_distances(config, relevant_grip.body, close)
+        body = relevant_grip.body
+        by_nodes, by_twist = self._model.body_gradients(config, body, close, nearest)
         by_travel = by_twist @ grip_jacobian(config, relevant_grip)[:3]
-        return ActiveValues(close, distances, by_nodes, by_travel)
+        return ActiveValues(close, nearest.gaps, by_nodes, by_travel)
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """Return the distances [m], infinite for grasping members; see `Barrier.values`."""
+        return self._measure(config, grip, indices).gaps
+
+    def _measure(
+        self, config: Configuration, grip: Grip | None, indices: Selection
+    ) -> SegmentGaps:
+        """Return the distances with their directions."""
         if not self.needs_object:
-            return self._model.distances(config, indices)
+            return self._model.nearest(config, indices)
         far = self._neighbors.listed_below
-        return object_distances(config, grip.body, grip.members, far, indices)
+        return object_gaps(config, grip.body, grip.members, far, indices)
 
     def names(self, indices: Indices) -> list[str]:
         """Return the names of the pairs of parts, or of a part and the object."""

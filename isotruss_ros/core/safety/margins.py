@@ -14,7 +14,7 @@ from isotruss_ros.core.kinematics.distances import collision_model, nearest_on_s
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members
-from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
+from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps, SegmentGaps
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -56,16 +56,31 @@ def object_distances(
     They are infinite for the grasping `members`, a module at which two of them meet, and the rods
     at its joint. Above `far` [m] a lower bound may be returned instead.
     """
+    return object_gaps(config, body, members, far, parts).gaps
+
+
+def object_gaps(
+    config: Configuration,
+    body: ConvexObject,
+    members: tuple[str, ...],
+    far: float,
+    parts: Indices | slice,
+) -> SegmentGaps:
+    """Return `object_distances` with their directions, which are exact for distances to `far`."""
     model = collision_model(config.robot)
     starts, ends = model.part_ends(config, parts)
     radii = model.part_radii[parts]
     # The object's enclosing circle gives lower bounds. Those below `far` are made exact.
-    distances = nearest_on_segment(body.center, starts, ends)[0] - body.shape.reach - radii
+    nearest = SegmentGaps(*nearest_on_segment(body.center, starts, ends))
+    distances = nearest.gaps - body.shape.reach - radii
     close = np.flatnonzero(distances < far)
     if len(close):
-        distances[close] = segment_gaps(body, starts[close], ends[close]).gaps - radii[close]
+        gaps, nearest.normals[close], nearest.shares[close] = segment_gaps(
+            body, starts[close], ends[close]
+        )
+        distances[close] = gaps - radii[close]
     distances[_mask_grip(config.robot, members)[parts]] = np.inf
-    return distances
+    return nearest._replace(gaps=distances)
 
 
 @functools.lru_cache(maxsize=64)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property, partial
+from typing import Any
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model, nearest_on_segment
@@ -23,7 +24,7 @@ from isotruss_ros.core.model.convex_object import segment_gaps, SegmentGaps
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.model.separation import separate
-from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices
 from isotruss_ros.core.safety.barrier_law import (
     ActiveValues,
     BarrierLaw,
@@ -66,52 +67,46 @@ class ObstacleBarrier:
         return type(self)(self._robot, self.law, obstacles, self.needs_object, self._neighbors)
 
     @cached_property
-    def _circles(self) -> tuple[Points, Array]:
-        """Return centres (o,) and radii (o,) of circles that enclose the obstacles [m]."""
-        bodies = [obstacle.body for obstacle in self.obstacles]
-        radii = np.array([body.shape.reach for body in bodies])
-        return np.array([body.center for body in bodies]), radii
+    def _bodies(self) -> ObjectSamples:
+        """Return the objects at the poses of the obstacles."""
+        return ObjectSamples([obstacle.body for obstacle in self.obstacles])
 
-    def _segment_gaps(self, numbers: Indices, starts: Points, ends: Points) -> SegmentGaps:
-        """Return the gaps (k,) of k obstacles, each to a segment of its own."""
-        bodies = ObjectSamples([self.obstacles[k].body for k in numbers.tolist()])
-        gaps = segment_gaps(bodies, starts[:, None], ends[:, None])  # type: ignore[arg-type]
-        return SegmentGaps(*(part[:, 0] for part in gaps))
+    @cached_property
+    def _reaches(self) -> Array:
+        """Return the radii (o,) of circles that enclose the obstacles [m]."""
+        return np.array([obstacle.body.shape.reach for obstacle in self.obstacles])
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """Return the distances that are near the bound; see `Barrier.active`."""
         if not self.obstacles:
             return NO_ACTIVE_VALUES
         relevant_grip = grip if self.needs_object else None
-        measure = partial(self.values, config, grip)
-        close, distances = self._neighbors.find_close(
-            config, relevant_grip, measure, self.obstacles
-        )
+        measure = partial(self._measure, config, grip)
+        close, nearest = self._neighbors.find_close(config, relevant_grip, measure, self.obstacles)
         if not len(close):
             return NO_ACTIVE_VALUES
         numbers, parts = np.divmod(close, self._count)
+        gaps, normals, shares = nearest
         by_travel: Array | float = 0.0
         if self.needs_object:
             bodies = (self.obstacles[k].body for k in numbers.tolist())
-            nearest = [separate(body, grip.body) for body in bodies]
-            normals, points = np.array([(s.normal, s.point) for s in nearest]).T
+            points = np.array([separate(body, grip.body).point for body in bodies])
             moments = (normals.conj() * 1j * (points - grip.body.center)).real
             by_twist = np.column_stack([as_xy(normals), moments])
             by_travel = by_twist @ grip_jacobian(config, grip)[:3]
             by_nodes = np.zeros((len(close), 2 * len(config.points)))
-            gaps = distances
         else:
             starts, ends = self._model.part_ends(config, parts)
-            gaps, normals, shares = self._segment_gaps(numbers, starts, ends)
             rows = self._model.part_rows(config, parts, shares, -normals)
             by_nodes, points = rows.view(np.float64), starts + shares * (ends - starts)
+            gaps = gaps + self._model.part_radii[parts]  # from the centre lines of the parts
         if not self._moves:
-            return ActiveValues(close, distances, by_nodes, by_travel)
+            return ActiveValues(close, nearest.gaps, by_nodes, by_travel)
         # Velocities of the obstacles' nearest points.
         surface = zip(numbers.tolist(), points - gaps * normals, strict=True)
         velocities = np.array([self.obstacles[k].velocity_at(point) for k, point in surface])
         drift = -(velocities * normals.conj()).real
-        return ActiveValues(close, distances, by_nodes, by_travel, drift)
+        return ActiveValues(close, nearest.gaps, by_nodes, by_travel, drift)
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """
@@ -119,26 +114,35 @@ class ObstacleBarrier:
 
         Beyond the band they may be the distances from enclosing circles.
         """
+        return self._measure(config, grip, indices).gaps
+
+    def _measure(
+        self, config: Configuration, grip: Grip | None, indices: Selection
+    ) -> SegmentGaps:
+        """Return `values` with their directions, which are exact within the band."""
         if isinstance(indices, slice):
             indices = np.arange(len(self.obstacles) * self._count)[indices]
-        centers, reaches = self._circles
         numbers, parts = np.divmod(indices, self._count)
+        centers, reaches = self._bodies.center[numbers], self._reaches[numbers]
         if self.needs_object:
-            distances = np.abs(grip.body.center - centers[numbers]) - grip.body.shape.reach
-            distances -= reaches[numbers]
+            away = grip.body.center - centers
+            distances = np.abs(away) - grip.body.shape.reach - reaches
+            normals = np.ones(len(away), dtype=np.complex128)
             for i in np.flatnonzero(distances < self.law.active_below).tolist():
-                distances[i] = separate(self.obstacles[numbers[i]].body, grip.body).distance
-            return distances
+                body = self.obstacles[numbers[i]].body
+                distances[i], normals[i], _ = separate(body, grip.body)
+            return SegmentGaps(distances, normals, np.zeros(len(away)))
         starts, ends = self._model.part_ends(config, parts)
         radii = self._model.part_radii[parts]
-        distances = (
-            nearest_on_segment(centers[numbers], starts, ends)[0] - radii - reaches[numbers]
-        )
+        nearest = SegmentGaps(*nearest_on_segment(centers, starts, ends))
+        distances = nearest.gaps - radii - reaches
         near = np.flatnonzero(distances < self.law.active_below)
         if len(near):
-            gaps = self._segment_gaps(numbers[near], starts[near], ends[near]).gaps
+            bodies: Any = self._bodies.take_samples(numbers[near])
+            exact = segment_gaps(bodies, starts[near, None], ends[near, None])
+            gaps, nearest.normals[near], nearest.shares[near] = (part[:, 0] for part in exact)
             distances[near] = gaps - radii[near]
-        return distances
+        return nearest._replace(gaps=distances)
 
     def names(self, indices: Indices) -> list[str]:
         """Return the names of a part, or the object, and the obstacle; see `Barrier.names`."""

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from held_grips import box_between, NINE
 from isotruss_ros import core
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.model.convex_object import SegmentGaps
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.barriers import NeighborList
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
@@ -87,9 +88,13 @@ def test_neighbor_list_agrees_with_all_pairs(held, seed):
         others = points - tip(grip) if held else points[:6] - points[6:]
         distances = np.abs(others)
         config = SimpleNamespace(points=points)
-        indices, values = pairs.find_close(config, grip, distances.__getitem__)
+        indices, nearest = pairs.find_close(
+            config,
+            grip,
+            lambda chosen, all_of=distances: SegmentGaps(*3 * [all_of[chosen]]),
+        )
         assert indices.tolist() == np.flatnonzero(distances < LAW.active_below).tolist()
-        assert values.tolist() == distances[indices].tolist()
+        assert nearest.gaps.tolist() == distances[indices].tolist()
         counts.add(len(indices))
     assert len(counts) > 1
 
