@@ -83,6 +83,8 @@ def begin_roll(grip: HeldGrip, config: Configuration) -> HeldGrip | None:
         return None
     motion = travel, unknowns - grip.state.unknowns
     state = replace(take(state, 0), unknowns=unknowns)
+    # The responses of the tubes are kept for the next step.
+    statics = replace(statics, bent=take(samples.bent, 0))
     return replace(grip, statics=statics, state=state, motion=motion)
 
 
