@@ -220,7 +220,7 @@ class HeldGradient(NamedTuple):
 
     @property
     def pose(self) -> Array:
-        """Return the derivatives (3, p) of the pose (x, y, angle)."""
+        """Return the derivatives (3, p) of x, y and angle."""
         return self.unknowns[:POSE]
 
 
