@@ -23,8 +23,6 @@ from std_srvs.srv import Trigger
 
 NAMES = ROBOT.topology.joint_names
 TRACKER = {'tracker_rate': 20.0, 'tracker_noise': 0.001, 'tracker_dropouts': 0.3, 'seed': 4}
-
-
 #: The encoders read zero 15 mm from the home.
 plant = maker(
     Simulator,
@@ -65,9 +63,8 @@ def test_a_plant_as_stiff_as_the_model_has_a_stiffness_scale_of_one(tmp_path):
         answer = w.call('calibrate_stiffness', request)
     assert answer.success, answer.message
     assert answer.scale == pytest.approx(1.0, rel=0.07)
-    assert load_robot(tmp_path / 'mine.yaml').description.stiffness_scale == pytest.approx(
-        answer.scale, rel=1e-3
-    )
+    description = load_robot(tmp_path / 'mine.yaml').description
+    assert description.stiffness_scale == pytest.approx(answer.scale, rel=1e-3)
 
 
 def test_a_force_in_another_posture_is_refused(tmp_path):
@@ -88,13 +85,8 @@ def test_missing_markers_are_reported(tmp_path):
 
 
 HELD = {'object_diameter': 0.2, 'friction': 0.8}
-
-
-def mujoco_plant():
-    return Simulator(overrides(plant='mujoco', indentation=0.01, **HELD))
-
-
 manipulation = maker(Manipulation, **HELD)
+held_in_mujoco = maker(Simulator, plant='mujoco', indentation=0.01, **HELD)
 
 
 def pluck():
@@ -126,7 +118,7 @@ def test_frequency_and_damping_ratio_are_fitted_to_the_poses_after_the_push():
 def test_active_squeeze_control_is_refused():
     with (
         pytest.raises(MeasurementError, match='squeeze_force of manipulation: must be 0'),
-        world(mujoco_plant, manipulation(squeeze_force=20.0, object_mass=0.5), pluck) as w,
+        world(held_in_mujoco(), manipulation(squeeze_force=20.0, object_mass=0.5), pluck) as w,
     ):
         w.until(lambda: w.nodes[-1].done)
 

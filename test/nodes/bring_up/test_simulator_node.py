@@ -1,28 +1,29 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator node: its messages, its rollers, and the object in its plants."""
+"""The simulator node: its rollers, objects and plants, and what it publishes of them."""
 
-from geometry_msgs.msg import PoseStamped
+from functools import partial
+
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from held_grips import ANGLE, APART, box_between, BOX_FILE, DEPTH, HOME
 from isotruss_ros.core import Disc, place_between, Pose, solve_twist
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.mujoco_plant.recording import read_recording
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.sensor_messages import read_joint_markers
 from isotruss_ros.nodes.simulator.node import Simulator
+from isotruss_ros.nodes.simulator.simulated_sensors import SensorChannel
 from manual_world import check_refused, world
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from probe import CENTER, DIAMETER, maker, MODULE, N, ROBOT
+from probe import CENTER, DIAMETER, maker, MODULE, N, overrides, ROBOT
 import pytest
-from sensor_msgs.msg import MultiDOFJointState
+from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Header
 
 SPEED = 0.02
-
-
 node = maker(Simulator)
 
 
@@ -30,21 +31,6 @@ def only(roller, speed=SPEED):
     velocities = np.zeros(N)
     velocities[roller] = speed
     return velocities
-
-
-def test_travel_is_the_integral_of_the_commands():
-    with world(node()) as w:
-        w.until(lambda: w.probe.last('joints') is not None)
-        w.until(lambda: w.travel()[1] > 0.003, lambda: w.probe.send_command(only(1)))
-        joints = w.probe.last('joints')
-        assert joints.velocity[1] == pytest.approx(SPEED)
-        assert not w.travel()[[0, 2, 3, 4, 5]].any()
-        moving = [m for _, m in w.probe.seen['joints'] if m.velocity[1] > 0.0]
-        elapsed = read_stamp(moving[-1].header) - read_stamp(moving[1].header)
-        assert moving[-1].position[1] - moving[1].position[1] == pytest.approx(
-            SPEED * elapsed,
-            abs=2e-8,  # a float holds the time since 1970 to 2e-7 s
-        )
 
 
 def test_a_command_that_is_not_renewed_ends():
@@ -95,20 +81,6 @@ def test_the_box_is_carried_by_the_two_sides(is_free):
         went = w.place() - start
         assert abs(went[1]) < 0.05 * went[0]
         assert abs(went[2]) < 0.05 * went[0]
-
-
-def test_a_planned_release_leaves_a_free_object_where_it_is():
-    members = members_at(HOME.robot, MODULE)
-    body = place_between(HOME, members, Disc(DIAMETER), 0.0, 0.01).body
-    free = {'object_is_free': True, 'object_pose': list(body.pose)}
-    path = plan_release(HOME, body, members, 0.02).path
-    with world(maker(Simulator, object_diameter=DIAMETER, friction=0.8, rate=50.0, **free)()) as w:
-        w.until(lambda: w.place() is not None)
-        start = w.place()
-        for ahead in np.diff(path, axis=0):
-            w.spin(0.5, lambda speeds=2.0 * ahead: w.probe.send_command(speeds))
-        assert np.abs(w.travel() - path[-1]).max() < 0.2 * np.abs(path[-1] - path[0]).max()
-        assert w.place() == pytest.approx(start, abs=1e-3)
 
 
 def test_a_load_in_the_frame_of_the_turned_object_moves_it_and_lets_it_back():
@@ -202,3 +174,121 @@ def test_states_are_recorded_with_the_time_of_the_messages(tmp_path):
         assert recording.times[-1] <= stamps[-1] + 0.05
     check_refused(mujoco(plant='elastic', recording=str(path)), 'recording')
     check_refused(mujoco(recording=str(tmp_path / 'no' / 'states')), 'cannot be written')
+
+
+PLANTS = ['kinematic', 'elastic', pytest.param('mujoco', marks=needs_mujoco)]
+TOPICS = (
+    (JointState, 'joint_states'),
+    (PoseStamped, 'object_pose'),
+    (MultiDOFJointState, 'joint_markers'),
+    (PoseStamped, 'truth/object_pose'),
+    (MultiDOFJointState, 'truth/joint_markers'),
+    (WrenchStamped, 'truth/contact_forces'),
+)
+DELAYS = {'joint_states': 0.01, 'object_pose': 0.03, 'joint_markers': 0.03}
+
+
+def receive(w, duration=1.0):
+    """Return (time of arrival, message) by topic."""
+    received = {topic: [] for _, topic in TOPICS}
+
+    def keep(topic, message):
+        received[topic].append((w.probe.past(0.0), message))
+
+    for kind, topic in TOPICS:
+        w.probe.create_subscription(kind, topic, partial(keep, topic), 10)
+    w.spin(duration)
+    return received
+
+
+def places(message):
+    return {
+        name: np.array([transform.translation.x, transform.translation.y])
+        for name, transform in zip(message.joint_names, message.transforms, strict=True)
+    }
+
+
+@pytest.mark.parametrize('plant', PLANTS)
+def test_delay_and_rate_of_sensors_are_those_of_the_parameters(plant):
+    faults = {'encoder_delay': 0.01, 'tracker_delay': 0.03, 'tracker_rate': 20.0}
+    values = {'plant': plant, 'indentation': 0.005, 'marker_joints': ['all']}
+    with world(lambda: Simulator(overrides(**values, **faults))) as w:
+        received = receive(w)
+        for topic, delay in DELAYS.items():
+            ages = [came - read_stamp(m.header) for came, m in received[topic]]
+            assert np.array(ages) == pytest.approx(delay, abs=2e-3)
+        counts = [len(received[topic]) for topic in DELAYS]
+        assert counts == pytest.approx([99, 20, 20], abs=2)
+
+
+def test_the_noise_of_the_tracker_is_that_of_its_parameter():
+    values = {'plant': 'elastic', 'indentation': 0.005, 'marker_joints': ['all']}
+    with world(lambda: Simulator(overrides(tracker_noise=2e-3, **values))) as w:
+        received = receive(w, 3.0)
+        placed, true = (
+            np.array([(m.pose.position.x, 2.0 * m.pose.orientation.z) for _, m in received[topic]])
+            for topic in ('object_pose', 'truth/object_pose')
+        )
+        assert (placed - true).std(axis=0) == pytest.approx([2e-3, 0.02], rel=0.2)
+        marked = np.array([places(m)['Z'] for _, m in received['joint_markers']])
+        assert marked.std(axis=0) == pytest.approx(2e-3, rel=0.2)
+
+
+def test_encoder_readings_are_multiples_of_the_resolution():
+    with world(lambda: Simulator(overrides(encoder_step=1e-3))) as w:
+        command = [0.02] + [0.0] * (len(ROBOT.roller_names) - 1)
+        w.until(lambda: w.travel()[0] > 5e-3, lambda: w.probe.send_command(command))
+        steps = [message.position[0] / 1e-3 for _, message in w.probe.seen['joints']]
+        assert len(set(steps)) > 4
+        assert steps == pytest.approx(np.round(steps))
+
+
+def test_true_states_are_those_of_the_plant():
+    faults = {'tracker_noise': 0.01, 'indentation': 0.005, 'friction': 0.8}
+    with world(lambda: Simulator(overrides(plant='elastic', **faults))) as w:
+        received = receive(w)
+        members = members_at(ROBOT, MODULE)
+        body = place_between(ROBOT.home, members, Disc(DIAMETER), indentation=0.005).body
+        held = attach_grip(ROBOT.home, body)
+        result = {
+            message.header.frame_id: message.wrench.force.x
+            for _, message in received['truth/contact_forces'][-2:]
+        }
+        frames = [f'truss_{name.replace("/", "_")}_contact' for name in held.member_names]
+        assert result == pytest.approx(dict(zip(frames, held.normal_forces, strict=True)))
+        position = received['truth/object_pose'][-1][1].pose.position
+        assert (position.x, position.y) == pytest.approx(held.pose[:2])
+
+
+#: Cycles of a simulated robot at 100 Hz [s].
+TIMES = 0.01 * np.arange(1000)
+
+
+def arrivals(seed=0, rows=1, **faults):
+    """Return (time of arrival, time, values) of a quantity that is the time."""
+    channel = SensorChannel((seed,))
+    return [
+        (now, *result)
+        for now in TIMES
+        for result in channel.measure(now, lambda now=now: np.full((rows, 2), now), **faults)
+    ]
+
+
+@pytest.mark.parametrize('rate', [7.0, 20.0, 30.0, 99.0])
+def test_the_mean_rate_is_kept_where_it_does_not_divide_that_of_the_cycles(rate):
+    assert len(arrivals(rate=rate)) == pytest.approx(10.0 * rate, abs=1)
+
+
+def test_rows_are_lost_on_their_own_by_the_share_of_the_dropouts():
+    seen = np.isfinite([values[:, 0] for *_, values in arrivals(rows=5, dropouts=0.3)])
+    assert np.mean(seen) == pytest.approx(0.7, abs=0.03)
+    assert len({tuple(row.tolist()) for row in seen}) > 10
+    assert arrivals(rows=5, dropouts=1.0) == []
+
+
+def test_the_noise_of_a_seed_is_the_same_with_dropouts_and_another_for_another_seed():
+    noisy = {time: values for _, time, values in arrivals(4, noise=1.0)}
+    gappy = arrivals(4, noise=1.0, dropouts=0.5)
+    assert 400 < len(gappy) < 600
+    assert all((noisy[time] == values).all() for _, time, values in gappy)
+    assert (arrivals(5, noise=1.0)[0][2] != noisy[0.0]).all()
