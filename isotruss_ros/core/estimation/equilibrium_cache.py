@@ -31,11 +31,11 @@ from isotruss_ros.core.estimation.grip_model import (
     shift_rates,
     SHIFTS,
     state_rates,
+    TRACKED,
 )
 from isotruss_ros.core.holding.contact_search import measure_gaps
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.newton import Accuracy
 from isotruss_ros.core.holding.roll_grip import begin_roll, roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import Grip
@@ -44,7 +44,6 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.work_limit import WorkLimitError
 from isotruss_ros.core.safety.usage_limits import UsageLimits
-from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 import numpy as np
 
 #: Largest errors of the prediction of pose [m] and squeeze [N] between two equilibria.
@@ -56,10 +55,6 @@ CURVATURES = np.array([2.0, 4e3])
 #: Error of the linear change by shifts of the contacts, relative to this change [-]. In 79 random
 #: shifts of the same objects by 0.3 mm it was at most 0.028.
 SHIFT_SHARE = 0.03
-#: Accuracy of a tracked equilibrium. In 121 equilibria of 6 runs with discs and boxes, with loads,
-#: noise and wrong offsets, poses err by at most 1.3 um (median 0.1 um), squeezes and slip margins
-#: by at most 2 mN, and the squeeze's derivative by opening by at most 0.4 %.
-TRACKED = Accuracy(2.0 * FOLLOWED_MOTION, 1e7)
 #: Largest change of a corner's gap per norm of the travel [-]; at most 0.57 in 48 random motions.
 GAP_RATE = 0.6
 #: Largest error of the gap of a corner relative to it, which bounds the speed of landing [-].

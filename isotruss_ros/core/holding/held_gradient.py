@@ -225,15 +225,19 @@ class HeldGradient(NamedTuple):
 
 
 @single_threaded
-def held_gradient(grip: HeldGrip) -> HeldGradient:
-    """Return the derivatives by roller travel and rolling invariants; the contacts stick."""
+def held_gradient(grip: HeldGrip, reach: float = FOLLOWED_MOTION) -> HeldGradient:
+    """
+    Return the derivatives by roller travel and rolling invariants; the contacts stick.
+
+    The tubes are linearised again if a node has moved by more than `reach` [m].
+    """
     config, statics = grip.config, grip.statics
     indices, parameters = grip.state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)
     # Columns: roller travel, then rolling invariants, which change no parameter of a grasp.
     directions = np.zeros((parameters.size, rollers + count))
     directions[parameters.rollers, :rollers] = np.eye(rollers)
-    tubes = LoadedTubes.of(grip, directions, parameters, reach=FOLLOWED_MOTION)
+    tubes = LoadedTubes.of(grip, directions, parameters, reach)
     residuals = tubes.equation_rates(sticks=True)
     residuals[indices.conditions, :rollers] += statics.anchor_rates
     residuals[indices.conditions, rollers:] -= np.eye(count)
