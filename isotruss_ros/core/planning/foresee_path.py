@@ -28,8 +28,10 @@ from isotruss_ros.core.holding.held_grip import (
 )
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling, LOOP_SOFT_RANK
 from isotruss_ros.core.manipulation.limits import default_limits
+from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
@@ -46,7 +48,7 @@ from isotruss_ros.core.paths.path_tracking import (
     speed_share,
     TrackingSettings,
 )
-from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
+from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard, Watch
 import numpy as np
 
 #: Length of a step, with rotations times the characteristic radius [m], and its longest time [s].
@@ -226,14 +228,22 @@ def find_command(
 ) -> RollerCommand:
     """Return the command of the control loop for a twist (3,) in a step [s], at a squeeze [N]."""
     opening = (squeeze - held.squeeze) / (held.squeeze_stiffness() * SQUEEZE_TIME)
+
+    def solve(config: Configuration, grip: Grip) -> tuple[Watch, RollerCommand]:
+        watch = guard.watch(config, grip)
+        limits = (*default_limits(config.robot), *watch.limits)
+        return watch, solve_twist(config, grip, twist, (), limits, LOOP_HANDLING, opening)
+
     config, grip = held.config, measure_gaps(held, friction)
-    watch = guard.watch(config, grip)
-    limits = (*default_limits(config.robot), *watch.limits)
-    command = solve_twist(config, grip, twist, (), limits, LOOP_HANDLING, opening)
-    if not watch.limits:  # no step crosses the band of a barrier
+    _, command = solve(config, grip)
+    if command.scale == 1.0:
         return command
-    # The limits are linearised at the start of the step, with the rollers at rest.
-    return watch.keep(command, np.zeros(len(config.roller_positions)), duration)
+    # Where limits bind, they are linearised at the midpoint of the step, as in the loop. At its
+    # start, errors of second order would add up to a smaller clearance or to a stop.
+    speeds = command.roller_velocities
+    middle = config.moved_to(config.roller_positions + 0.5 * duration * speeds)
+    watch, command = solve(middle, roll_object(grip, config, middle))
+    return watch.keep(command, speeds, duration)
 
 
 def roll_held(held: HeldGrip, friction: float, squeeze: float, travel: Array) -> HeldGrip | str:

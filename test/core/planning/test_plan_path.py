@@ -52,6 +52,20 @@ def test_path_leads_around_an_obstacle_on_the_straight_line():
     assert min(clearance(grip, [POST]) for grip in foresight.grips) > 0.0199
 
 
+def test_clearance_on_a_path_along_an_obstacle_is_foreseen_as_the_loop_keeps_it():
+    """The loop keeps 21 mm, its bound and its safety margin, while it slides by over 0.3 m."""
+    post = Obstacle('post', ConvexObject.disc((0.7382, 0.5276), 0.1113))
+    poses = [
+        HELD.pose,
+        (0.5126, 0.8194, 0.4188),
+        (0.3603, 0.6582, 0.8437),
+        (0.3071, 0.5241, 0.802),
+    ]
+    foresight = foresee_path(HELD, 0.8, np.array(poses), obstacles=[post])
+    assert foresight.why == ''
+    assert min(clearance(grip, [post]) for grip in foresight.grips) > 0.0209
+
+
 def test_goal_within_an_obstacle_is_refused_with_its_name():
     plan = plan_path(ROBOT, GRIP, POST.body.pose, [POST])
     assert len(plan) == plan.steps == 0
