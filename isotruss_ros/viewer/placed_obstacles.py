@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.core import ConvexObject, Obstacle
 from isotruss_ros.viewer.drag import Drag
-from isotruss_ros.viewer.requests import RequestError
+from isotruss_ros.viewer.requests import MAX_DRAG_DISTANCE, RequestError
 
 #: Diameter of a placed obstacle [m].
 DIAMETER = 0.15
@@ -60,7 +60,12 @@ class PlacedObstacles:
         Move a disc to a target; a name that is not known is ignored.
 
         :param target: centre (x, y) in the robot frame [m].
+        :raises RequestError: a pose with this centre would be invalid.
         """
+        if not all(abs(coordinate) <= MAX_DRAG_DISTANCE for coordinate in target):  # nor NaN
+            raise RequestError(
+                f'{name}: target {target}: must be at most {MAX_DRAG_DISTANCE:g} m away'
+            )
         disc = self._discs.get(name)
         if disc is not None:
             disc.drag = Drag(target, now)

@@ -133,6 +133,14 @@ def test_published_velocities_of_a_dragged_obstacle_lead_to_its_next_poses():
     assert after.velocity == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize('target', [(100.1, 0.0), (0.0, -300.0), (0.0, math.nan)])
+def test_a_drag_beyond_the_range_of_poses_is_refused(target):
+    obstacles = PlacedObstacles()
+    name = obstacles.add((0.0, 0.0))
+    with pytest.raises(RequestError, match='must be at most 100 m away'):
+        obstacles.drag_to(name, target, 0.0)
+
+
 @pytest.mark.parametrize('jump', [-100.0, 100.0])
 def test_a_jump_of_the_clock_moves_a_dragged_obstacle_no_further_than_its_target(jump):
     obstacles = PlacedObstacles()
