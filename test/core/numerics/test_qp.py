@@ -5,7 +5,12 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
+from isotruss_ros.core.numerics.qp import (
+    find_nearest,
+    QuadraticProgram,
+    solve_least_squares,
+    solve_qp,
+)
 import numpy as np
 import pytest
 import robots
@@ -132,3 +137,21 @@ def test_exceeding_the_iteration_cap_gives_no_solution(monkeypatch):
 
     monkeypatch.setattr(optimize, 'nnls', endless)
     assert solve_qp(random_program(np.random.default_rng(3), 6)) is None
+
+
+@pytest.mark.parametrize('perturbation', [0.0, 1e-9])
+def test_corner_of_two_planes_and_the_numbers_of_both(perturbation):
+    columns = np.array([[1.0, 0.0, 1.0], [0.0, 2.0, 1.0]])
+    nearest = find_nearest(columns, np.array([-1.0, -4.0, 3.0]), 1.0, perturbation)
+    assert nearest.point == pytest.approx([-1.0, -2.0], abs=1e-15)
+    assert nearest.active.tolist() == [0, 1]
+
+
+@robots.examples(100)
+@given(robots.generators(), st.integers(1, 12), st.integers(1, 12))
+def test_least_squares_have_minimum_norm_at_any_rank(rng, m, n):
+    matrix = rng.standard_normal((m, n))
+    matrix[-1] = matrix[0]
+    right = rng.standard_normal(m)
+    expected = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+    assert solve_least_squares(matrix, right) == pytest.approx(expected, rel=1e-9, abs=1e-9)

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from isotruss_ros.core import load_robot, solve_twist, Status
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.acceleration import limit_acceleration
-from isotruss_ros.core.manipulation.limits import default_limits, stack_rows
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.manipulation.limits import default_limits, Rows, stack_rows
 from nightly import some_now
 import numpy as np
 import pytest
@@ -140,3 +141,31 @@ def test_a_robot_of_little_acceleration_stops_before_its_limits():
         assert file.min_length <= lengths.min()
         assert lengths.max() <= file.max_length
     assert lengths.max() > file.max_length - 5e-3
+
+
+def test_a_violated_limit_changes_the_speeds_by_the_least():
+    """The point of a half space next to another one is on the normal of its bound."""
+    rng = np.random.default_rng(0)
+    wanted = solve_twist(ROBOT.home, GRIP, heading(30.0))
+    contacts = grip_jacobian(ROBOT.home, GRIP)[3:]
+    normal = rng.standard_normal(N)
+    normal -= np.linalg.pinv(contacts) @ contacts @ normal
+    previous = wanted.roller_velocities + 2.0 * CHANGE * normal / np.abs(normal).max()
+    bound = normal @ wanted.roller_velocities
+    rows = Rows(normal[None], np.array([-np.inf]), np.array([bound]))
+    command = limit_acceleration(wanted, previous, np.zeros(N), CHANGE, lambda: rows)
+    middle = 0.5 * (previous + wanted.roller_velocities)
+    assert command.roller_velocities == pytest.approx(middle, abs=1e-9)
+
+
+def test_failed_rollers_stand_still_while_others_avoid_reversals():
+    roller = ROBOT.roller_names[5]
+    command = solve_twist(ROBOT.home, GRIP, 0.2 * heading(30.0), [roller])
+    speeds, step = command.roller_velocities, np.zeros(N)
+    step[0] = -np.sign(speeds[0]) * CHANGE
+    previous = speeds - 0.5 * CHANGE * np.sign(speeds)
+    previous[5] = 0.0
+    changed = limit_acceleration(command, previous, step, CHANGE, lambda: ROWS)
+    assert changed.roller_velocities[5] == 0.0
+    assert (changed.roller_velocities != speeds).any()
+    assert changed.achieved_twist == pytest.approx(command.achieved_twist, abs=1e-12)
