@@ -220,6 +220,14 @@ def test_an_opening_rate_that_limits_exclude_is_zero():
         assert jacobian[3] @ command.roller_velocities == pytest.approx(opened, abs=1e-9)
 
 
+def test_rollers_stop_if_limits_block_the_twist():
+    twist = np.array([0.02, -0.05, 0.1])
+    along = Wall(-(twist @ grip_jacobian(HOME, GRIP)[:3])[None], np.zeros(1))
+    command = solve_twist(HOME, GRIP, twist, limits=(along, RollerSpeedLimit(0.1)))
+    assert command.scale == 0.0
+    assert not command.roller_velocities.any()
+
+
 @robots.examples(30)
 @given(robots.generators())
 def test_any_cost_is_minimal_for_the_twist(rng):
