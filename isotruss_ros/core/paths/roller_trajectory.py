@@ -40,6 +40,9 @@ MAX_LAG = 5e-3
 REST_TIME = 0.1
 #: Largest time without progress, the default of paths [s].
 PROGRESS_TIMEOUT = TrackingSettings.progress_timeout
+#: Largest number of waypoints between which the shapes of a trajectory are followed, of which each
+#: takes 0.1 ms of the control cycle [-].
+MAX_SHAPES = 200
 #: Largest advance of trajectory time in a cycle [s]; larger advances would cut corners.
 MAX_TIME_STEP = 0.2
 
@@ -99,6 +102,14 @@ class RollerTrajectory:
         """Return the desired roller state; rollers rest before the start and after the end."""
         clipped = min(max(time, self._velocity.x[0]), self.duration)
         return RollerState(self._start + self._travel(clipped), self._velocity(clipped))
+
+
+def check_shapes(robot: Robot, waypoints: Array) -> None:
+    """Raise `ConfigurationError` if waypoints (k, r) lead out of the configurations [m]."""
+    config = robot.configuration(waypoints[0])
+    points = np.linspace(0, len(waypoints) - 1, min(len(waypoints), MAX_SHAPES)).astype(int)
+    for point in points[1:].tolist():
+        config = config.moved_to(waypoints[point])
 
 
 def _blend(velocities: Array, centres: Array, half_blends: Array) -> scipy.interpolate.PPoly:

@@ -17,6 +17,7 @@ from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.paths.object_path import MAX_DURATION
 from isotruss_ros.core.paths.roller_trajectory import (
+    check_shapes,
     RollerTrajectory,
     Tolerance,
     TrajectoryTolerances,
@@ -113,7 +114,9 @@ def read_roller_trajectory(
     times = [read_duration(point.time_from_start) for point in points]
     if times[0] > 0.0:
         positions, times = np.vstack([here, positions]), [0.0, *times]
-    return RollerTrajectory(robot, positions, times)
+    trajectory = RollerTrajectory(robot, positions, times)
+    check_shapes(robot, positions)
+    return trajectory
 
 
 def _read_start(header: Header, now: float, timeout: float) -> float | None:

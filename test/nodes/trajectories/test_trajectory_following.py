@@ -171,10 +171,13 @@ def stamped(seconds, nanosec=0):
 
 
 ROW = [0.0] * N
+#: Positions between which and home the shape of the robot ends.
+BEYOND = [0.9 * (name == 'south/Q') for name in NAMES]
 HOSTILE = {
     'infinite': (bent(positions=[math.inf] * N), 'must be 6 finite numbers'),
     '-1e308': (bent(positions=[*ROW[:-1], -1e308]), 'at most 1e+06 m'),
     'too quick': (bent(time_from_start=lasting(0.1)), '0.2 m/s; must be at most 0.1'),
+    'no shape': (trajectory(HOME, BEYOND, times=[0.0, 40.0]), 'no configuration exists beyond'),
     'times back': (trajectory(HOME, AWAY, AWAY, times=[0.0, 1.0, 0.5]), 'time 0.5 s of point 2'),
     'no names': (trajectory(HOME, AWAY, names=[]), 'joint_names: south/P, '),
     'too many names': (trajectory(HOME, AWAY, names=[*NAMES, 'north/P']), "'north/P': must be"),
