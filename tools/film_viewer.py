@@ -26,7 +26,7 @@ import rclpy
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
-SIZE, SCALE = ViewportSize(width=1080, height=660), 0.65
+SIZE, SCALE = ViewportSize(width=1080, height=720), 0.65
 #: Speed of the simulated clock, since a machine without a graphics card is slow to draw; and of
 #: the film.
 CLOCK_SPEED, FILM_SPEED = 0.3, 3.0

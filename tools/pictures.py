@@ -74,7 +74,16 @@ class Picture:
 
 DRAWING = ('isotruss_ros/plotting/grasp_drawing.py', 'isotruss_ros/plotting/robot_drawing.py')
 PATH = 'isotruss_ros/demo/path.py'
-VIEW = ('browser_panel', 'camera', 'controls', 'meshes', 'panels', 'scene')
+VIEW = (
+    'browser_panel',
+    'camera',
+    'controls',
+    'meshes',
+    'obstacle_controls',
+    'obstacle_drawing',
+    'panels',
+    'scene',
+)
 PICTURES = {
     'drawings': Picture(
         tuple(

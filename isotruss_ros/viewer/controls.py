@@ -59,8 +59,8 @@ FORCES = tuple(setting.name for setting in WRENCH)
 #: Sort keys that put the stop button at the top of the panel, and the introduction below it.
 STOP_ORDER, FIRST_ORDER = -10.0, -9.5
 INTRODUCTION = """\
-A truss robot of inflated tubes holds an object. To move it, switch *control* on and drag the blue
-ball; the object follows. The orange ball turns it.
+An inflated robot holds an object. With *control* on, drag the blue ball; the object moves there,
+also after you let go. The orange ball turns it.
 """
 
 
