@@ -253,6 +253,9 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     points = center + turn * support_points
     gaps = ((starts - points) * normals.conj()).real
     shares = (axes.conj() * (points - starts)).real / np.maximum(lengths, COINCIDENCE)
+    # A line that crosses the object may do so beyond its segment.
+    crossing = np.nonzero((gaps < 0.0) & has_length)
+    depths, across = gaps[crossing], normals[crossing]
     # Where the nearest point of the line is beyond an end of the segment, this end is nearest.
     beyond = np.nonzero((shares < 0.0) | (shares > 1.0) | ~has_length)
     if beyond[0].size:
@@ -260,4 +263,16 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
         nearest = body.nearest(np.where(before_start, starts[beyond], ends[beyond]), *beyond[:-1])
         gaps[beyond], normals[beyond] = nearest.gaps, nearest.normals
         shares[beyond] = np.where(before_start, 0.0, 1.0)
+    if crossing[0].size:
+        # An end is nearest if the distance grows from there on; else the segment is in the object.
+        is_outside = gaps[crossing] > 0.0
+        gaps[crossing] = np.where(is_outside, depths, gaps[crossing])
+        normals[crossing] = np.where(is_outside, across, normals[crossing])
+        for share, (points, inward) in enumerate(((starts, axes), (ends, -axes))):
+            at_end = body.nearest(points[crossing], *crossing[:-1])
+            slopes = (at_end.normals * inward[crossing].conj()).real
+            chosen = (at_end.gaps > 0.0) & (slopes >= 0.0)
+            segments = tuple(index[chosen] for index in crossing)
+            gaps[segments], normals[segments] = (part[chosen] for part in at_end)
+            shares[segments] = share
     return SegmentGaps(gaps, normals, shares)

@@ -20,6 +20,7 @@ from shapes import random_polygon, random_shape, regular_polygon, sampled, SHAPE
 
 SEEDS = st.integers(0, 10**6)
 SQUARE = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))
+BEAM = Polygon(((-0.4, -0.02), (0.4, -0.02), (0.4, 0.02), (-0.4, 0.02)))
 PENTAGRAM = [(np.cos(4 * np.pi * i / 5), np.sin(4 * np.pi * i / 5)) for i in range(5)]
 
 
@@ -124,7 +125,7 @@ def test_an_object_moves_with_its_pose(seed):
     assert held.support(normals) == pytest.approx(shape.support(normals / turn), abs=1e-12)
 
 
-@pytest.mark.parametrize('shape', SHAPES)
+@pytest.mark.parametrize('shape', [*SHAPES, BEAM, Ellipse((0.3, 0.08))])
 def test_gaps_of_segments_are_those_of_their_points(shape):
     rng = np.random.default_rng(1)
     share = np.linspace(0.0, 1.0, 4001)

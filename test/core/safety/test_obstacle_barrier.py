@@ -74,6 +74,21 @@ def test_active_values_depend_on_the_present_state_and_obstacles_alone():
     assert count
 
 
+def test_active_values_follow_an_obstacle_that_turns_in_place():
+    beam = Polygon(((-0.4, -0.02), (0.4, -0.02), (0.4, 0.02), (-0.4, 0.02)))
+    body = ConvexObject(beam, (HELD.pose.x, HELD.pose.y + 0.8, 0.0))
+    law, counts = BarrierLaw(0.02, 0.1), set()
+    turning = Obstacle('beam', body, (0.0, 0.0, 1.0), 0.0)
+    old = ObstacleBarrier(ROBOT, law, [], needs_object=False)
+    for now in np.linspace(0.0, 1.5, 40):
+        there = [turning.at(now)]
+        near = old.with_moving(there).active(ROBOT.home, None)
+        fresh = ObstacleBarrier(ROBOT, law, there, False).active(ROBOT.home, None)
+        assert near.indices.tolist() == fresh.indices.tolist()
+        counts.add(len(near.indices))
+    assert len(counts) > 1
+
+
 @robots.examples(16)
 @given(rng=robots.generators(), slide=st.booleans())
 def test_clearance_from_obstacles_stays_above_its_bound(rng, slide):
