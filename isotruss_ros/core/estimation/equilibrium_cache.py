@@ -230,27 +230,29 @@ class EquilibriumCache:
         except WorkLimitError:  # the next cycle goes on
             return self
 
+    def roll_begun(self, config: Configuration, limit: float) -> HeldGrip | None:
+        """
+        Return the equilibrium in the configuration of `begun`; None if none exists.
+
+        It is also None if `begun` is farther from a configuration than a `limit` of travel [m].
+        """
+        if self.begun is None:
+            return None
+        travel = config.roller_positions - self.begun.config.roller_positions
+        if math.hypot(*travel) > limit:
+            return None
+        current = dataclasses.replace(self.begun, anchors=self.anchors)
+        return roll_grip(current, self.begun.config, None, TRACKED, is_begun=True)
+
     def roll(
-        self,
-        config: Configuration,
-        pressures: Pressures,
-        limit: float = -1.0,
-        shifts: Array | float = 0.0,
+        self, config: Configuration, pressures: Pressures, shifts: Array | float = 0.0
     ) -> HeldGrip | None:
         """
         Return the equilibrium, rolled to a configuration; None if none exists.
 
-        It is that in the configuration of `begun` if this is within a `limit` of travel [m].
         Before that, the k contacts are shifted along their members by all corrections since the
-        equilibrium; if the limit is negative, also by further `shifts` (k,) [m].
+        equilibrium and by further `shifts` (k,) [m].
         """
-        if self.begun is not None:
-            travel = config.roller_positions - self.begun.config.roller_positions
-            if math.hypot(*travel) <= limit:
-                current = dataclasses.replace(self.begun, anchors=self.anchors)
-                rolled = roll_grip(current, self.begun.config, None, TRACKED, is_begun=True)
-                if rolled is not None:
-                    return rolled
         return roll_grip(self._start(pressures, self.travel, shifts), config, None, TRACKED)
 
     def _start(self, pressures: Pressures, travel: Array, shifts: Array | float = 0.0) -> HeldGrip:

@@ -302,7 +302,7 @@ class GripBelief:
     ) -> tuple[HeldGrip | None, HoldStatus | None]:
         """Return the rolled equilibrium; if it is not held, None and its hold status instead."""
         try:
-            rolled = self.cache.roll(config, pressures, limit)
+            rolled = self.cache.roll_begun(config, limit) or self.cache.roll(config, pressures)
         except WorkLimitError as error:
             return None, None if error.advances else HoldStatus.NO_BALANCE
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
@@ -399,7 +399,7 @@ class GripBelief:
             error_without_shifts = error + cache.rates[:3, SHIFTS:] @ shifts
             estimated_shifts = (gain @ error_without_shifts)[SHIFTS:]
             further_shifts = (estimated_shifts - shifts)[cache.held.contacts.owners]
-            shifted = cache.roll(start.config, start.pressures, shifts=further_shifts)
+            shifted = cache.roll(start.config, start.pressures, further_shifts)
             # Forces beyond friction and contacts of other members are attributed to wrong offsets,
             # so the shifts are not applied.
             if shifted is None or len(shifted.members) != len(shifts):
