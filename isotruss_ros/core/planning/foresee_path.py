@@ -48,7 +48,8 @@ from isotruss_ros.core.paths.path_tracking import (
     speed_share,
     TrackingSettings,
 )
-from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard, Watch
+from isotruss_ros.core.safety.command_watch import Watch
+from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
 import numpy as np
 
 #: Length of a step, with rotations times the characteristic radius [m], and its longest time [s].
