@@ -13,13 +13,12 @@ from isotruss_ros.viewer.requests import MAX_DRAG_DISTANCE, RequestError
 
 #: Diameter of a placed obstacle [m].
 DIAMETER = 0.15
-#: Largest speed of a dragged obstacle [m/s]. A robot evades it at its roller speeds; at a third of
-#: this speed drags would be tedious, at three times of it a robot would mostly halt.
+#: Largest speed of a dragged obstacle [m/s], the largest roller speed of the presets.
 MAX_SPEED = 0.1
 #: Longest interval over which a velocity moves an obstacle, so that it stays before its target
 #: after a pause or a jump of the clock [s].
 MAX_STEP = 0.25
-#: Largest number of placed obstacles, which fits in a control cycle [-].
+#: Largest number of placed obstacles [-], a choice.
 MAX_PLACED = 10
 
 

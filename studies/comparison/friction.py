@@ -46,7 +46,12 @@ class Loss:
 
     @property
     def outside(self) -> float:
-        """Return the largest relative distance of a loss outside of the friction range [-]."""
+        """
+        Return the largest relative distance of a loss outside of the friction range [-].
+
+        Below the range only the slow decrease counts: after a sudden one near the boundary, an
+        object slides by less than `LOST` within `WAIT`.
+        """
         largest = max(self.slowly, self.suddenly)
         below = 1.0 - self.slowly / self.ours.necessary
         return max(below, largest / self.ours.sufficient - 1.0, 0.0)
