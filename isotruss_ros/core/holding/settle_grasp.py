@@ -27,6 +27,7 @@ from isotruss_ros.core.model.pose import check_range, Pose
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, Indices, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
 import numpy as np
 from numpy.typing import ArrayLike
@@ -111,7 +112,7 @@ def lose_grasp(inputs: GraspInputs, error: NotHeldError, friction: float) -> Set
     config, body = inputs.config, inputs.body
     reason, depths = str(error), member_depths(config, body)
     deepest = int(depths.argmax())
-    if depths[deepest] > 0.0:
+    if depths[deepest] > ROUNDING:
         name, depth = config.robot.member_names[deepest], depths[deepest]
         reason += f'; the object is {1e3 * depth:.3g} mm deep in {name}'
     lost = LostContact.of(inputs)

@@ -13,7 +13,7 @@ from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, place_between, Polygon, settle_grasp
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.kinematics.depths import member_depths, push_out
 from nightly import some_now
 import numpy as np
 import pytest
@@ -85,6 +85,13 @@ def test_refusal_of_a_deep_object_has_its_deepest_member_and_depth():
     depths = member_depths(HOME, body)
     deepest = f'{1e3 * depths.max():.3g} mm deep in {HOME.robot.member_names[depths.argmax()]}'
     assert deepest in core.settle_grasp(HOME, body).reason
+
+
+def test_refusal_of_an_object_that_touches_by_rounding_has_no_depth():
+    apart = push_out(HOME, core.ConvexObject.disc((0.72, 0.2), 0.3))
+    touching = apart.moved_to((apart.pose.x, apart.pose.y - 1e-13, 0.0))
+    assert 0.0 < member_depths(HOME, touching).max() < 1e-12
+    assert 'deep' not in core.settle_grasp(HOME, touching).reason
 
 
 def test_contacts_that_bend_beyond_the_ends_of_their_members_are_named():
