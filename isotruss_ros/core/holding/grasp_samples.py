@@ -54,6 +54,7 @@ def check_grasps(
         for i, value in enumerate(arguments[name]):
             check_kind(f'{name}[{i}]', value, kind)
     robot = arguments['configs'][0].robot
+    _check_tubes(pressures, len(robot.description.pressures))
     for i, config in enumerate(arguments['configs']):
         if config.robot is not robot and config.robot != robot:
             raise GraspError(f'configs[{i}]: must be one of the robot {robot.name}, as configs[0]')
@@ -85,6 +86,15 @@ def _split(values: Any, dimensions: int) -> list[Any]:
     if is_one and dimensions:  # a list of numbers, not of lists
         is_one = not any(map(np.iterable, values))
     return [values] if is_one else _listed(values)
+
+
+def _check_tubes(pressures: Any, tubes: int) -> None:
+    """Raise a `GraspError` unless a list of numbers has one pressure for each tube."""
+    if np.iterable(pressures) and not any(map(np.iterable, pressures)) and len(pressures) != tubes:
+        raise GraspError(
+            f'pressure: {len(pressures)} values: must be one for each of the {tubes} tubes; '
+            f'pressures of n grasps are an array (n, 1) or (n, {tubes})'
+        )
 
 
 def _split_pressures(pressures: Any) -> list[Any]:

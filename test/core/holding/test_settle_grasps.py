@@ -159,6 +159,7 @@ def test_nodes_that_can_move_in_an_unbraced_robot_are_named(force):
         ({'friction': [0.5, -1.0, 0.5]}, r'grasp 1: friction.*-1'),
         ({'external_wrench': [(0, 0, 0), (0, 0, 0), (np.nan, 0, 0)]}, r'grasp 2: the external'),
         ({'pressure': [[5e4], [5e4], [1.0]]}, r'grasp 2: gauge pressure'),
+        ({'pressure': [5e4, 5e4]}, r'pressure: 2 values: .* 3 tubes; .* grasps .* \(n, 1\)'),
         ({'stiffness': [1.0, 0.0, 1.0]}, r'grasp 1: stiffness'),
         ({'poses': [(0, 0, 0), (0, 0), (0, 0, 0)]}, r'grasp 1: .*pose'),
         ({'friction': [0.5, 0.5]}, r'friction: 2 values: must be 1, or one for each grasp'),
