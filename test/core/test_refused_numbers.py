@@ -34,6 +34,7 @@ HOME, NONE = ROBOT.home, np.zeros(len(ROBOT.roller_names))
 BODY = core.ConvexObject.disc(core.tangent_center(HOME, 'north/Z', 0.3, 0.02), 0.3)
 TRIANGLE = core.ConvexObject(core.Polygon([(0.0, 0.0), (0.1, 0.0), (0.0, 0.1)]), BODY.pose)
 GRIP = core.Grip.at_module(ROBOT, 'north/Z', BODY, 0.8)
+POST = core.Obstacle('post', BODY.moved_to((1.5, 0.0, 0.0)))
 PATH = core.ObjectPath([(0, 0, 0), (0.1, 0, 0)], 0.05, 0.5)
 TRACKER = core.PathTracker(PATH, TrackingSettings(), 0.01)
 POSES = np.array([BODY.pose, BODY.pose])
@@ -155,6 +156,8 @@ FORMS = {
     'roller velocities': lambda: SERVO.command([0.1], 0.0),
     'argument barriers': lambda: ServoSettings(GRIP, 0.01, 0.2, barriers=1),
     'argument limits': lambda: ServoSettings(GRIP, 0.01, 0.2, limits=1),
+    r'argument obstacles\[0\]': lambda: ServoSettings(GRIP, 0.01, 0.2, obstacles=(BODY,)),
+    r'argument obstacles\[1\]': lambda: core.plan_path(HOME, GRIP, BODY.pose, [POST, BODY]),
     "corners '1': .* for each of the 2 members": lambda: replace(GRIP, corners=1),
     r"corners '\(\(0,\), \(\)\)'": lambda: replace(GRIP, corners=((0,), ())),
     "corner on north/P-Z 'a'": lambda: replace(GRIP, corners=((0,), ('a',))),

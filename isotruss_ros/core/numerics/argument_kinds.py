@@ -57,6 +57,9 @@ ABSTRACT_KINDS = {
     'Sequence[Obstacle]': Sequence,
 }
 
+#: Kind of the elements of a sequence, where they are checked.
+ELEMENTS = {'Sequence[Obstacle]': 'Obstacle'}
+
 P = ParamSpec('P')
 R = TypeVar('R')
 
@@ -85,6 +88,9 @@ def check_kinds(function: Callable[P, R]) -> Callable[P, R]:
 def check_kind(name: str, value: Any, *valid: str) -> None:
     """Raise ArgumentError unless an argument is an object of a valid class, or a valid None."""
     if not _kinds_of(value.__class__).isdisjoint(valid):
+        if valid[0] in ELEMENTS:
+            for number, element in enumerate(value):
+                check_kind(f'{name}[{number}]', element, ELEMENTS[valid[0]])
         return
     kind = type(value).__name__
     shown = f'class {value.__name__}' if isinstance(value, type) else f'of type {kind}'
