@@ -90,9 +90,10 @@ def _split(values: Any, dimensions: int) -> list[Any]:
 
 def _check_tubes(pressures: Any, tubes: int) -> None:
     """Raise a `GraspError` unless a list of numbers has one pressure for each tube."""
-    if np.iterable(pressures) and not any(map(np.iterable, pressures)) and len(pressures) != tubes:
+    values = list(pressures) if np.iterable(pressures) else []
+    if values and not any(map(np.iterable, values)) and len(values) != tubes:
         raise GraspError(
-            f'pressure: {len(pressures)} values: must be one for each of the {tubes} tubes; '
+            f'pressure: {len(values)} values: must be one for each of the {tubes} tubes; '
             f'pressures of n grasps are an array (n, 1) or (n, {tubes})'
         )
 
