@@ -16,9 +16,8 @@ import math
 
 from isotruss_ros.core.chance.criteria import find_criteria
 from isotruss_ros.core.chance.random_inputs import changed_inputs
-from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.holding.held_gradient import GraspParameters
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus
 from isotruss_ros.core.holding.settle_grasps import settle_inputs_together
 from isotruss_ros.core.holding.settled_grasps import SettledGrasps
 from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD
@@ -50,9 +49,9 @@ def first_order_error(grip: HeldGrip, friction: float, covariance: Array) -> flo
     distances = np.clip(sigmas[likely], -REACH, REACH)
     changes = np.concatenate([changes, -distances[:, None] * directions])
 
-    try:
-        inputs = [changed_inputs(grip.inputs, change, is_drawn=True) for change in changes]
-    except ConfigurationError:  # not all of these robots exist
+    changed = changed_inputs(grip.inputs, changes, are_drawn=True)
+    inputs = [one for one in changed if isinstance(one, GraspInputs)]
+    if len(inputs) < len(changed):  # not all of these robots exist
         return 1.0
     settled = settle_inputs_together(inputs, np.full(len(inputs), MAX_LOAD))
     linear = criteria.values + changes @ criteria.rates.T

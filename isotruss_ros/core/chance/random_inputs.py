@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -20,33 +19,45 @@ import numpy as np
 LEAST_SHARE = 0.05
 
 
-def changed_inputs(inputs: GraspInputs, change: Array, is_drawn: bool = False) -> GraspInputs:
+def changed_inputs(
+    inputs: GraspInputs, changes: Array, are_drawn: bool = False
+) -> list[GraspInputs | ConfigurationError]:
     """
-    Return the inputs of a grasp after changes (p,) of parameters.
+    Return the inputs of a grasp after n changes (n, p) of parameters, or their errors.
 
     Normal numbers may be negative, so lengths, pressures and stiffness remain at least 0.05 times
     their values. Dents are interpolated if the changes are drawn.
     """
     columns, config = GraspParameters.of(inputs.config), inputs.config
-    pressures = np.array(inputs.pressures)
-    resized = inputs.body
-    if change[-1] or is_drawn:
-        resized = resized.scaled(max(1.0 + float(change[-1]), LEAST_SHARE), is_drawn)
-    return inputs._replace(
-        config=config.moved_to(config.roller_positions + change[columns.rollers]),
-        body=resized.moved_to(np.array(resized.pose) + change[columns.place]),
-        wrench=inputs.wrench + change[columns.wrench],
-        pressures=tuple(
-            np.maximum(pressures + change[columns.pressures], LEAST_SHARE * pressures).tolist()
-        ),
-        stiffness=max(inputs.stiffness + change[columns.stiffness], LEAST_SHARE),
-    )
+    given = np.array(inputs.pressures)
+    pressures = np.maximum(given + changes[:, columns.pressures], LEAST_SHARE * given).tolist()
+    configs = config.moved_together(config.roller_positions + changes[:, columns.rollers])
+    changed: list[GraspInputs | ConfigurationError] = []
+    for change, pressure, moved in zip(changes, pressures, configs, strict=True):
+        if isinstance(moved, ConfigurationError):
+            changed.append(moved)
+            continue
+        body = inputs.body
+        if change[-1] or are_drawn:
+            body = body.scaled(max(1.0 + float(change[-1]), LEAST_SHARE), are_drawn)
+        varied = inputs._replace(
+            config=moved,
+            body=body.moved_to(np.array(body.pose) + change[columns.place]),
+            wrench=inputs.wrench + change[columns.wrench],
+            pressures=tuple(pressure),
+            stiffness=max(inputs.stiffness + change[columns.stiffness], LEAST_SHARE),
+        )
+        changed.append(varied)
+    return changed
 
 
 def changed_grip(grip: HeldGrip, change: Array) -> HeldGrip:
     """Return the equilibrium with unknown contact history after changes (p,) of parameters."""
     starts = [(grip, grip.state.unknowns)]
-    return attach_grip(*changed_inputs(grip.inputs, change), starts=starts)
+    (inputs,) = changed_inputs(grip.inputs, change[None])
+    if isinstance(inputs, ConfigurationError):
+        raise inputs
+    return attach_grip(*inputs, starts=starts)
 
 
 def sample_friction(
@@ -61,11 +72,11 @@ def sample_friction(
 
     The inputs are those of the nominal grasp.
     """
-    rng, drawn = np.random.default_rng(seed), []
-    for change in rng.multivariate_normal(np.zeros(len(covariance)), covariance, samples):
-        # The true robot has a configuration, so a sample without one is left out.
-        with suppress(ConfigurationError):
-            drawn.append(changed_inputs(inputs, change, is_drawn=True))
+    rng = np.random.default_rng(seed)
+    changes = rng.multivariate_normal(np.zeros(len(covariance)), covariance, samples)
+    # The true robot has a configuration, so a sample without one is left out.
+    changed = changed_inputs(inputs, changes, are_drawn=True)
+    drawn = [one for one in changed if isinstance(one, GraspInputs)]
     if not drawn:
         raise GraspError('no sample has a configuration: the roller offsets must deviate less')
     # The equilibrium does not depend on friction, so no sample slips here.

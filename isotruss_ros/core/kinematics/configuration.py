@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import cached_property
 
 from isotruss_ros.core.errors import ConfigurationError, format_numbers
-from isotruss_ros.core.kinematics.constraints import follow_branch
+from isotruss_ros.core.kinematics.constraints import follow_branch, follow_branches
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -155,6 +155,23 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             f'robot {robot.name}: roller positions {format_numbers(goal)} m: {cause} '
             f'beyond {100 * fraction:.6g} % of the way from {format_numbers(start)} m'
         )
+
+    @single_threaded
+    def moved_together(self, roller_positions: Array) -> list[Configuration | ConfigurationError]:
+        """Return the results or errors of `moved_to` for several roller travels (n, r) [m]."""
+        constraints, goals = self.robot.constraints, np.array(roller_positions)
+        lengths = np.array([_span_lengths(self.robot, goal) for goal in goals])
+        points, are_found = follow_branches(constraints, self.points, lengths, self.factor)
+        are_found &= (lengths > 0.0).all(axis=-1)
+        moved: list[Configuration | ConfigurationError] = []
+        for goal, nodes, is_found in zip(goals, points, are_found.tolist(), strict=True):
+            try:
+                found = Configuration(self.robot, goal, nodes) if is_found else self.moved_to(goal)
+            except ConfigurationError as error:
+                moved.append(error)
+            else:
+                moved.append(found)
+        return moved
 
     def predict(self, travel: Array) -> Configuration:
         """

@@ -12,7 +12,7 @@ matrix consists of one complex gradient for each node in the constraint.
 from __future__ import annotations
 
 from isotruss_ros.core.model.topology import Topology
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, EPSILON, MAX_NEWTON_ITERATIONS
 import numpy as np
@@ -62,23 +62,24 @@ class Constraints:
             self._pattern = coo_matrix((numbers, (all_rows, all_columns)), shape=shape).tocsc()
 
     def residual(self, points: Points, lengths: Array) -> Array:
-        """Return the violations (5m + g,) of all constraints for given lengths (4m,) [m, rad]."""
-        spans = self.spans(points)
-        support_errors = points.view(np.float64)[self._topology.grounded] - self._topology.ground
-        return np.concatenate([np.abs(spans) - lengths, self.bisection(spans), support_errors])
+        """Return the violations (..., 5m + g) of constraints for lengths (..., 4m) [m, rad]."""
+        spans, coordinates = self.spans(points), points.view(np.float64)
+        support_errors = coordinates.take(self._topology.grounded, -1) - self._topology.ground
+        violations = np.abs(spans) - lengths, self.bisection(spans), support_errors
+        return np.concatenate(violations, axis=-1)
 
     def bisection(self, spans: Points) -> Array:
-        """Return the violations (m,) of the bisection of sides by rods, by (3) [rad]."""
-        member, to_b, to_c, _ = spans.reshape(4, -1)
+        """Return the violations (..., m) of the bisection of sides by rods, by (3) [rad]."""
+        member, to_b, to_c, _ = spans.reshape(*spans.shape[:-1], 4, -1).swapaxes(0, -2)
         rod = to_b + to_c
         # The angles of the module's member and of the previous one, which ends at the module and
         # so points to it, minus twice the angle of the rod.
-        turn = member * -member[self._topology.previous] * rod.conj() ** 2
+        turn = member * -member.take(self._topology.previous, -1) * rod.conj() ** 2
         return np.arctan2(turn.imag, turn.real)
 
     def spans(self, points: Points) -> Points:
-        """Return the vectors (4m,) of the members, then AB, AC and BC of the modules [m]."""
-        return points.take(self._heads) - points.take(self._tails)
+        """Return the vectors (..., 4m) of members, then AB, AC and BC of the modules [m]."""
+        return points.take(self._heads, -1) - points.take(self._tails, -1)
 
     def matrix(self, points: Points) -> Array | csc_matrix:
         """Return the Jacobian (5m + g, 2n) of `residual` by nodes; sparse for a large robot."""
@@ -192,3 +193,36 @@ def follow_branch(
         elif contraction * error < MAX_REUSE_CONTRACTION**2 * tolerance:  # it is the last step
             return points - factor.solve(residual).view(np.complex128)
     return points if error <= tolerance else None
+
+
+def follow_branches(
+    constraints: Constraints, points: Points, lengths: Array, factor: Factor
+) -> tuple[Points, Flags]:
+    """
+    Return the nodes (n, .) at n new lengths (n, 4m), and for which of them they are found.
+
+    The steps are those of `follow_branch` with the `factor` of the matrix at `points` alone. If
+    this does not suffice, the nodes are not found.
+    """
+    tolerance = max(COINCIDENCE, 64.0 * EPSILON * float(np.abs(points).max()))
+    moved = np.tile(points, (len(lengths), 1))
+    residual = constraints.residual(moved, lengths)
+    error = np.abs(residual).max(axis=-1)
+    predicted, max_correction = moved, np.full(len(lengths), np.inf)
+    moves = error > tolerance
+    is_valid = np.ones(len(lengths), dtype=bool)
+    for number in range(MAX_NEWTON_ITERATIONS):
+        if not moves.any():
+            break
+        steps = np.ascontiguousarray(factor.solve(residual.T).T).view(np.complex128)
+        moved = np.where(moves[:, None], moved - steps, moved)
+        residual = constraints.residual(moved, lengths)
+        previous_error, error = error, np.abs(residual).max(axis=-1)
+        if number == 0:
+            predicted = moved
+            max_correction = 0.5 * np.abs(moved - points).max(axis=-1) + tolerance
+        is_near = np.abs(moved - predicted).max(axis=-1) <= max_correction
+        converges = error <= MAX_REUSE_CONTRACTION * previous_error
+        is_valid &= ~moves | (is_near & (converges | (error <= tolerance)))
+        moves &= is_valid & (error > tolerance)
+    return moved, is_valid & ~moves

@@ -114,6 +114,22 @@ def test_node_jacobian_agrees_with_finite_differences(robot, rng):
     check_rates(robot, rng)
 
 
+def test_configurations_at_several_travels_are_those_at_each():
+    home, rng = load_robot('nine_member').home, np.random.default_rng(3)
+    travels = rng.uniform(-1.0, 1.0, (12, 6)) * np.repeat([0.0, 0.01, 0.05, 0.2], 3)[:, None]
+    for travel, moved in zip(travels, home.moved_together(travels), strict=True):
+        assert moved.roller_positions == pytest.approx(travel)
+        assert moved.points == pytest.approx(home.moved_to(travel).points, abs=1e-11)
+
+
+def test_travel_without_a_configuration_is_an_error_among_others():
+    home = load_robot('triangle').home
+    reached, refused = home.moved_together(np.array([[0.01, 0.0], [0.9, 0.9]]))
+    assert reached.points == pytest.approx(home.moved_to([0.01, 0.0]).points, abs=1e-11)
+    with pytest.raises(ConfigurationError, match='no configuration exists beyond'):
+        raise refused
+
+
 @pytest.mark.parametrize(
     ('travel', 'message'),
     [
