@@ -12,8 +12,10 @@ computed for size and pressure of the given object, and at steps from them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import functools
 import math
+from typing import Any
 
 from isotruss_ros.core.contact.dent_table import dent_table, DentTable
 from isotruss_ros.core.contact.flattening import flattening_of
@@ -85,7 +87,9 @@ class InterpolatedTable:
     """Interpolated `DentTable` of an object with a factor on its size, under a pressure [Pa]."""
 
     def __init__(self, family: DentFamily, pressure: float, factor: float) -> None:
-        self._family, self._numbers = family, dict[int, Array]()
+        self._family = family
+        #: numbers of the splines near a sample, see `splines_of`
+        self.numbers = dict[int, Array]()
         self.is_round, self.angles = family.nominal.is_round, family.nominal.angles
         # Parabolas through three tables in each direction, whose ends are even numbers of steps
         # beside the middle.
@@ -93,21 +97,38 @@ class InterpolatedTable:
         self._middle = tuple(2 * round(0.5 * x) for x in at)
         t, s = (x - middle for x, middle in zip(at, self._middle, strict=True))
         ends = [0.5 * x * (x + way) for x in (t, s) for way in (-1.0, 1.0)]
-        self._weights = np.array([1.0 - t * t - s * s, *ends])
+        #: weights of the tables at `STEPS`
+        self.weights = [1.0 - t * t - s * s, *ends]
 
     def splines_near(self, base: int) -> Array:
-        """Return the numbers (4, q) of the splines in the samples near a number."""
-        if base not in self._numbers:
-            used, middle = np.flatnonzero(self._weights), self._middle
-            tables = [
-                self._family.splines_near(middle[0] + STEPS[i][0], middle[1] + STEPS[i][1], base)
-                for i in used.tolist()
-            ]
-            weights = self._weights[used]
-            splines = np.tensordot(weights, np.array([splines for splines, _ in tables]), 1)
-            scales = weights @ np.array([logarithms for _, logarithms in tables])
-            self._numbers[base] = splines * np.exp(scales[:, None] * _powers(splines.shape[-1]))
-        return self._numbers[base]
+        """Return the numbers (4, q) of the splines near a sample that `splines_of` computed."""
+        return self.numbers[base]
+
+    def tables_near(self, base: int) -> tuple[DentFamily, tuple[tuple[int, int, int], ...]]:
+        """Return the family, and the keys of its tables whose weights are not zero."""
+        at = (
+            (self._middle[0] + of_pressure, self._middle[1] + of_size, base)
+            for of_pressure, of_size in STEPS
+        )
+        used = zip(at, self.weights, strict=True)
+        return self._family, tuple(key for key, weight in used if weight)
+
+
+def splines_of(tables: Sequence[DentTable | InterpolatedTable], bases: Sequence[int]) -> Array:
+    """Return the numbers (c, m, q) of the splines of tables (c,), each near a sample."""
+    missing: dict[Any, list[tuple[InterpolatedTable, int]]] = {}
+    for table, base in zip(tables, bases, strict=True):
+        if isinstance(table, InterpolatedTable) and base not in table.numbers:
+            missing.setdefault(table.tables_near(base), []).append((table, base))
+    for (family, keys), interpolated in missing.items():
+        near = [family.splines_near(*key) for key in keys]
+        splines, logarithms = (np.array(arrays) for arrays in zip(*near, strict=True))
+        weights = np.array([[w for w in table.weights if w] for table, _ in interpolated])
+        scales = np.exp((weights @ logarithms)[..., None] * _powers(splines.shape[-1]))
+        values = scales * np.tensordot(weights, splines, 1)
+        for (table, base), numbers in zip(interpolated, values, strict=True):
+            table.numbers[base] = numbers
+    return np.array([table.splines_near(base) for table, base in zip(tables, bases, strict=True)])
 
 
 @functools.lru_cache(maxsize=8)

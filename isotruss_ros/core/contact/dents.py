@@ -10,6 +10,7 @@ import functools
 from typing import Any
 
 from isotruss_ros.core.contact.dent_angles import weigh_samples
+from isotruss_ros.core.contact.dent_interpolation import splines_of
 from isotruss_ros.core.contact.dent_table import DEPTH_EXPONENT
 from isotruss_ros.core.contact.pressed_skin import PressedSkin
 from isotruss_ros.core.contact.splines import evaluate_splines
@@ -69,8 +70,8 @@ class Dents:
     @functools.cached_property
     def _round_numbers(self) -> Array:
         """Return the numbers (c, 1, q) of the splines of the contacts that are round."""
-        tables = self.tables.ravel().tolist()
-        return np.array([table.splines_near(0) for table in tables if table.is_round])
+        tables = [table for table in self.tables.ravel().tolist() if table.is_round]
+        return splines_of(tables, [0] * len(tables))
 
     def _evaluate(
         self, are_round: bool, chosen: Indices | slice, abscissae: Array, angles: Array
@@ -85,8 +86,7 @@ class Dents:
         tables = self.tables.ravel()[chosen].tolist()
         of_tables = self._angles.reshape(-1, 3)[chosen].T
         bases, (weights, by_angle) = weigh_samples(angles, piece_angles, of_tables)
-        pairs = zip(tables, bases.tolist(), strict=True)
-        numbers = np.array([table.splines_near(base) for table, base in pairs])
+        numbers = splines_of(tables, bases.tolist())
         depths, slopes = evaluate_splines(numbers, abscissae, piece_abscissae)
         products = weights * depths, weights * slopes, by_angle * depths
         return np.array(products).sum(axis=-1)
