@@ -10,12 +10,13 @@ from collections.abc import Sequence
 from isotruss_ros.core.contact.dent_interpolation import find_table, InterpolatedTable
 from isotruss_ros.core.contact.dent_table import DentTable
 from isotruss_ros.core.contact.dents import Dents
-from isotruss_ros.core.holding.contact_statics import column, ContactStatics
+from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, PressedContacts
 from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.model.shapes import PLANNED_DEPTH, Shape
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.samples import column
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.load_points import Lines
 from isotruss_ros.core.statics.structure import Structure

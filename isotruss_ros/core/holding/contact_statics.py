@@ -39,7 +39,7 @@ from isotruss_ros.core.holding.pressed_contacts import (
 )
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
-from isotruss_ros.core.numerics.samples import take
+from isotruss_ros.core.numerics.samples import column, take
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.bent_updates import update_tubes
 from isotruss_ros.core.statics.structure import Structure
@@ -220,11 +220,6 @@ class ContactStatics:
     def as_samples(self) -> ContactStatics:
         """Return the equations of one object as those of one sample."""
         return replace(take(self, None), body=ObjectSamples([self.body]))
-
-
-def column(values: Any) -> Any:
-    """Return values of samples with one more axis, or one value as an array (1,)."""
-    return np.asarray(values)[..., None]
 
 
 def object_angles(unknowns: Array, normals: Points, previous: Array | float = 0.0) -> Array:

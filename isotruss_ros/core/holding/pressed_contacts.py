@@ -16,6 +16,7 @@ from typing import ClassVar, NamedTuple
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.samples import column
 import numpy as np
 
 #: Indices of the pose among the unknowns.
@@ -147,5 +148,6 @@ def facing_lines(
     config: Configuration, body: ConvexObject, members: Indices
 ) -> tuple[Points, Points]:
     """Return the starts (m,) of members [m], and their normals (m,) away from an object."""
-    starts = config.points[config.robot.topology.b[members]]
-    return starts, facing_normals(body.middle, starts, config.member_axes[members])
+    starts = config.points[..., config.robot.topology.b[members]]
+    axes = config.member_axes[..., members]
+    return starts, facing_normals(column(body.middle), starts, axes)

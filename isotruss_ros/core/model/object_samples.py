@@ -17,6 +17,20 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
 
+def distinct_shapes(shapes: Sequence[Shape]) -> list[tuple[Shape, Array, Indices]]:
+    """Return each shape that is not similar to another, with factors and objects (q,)."""
+    numbers: dict[int, list[int]] = {}
+    scaled = [
+        (shape.base, shape.factor) if isinstance(shape, ScaledShape) else (shape, 1.0)
+        for shape in shapes
+    ]
+    for i, (base, _) in enumerate(scaled):
+        numbers.setdefault(id(base), []).append(i)
+    factors = np.array([factor for _, factor in scaled])
+    groups = map(np.array, numbers.values())
+    return [(scaled[objects[0]][0], factors[objects], objects) for objects in groups]
+
+
 class ShapeSamples:
     """Shapes of n objects; the arrays of `Shape` have one more axis, the first one."""
 
@@ -25,18 +39,9 @@ class ShapeSamples:
         self.centroid = np.array([shape.centroid for shape in shapes])
 
     @cached_property
-    def _distinct(self) -> list[tuple[Shape, Array, Indices]]:
-        """Return each shape that is not similar to another, with factors and objects (q,)."""
-        numbers: dict[int, list[int]] = {}
-        scaled = [
-            (shape.base, shape.factor) if isinstance(shape, ScaledShape) else (shape, 1.0)
-            for shape in self._shapes
-        ]
-        for i, (base, _) in enumerate(scaled):
-            numbers.setdefault(id(base), []).append(i)
-        factors = np.array([factor for _, factor in scaled])
-        groups = map(np.array, numbers.values())
-        return [(scaled[objects[0]][0], factors[objects], objects) for objects in groups]
+    def distinct(self) -> list[tuple[Shape, Array, Indices]]:
+        """Return the distinct shapes, see `distinct_shapes`."""
+        return distinct_shapes(self._shapes)
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points (n, k) and radii of curvature at given normals; see `Shape`."""
@@ -44,7 +49,7 @@ class ShapeSamples:
             at, curved = self._shapes[0].surface_at(corners, normals[0])
             return at[None], curved[None]
         points, radii = np.empty(normals.shape, dtype=complex), np.empty(normals.shape)
-        for shape, factors, objects in self._distinct:
+        for shape, factors, objects in self.distinct:
             of_shape, scales = normals[objects], factors[:, None]
             every_corner = np.broadcast_to(corners, of_shape.shape).ravel()
             at, curved = shape.surface_at(every_corner, of_shape.ravel())
@@ -55,7 +60,7 @@ class ShapeSamples:
     def support_points(self, normals: Points) -> Points:
         """Return the points (n, c) where tangents touch; see `Shape`."""
         points = np.empty(normals.shape, dtype=complex)
-        for shape, factors, objects in self._distinct:
+        for shape, factors, objects in self.distinct:
             of_shape = normals[objects]
             at = shape.support_points(of_shape.ravel()).reshape(of_shape.shape)
             points[objects] = factors[:, None] * at
@@ -65,12 +70,12 @@ class ShapeSamples:
         """Return the nearest points of the objects `owners` (q,); see `Shape`."""
         gaps, normals = np.empty(len(points)), np.empty(len(points), dtype=complex)
         numbers, factors = np.empty(len(self._shapes), dtype=int), np.empty(len(self._shapes))
-        for number, (_, of_shape, objects) in enumerate(self._distinct):
+        for number, (_, of_shape, objects) in enumerate(self.distinct):
             numbers[objects], factors[objects] = number, of_shape
         of_points, scales = numbers[owners], factors[owners]
         for number in np.unique(of_points).tolist():
             chosen = of_points == number
-            shape, of_chosen = self._distinct[number][0], scales[chosen]
+            shape, of_chosen = self.distinct[number][0], scales[chosen]
             gaps[chosen], normals[chosen] = shape.nearest(points[chosen] / of_chosen)
             gaps[chosen] *= of_chosen
         return SurfacePoints(gaps, normals)
@@ -78,12 +83,16 @@ class ShapeSamples:
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return arc lengths (n, k) to points with given normals; see `Shape`."""
         lengths = np.empty(angles.shape)
-        for shape, factors, objects in self._distinct:
+        for shape, factors, objects in self.distinct:
             of_shape = angles[objects]
             every_corner = np.broadcast_to(corners, of_shape.shape).ravel()
             unrolled = shape.unroll(of_shape.ravel(), every_corner)
             lengths[objects] = factors[:, None] * unrolled.reshape(of_shape.shape)
         return lengths
+
+
+#: Attributes of `ObjectSamples` that are arrays (n,).
+OBJECT_ARRAYS = 'center', 'turn', 'middle', 'angle', 'arm'
 
 
 class ObjectSamples:
@@ -92,11 +101,13 @@ class ObjectSamples:
     def __init__(self, objects: Sequence[ConvexObject]) -> None:
         self._objects: Sequence[ConvexObject] | None = objects
         self._shaped = objects  # at any poses
-        self.center = np.array([body.center for body in objects])
-        self.turn = np.array([body.turn for body in objects])
-        self.middle = np.array([body.middle for body in objects])
-        self.angle = np.array([body.angle for body in objects])
-        self.arm = np.array([body.arm for body in objects])
+        self.center: Any
+        self.turn: Any
+        self.middle: Any
+        self.angle: Any
+        self.arm: Any
+        for name in OBJECT_ARRAYS:
+            setattr(self, name, np.array([getattr(body, name) for body in objects]))
 
     @cached_property
     def shape(self) -> ShapeSamples:
@@ -133,11 +144,13 @@ class ObjectSamples:
         chosen = np.arange(len(self.center))[index]
         if chosen.ndim == 0:
             return self.objects[chosen]
-        taken = ObjectSamples.__new__(ObjectSamples)
-        taken._objects = taken._shaped = [self.objects[i] for i in chosen.tolist()]
-        taken.center, taken.turn = self.center[chosen], self.turn[chosen]
-        taken.middle, taken.angle = self.middle[chosen], self.angle[chosen]
-        taken.arm = self.arm[chosen]
+        taken = copy.copy(self)
+        taken.__dict__.pop('shape', None)
+        for name in OBJECT_ARRAYS:
+            setattr(taken, name, getattr(self, name)[chosen])
+        taken._shaped = [self._shaped[i] for i in chosen.tolist()]
+        if self._objects is not None:
+            taken._objects = [self._objects[i] for i in chosen.tolist()]
         return taken
 
     @staticmethod

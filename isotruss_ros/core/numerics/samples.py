@@ -13,7 +13,6 @@ with it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-import copy
 from typing import Any, TypeVar
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -44,6 +43,11 @@ def pick(values: Array, indices: Indices) -> Array:
 def apply(matrices: Array, vectors: Array) -> Array:
     """Return products (..., r) of matrices (..., r, c) with vectors (..., c)."""
     return (matrices @ vectors[..., None])[..., 0]  # type: ignore[no-any-return]
+
+
+def column(values: Any) -> Any:
+    """Return values of samples with one more axis, or one value as an array (1,)."""
+    return np.asarray(values)[..., None]
 
 
 def first_sample(values: Array | Indices) -> Any:
@@ -90,12 +94,12 @@ def _map_arrays(
         return kind(*fields) if hasattr(kind, '_fields') else kind(fields)
     if not hasattr(kind, 'shared'):
         return first
-    mapped = copy.copy(first)
+    mapped: Any = object.__new__(kind)
     # Cached properties are fields of the copy, too.
-    for name in vars(first).keys() - kind.shared:
-        items = [vars(value)[name] for value in values if name in vars(value)]
-        if len(items) == len(values):
+    for name, value in vars(first).items():
+        if name in kind.shared:
+            mapped.__dict__[name] = value
+        elif all(name in vars(other) for other in values):
+            items = [vars(other)[name] for other in values]
             mapped.__dict__[name] = _map_arrays(items, of_arrays, of_others)
-        else:
-            del mapped.__dict__[name]
     return mapped

@@ -69,15 +69,29 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     return FrameLayout(tube_stiffness(robot.description), numbering, pieces, owners)
 
 
+#: Attributes of `ConfigurationSamples` that are arrays (n, .).
+CONFIGURATION_ARRAYS = 'points', 'roller_positions', 'member_lengths', 'member_axes'
+
+
 class ConfigurationSamples:
     """Configurations of one robot, whose arrays are joined along a first axis."""
 
     def __init__(self, configs: Sequence[Configuration]) -> None:
         self.configs, self.robot = list(configs), configs[0].robot
-        self.points = np.array([config.points for config in configs])
-        self.roller_positions = np.array([config.roller_positions for config in configs])
-        self.member_lengths = np.array([config.member_lengths for config in configs])
-        self.member_axes = np.array([config.member_axes for config in configs])
+        self.points: Any
+        self.roller_positions: Any
+        self.member_lengths: Any
+        self.member_axes: Any
+        for name in CONFIGURATION_ARRAYS:
+            setattr(self, name, np.array([getattr(config, name) for config in configs]))
+
+    def chosen(self, indices: Indices) -> ConfigurationSamples:
+        """Return some of the configurations, by their indices (q,)."""
+        taken = copy.copy(self)
+        taken.configs = [self.configs[i] for i in indices.tolist()]
+        for name in CONFIGURATION_ARRAYS:
+            setattr(taken, name, getattr(self, name)[indices])
+        return taken
 
 
 class Structure:
@@ -146,7 +160,7 @@ class Structure:
         configs, samples = self.config.configs, self._samples
         chosen = np.arange(len(configs))[index]
         if chosen.ndim:
-            joined = ConfigurationSamples([configs[i] for i in chosen.tolist()])
+            joined = self.config.chosen(chosen)
             samples = [samples[i] for i in chosen.tolist()] if samples else []
             values = self.pressures[chosen], self.stiffness[chosen]
             return self._replace(samples, joined, *values, frame, blocks)
