@@ -17,11 +17,11 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.holding.contact_search import (
     add_corner,
     ContactSearch,
-    find_free_corners,
     run_search,
     search_contacts,
 )
 from isotruss_ros.core.holding.contact_solver import ContactGroupSolver, Start
+from isotruss_ros.core.holding.free_corners import find_free_corners
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
 from isotruss_ros.core.kinematics.configuration import Configuration

@@ -15,20 +15,16 @@ from collections.abc import Callable, Generator
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
+from isotruss_ros.core.holding.free_corners import find_free_corners, FreeCorner, skin_tolerance
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
 from isotruss_ros.core.holding.pressed_contacts import facing_lines, PressedContacts
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.manipulation.grip import CornerGap, Grip, GRIP_SIZES
-from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
-from isotruss_ros.core.model.shapes import Shape
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.model.convex_object import segment_gaps
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, ROUNDING
 import numpy as np
 
-#: Largest depth of a corner without contact in the skin of a bent tube, in tube radii [-]. It
-#: covers the error of the centre line between the nodes of the frame. With a third and with three
-#: times of it, 144 random polygons and 758 steps of rolling have the same outcomes.
-SKIN_TOLERANCE = 4e-4
 #: Largest gap of `measure_gaps` [m]. Wider gaps may close at 0.2 m/s or more, see `land_faces`.
 MAX_GAP = 0.02
 
@@ -68,15 +64,6 @@ class ContactSet(NamedTuple):
         corners = np.insert(self.contacts.corners, index, corner)
         origins = np.insert(self.origins, index, origin)
         return ContactSet(PressedContacts(members, corners), origins)
-
-
-class FreeCorner(NamedTuple):
-    """Corner without contact that penetrates a grasping member."""
-
-    depth: float  #: depth in the skin, or height above a contact nearer than a tube radius [m]
-    contact: int  #: index of the nearest contact of the same member
-    corner: int  #: index of the corner
-    face_distance: float  #: distance from this contact along faces, counter-clockwise [m]
 
 
 #: Returns the equilibrium of a set that follows from another equilibrium (None: the first one).
@@ -155,7 +142,10 @@ def _find_least(values: Array, tolerance: float) -> int:
 def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
     """Return sets without the grip's largest violation, most likely last; or an empty list."""
     # A contact in tension opens. Each of two members keeps a contact; one of three may lose it.
-    contacts, forces = grip.contacts, grip.state.normal_forces
+    contacts, samples = grip.contacts, grip.origin
+    forces = samples.state.normal_forces
+    if samples is not grip:
+        forces = forces[grip.number]
     may_open = contacts.at_faces | (rolls and contacts.owners[-1] > 1)
     rounding = ROUNDING * np.abs(forces).sum()
     weakest = _find_least(np.where(may_open, forces, np.inf), rounding)
@@ -170,114 +160,12 @@ def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
     return _add_third_member(grip) if rolls else []
 
 
-def skin_tolerance(grip: HeldGrip) -> float:
-    """Return the largest depth without contact in the skin of a grip's tubes [m]."""
-    return SKIN_TOLERANCE * grip.statics.tube_radius
-
-
-def find_free_corners(grip: HeldGrip, gap: float | None = None) -> list[FreeCorner]:
-    """
-    Return the corners without contact that penetrate a grasping member, or are within a gap [m].
-
-    A corner that is nearer to a contact than a tube radius belongs to the dent of the contact; it
-    penetrates the tube if it is higher than the corner in contact.
-    """
-    *positions, circumference = _corner_positions(grip.shape)
-    if not positions:
-        return []
-    body, radius = grip.body, grip.statics.tube_radius
-    tolerance = skin_tolerance(grip)
-    least_depth = tolerance if gap is None else -gap
-    free_corners: list[FreeCorner] = []
-    along_outline = np.array(positions)
-    for contacts in grip.contacts.by_member:
-        touching = grip.contacts.corners[contacts]
-        reachable = _reachable_corners(grip, int(contacts[0]), len(positions))
-        corners = np.setdiff1d(reachable, touching)
-        # The nearest contact. Rows: corners; columns: contacts; the shorter way round.
-        distances = along_outline[corners, None] - along_outline[touching]
-        distances -= circumference * np.round(distances / circumference)
-        nearest = np.abs(distances).argmin(axis=1)
-        face_distances = distances[np.arange(len(corners)), nearest]
-        is_in_dent = np.abs(face_distances) < radius
-        # In a dent: heights above the corner in contact. Elsewhere: depths in the skin.
-        normals = grip.state.normals[contacts[nearest]]
-        depths = _heights(body, corners, normals) - _heights(body, touching[nearest], normals)
-        if not is_in_dent.all():
-            members = np.full(len(corners), grip.contacts.members[contacts[0]])
-            depths = np.where(is_in_dent, depths, skin_depths(grip, members, corners))
-        is_deep = depths > np.where(is_in_dent, tolerance, least_depth)
-        columns = depths, contacts[nearest], corners, face_distances
-        free_corners += map(FreeCorner, *(values[is_deep].tolist() for values in columns))
-    return free_corners
-
-
 def measure_gaps(held: HeldGrip, friction: float) -> Grip:
     """Return the contacts of an equilibrium as a grip, with the gaps of corners near members."""
     owners = held.contacts.owners.tolist()
     free = find_free_corners(held, MAX_GAP)
     gaps = [CornerGap(owners[c.contact], c.corner, max(-c.depth, 0.0)) for c in free]
     return replace(held.touching(friction), gaps=tuple(gaps))
-
-
-def _reachable_corners(grip: HeldGrip, contact: int, count: int) -> Indices:
-    """Return those of the first `count` corners that a contact's tube can reach when it bends."""
-    normal = complex(grip.statics.straight_normals[contact])
-    start = complex(grip.statics.bent.lines.start[contact])
-    line_height = ((start - grip.body.center) / normal).real
-    least_height = line_height - (1.0 + 2.0 * MAX_DISPLACEMENT) * grip.statics.tube_radius
-    return np.flatnonzero(_heights(grip.body, np.arange(count), normal) > least_height)
-
-
-def _corner_positions(shape: Shape) -> list[float]:
-    """Return the corners' positions along the outline and its circumference [m]; 0 if smooth."""
-    positions, corner = [0.0], 0
-    while faces := shape.faces_at(corner):
-        _, next_face = faces
-        positions.append(positions[-1] + next_face.length)
-        corner = next_face.corner
-        if corner == 0:
-            break
-    return positions
-
-
-def _heights(body: ConvexObject, corners: Indices, normals: Points | complex) -> Array:
-    """Return the coordinates (c,) of corners along normals, from the origin of the object [m]."""
-    facing = np.broadcast_to(normals / body.turn, corners.shape)
-    return (_corner_points(body.shape, corners, facing) * facing.conj()).real
-
-
-def _corner_points(shape: Shape, corners: Indices, normals: Points) -> Points:
-    """Return the points (c,) of corners' arcs that are farthest along normals, x + iy [m]."""
-    sides = [face.normal for corner in corners.tolist() for face in shape.faces_at(corner)]
-    before, behind = np.array(sides, dtype=np.complex128).reshape(-1, 2).T
-    # A normal beyond the arc is replaced by that of the face at this end of the arc.
-    on_arc = np.where((normals / behind).imag > 0.0, behind, normals)
-    on_arc = np.where((before / normals).imag > 0.0, before, on_arc)
-    return shape.surface_at(corners, on_arc)[0]
-
-
-def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
-    """Return the depths (c,) of corners in bent members [m]; -inf beyond the straight members."""
-    body = grip.body
-    starts, normals = facing_lines(grip.config, body, members)
-    length, axis = grip.config.member_lengths[members], grip.config.member_axes[members]
-
-    def offsets(origins: Points, directions: Points) -> Points:
-        """Return vectors from given origins to the corners, along + i across the members."""
-        points = _corner_points(body.shape, corners, directions / body.turn)
-        return (body.center + body.turn * points - origins) / axis
-
-    straight_positions = offsets(starts, normals).real
-    positions = straight_positions
-    for _ in range(2):  # the second position is at the foot on the bent line, to second order
-        feet, rotations = grip.bent_lines(members, positions)
-        from_feet = offsets(feet, normals * rotations) / rotations
-        positions = positions + from_feet.real
-    # The normals point away from the object, so heights are negative on the object's side.
-    heights = (from_feet * axis / normals).real
-    is_beside = (straight_positions >= 0.0) & (straight_positions <= length)
-    return np.where(is_beside, grip.statics.tube_radius + heights, -np.inf)
 
 
 def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:

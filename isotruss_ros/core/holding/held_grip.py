@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import enum
 import functools
@@ -195,6 +196,13 @@ class HeldGrip:
         """Return the samples of which this is one, see `sample`; otherwise this grip."""
         return vars(self).get('_samples', self)
 
+    def value_among_samples(self, name: str, find: Callable[[HeldGrip], Any]) -> Any:
+        """Return the value of this sample in what `find` returns for all, found at first use."""
+        known = vars(self.origin)
+        if name not in known:
+            known[name] = find(self.origin)
+        return known[name][self.number]
+
     @functools.cached_property
     def body(self) -> ConvexObject:
         """Return the object at its pose in equilibrium."""
@@ -267,12 +275,16 @@ class HeldGrip:
         """Return the indices (m,) of the grasping members."""
         return self.contacts.members[self.contacts.member_starts]
 
+    @_OfSamples
+    def displacements(self) -> Array:
+        """Return ux, uy [m] and theta [rad] of the nodes of the bent frame, (n, 3)."""
+        return self.statics.bent.displacements(self.state.loads, self.state.feet)
+
     def bent_lines(self, members: Indices, positions: Array) -> tuple[Points, Points]:
         """Return points (c,) of bent centre lines [m], and their rotations exp(i theta)."""
         bent, config = self.statics.bent, self.config
-        of_nodes = bent.displacements(self.state.loads, self.state.feet)
         pieces, within, _ = bent.structure.locate(members, positions)
-        moved = bent.frame.interpolate(of_nodes, pieces, within)
+        moved = bent.frame.interpolate(self.displacements, pieces, within)
         ux, uy, angles = (moved[..., i] for i in range(3))
         starts = config.points[..., config.robot.topology.b[members]]
         straight = starts + positions * config.member_axes[..., members]

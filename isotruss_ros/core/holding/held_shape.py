@@ -76,9 +76,8 @@ def contact_points(grip: HeldGrip) -> Points:
 @single_threaded
 def held_joints(grip: HeldGrip) -> Array:
     """Return the positions (j, 2) of `Topology.joint_names`, displaced by contact forces [m]."""
-    displacements = grip.statics.bent.displacements(grip.state.loads, grip.state.feet)
     count = len(grip.config.robot.topology.joint_names)
-    return grip.config.nodes[:count] + displacements[:count, :2]
+    return grip.config.nodes[:count] + grip.displacements[:count, :2]
 
 
 def lowest_frequency(grip: HeldGrip) -> float | None:

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.holding.attach_grip import attach_grips
-from isotruss_ros.core.holding.contact_search import depths_in_others, skin_tolerance
+from isotruss_ros.core.holding.contact_search import depths_in_others
+from isotruss_ros.core.holding.free_corners import skin_tolerance
 from isotruss_ros.core.holding.held_grip import (
     GraspInputs,
     HeldGrip,
