@@ -28,7 +28,7 @@ DOCS = Path(__file__).resolve().parents[2] / 'docs'
 def test_a_box_on_a_face_uses_more_friction_than_that_at_which_it_slides():
     loss = lose(CASES[13])
     assert loss.used > 1.3 * loss.ours.necessary
-    assert loss.outside < 0.03
+    assert loss.outside(loss.slowly) < 0.03
 
 
 def test_all_values_of_the_committed_page_are_within_bounds():
