@@ -11,6 +11,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip
+from isotruss_ros.core.holding.newton import SAMPLED
 from isotruss_ros.core.holding.settle_grasps import settle_inputs_together
 from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD
 import numpy as np
@@ -80,5 +81,6 @@ def sample_friction(
     if not drawn:
         raise GraspError('no sample has a configuration: the roller offsets must deviate less')
     # The equilibrium does not depend on friction, so no sample slips here.
-    settled = settle_inputs_together(drawn, np.full(len(drawn), MAX_LOAD), None, on_progress)
+    limits = np.full(len(drawn), MAX_LOAD)
+    settled = settle_inputs_together(drawn, limits, None, on_progress, SAMPLED)
     return np.where(settled.held, settled.required_friction, np.inf)

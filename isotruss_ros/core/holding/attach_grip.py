@@ -23,6 +23,7 @@ from isotruss_ros.core.holding.contact_search import (
 from isotruss_ros.core.holding.contact_solver import ContactGroupSolver, Start
 from isotruss_ros.core.holding.free_corners import find_free_corners
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.holding.newton import Accuracy, SETTLED
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -74,6 +75,7 @@ def attach_grips(
     inputs: Sequence[GraspInputs],
     quick: bool = False,
     starts: Sequence[Sequence[Start]] = (),
+    accuracy: Accuracy = SETTLED,
 ) -> list[Attached]:
     """Find the equilibria of n objects, see `attach_grip`; an object without one has its error."""
     # A quick search has fewer sets of contacts, and fewer iterations for each of them, to end
@@ -90,7 +92,7 @@ def attach_grips(
             continue
         contacts = find_pressed(given.config, given.body, members)
         searches[i] = search_contacts(contacts, limit=limit)
-    solver = ContactGroupSolver(inputs, steps, starts)
+    solver = ContactGroupSolver(inputs, steps, starts, accuracy)
     asked = {i: next(search)[0] for i, search in searches.items()}
     while asked:
         solved, asked = solver.solve(asked), {}

@@ -23,7 +23,7 @@ from isotruss_ros.core.holding.contact_search import ContactSet
 from isotruss_ros.core.holding.contact_statics import ContactConditions
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, scaled_wrench
 from isotruss_ros.core.holding.least_friction import least_friction_conditions
-from isotruss_ros.core.holding.newton import find_equilibria, Iteration
+from isotruss_ros.core.holding.newton import Accuracy, find_equilibria, Iteration, SETTLED
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -61,8 +61,10 @@ class ContactGroupSolver:
         inputs: Sequence[GraspInputs],
         steps: int = MAX_SEARCH_STEPS,
         starts: Sequence[Sequence[Start]] = (),
+        accuracy: Accuracy = SETTLED,
     ) -> None:
         self._inputs, self._steps, self._starts = inputs, steps, starts
+        self._accuracy = accuracy
         self._wrenches = [scaled_wrench(given.wrench, given.body.arm) for given in inputs]
 
     def solve(self, asked: Mapping[int, ContactSet]) -> dict[int, Solved]:
@@ -121,7 +123,7 @@ class ContactGroupSolver:
         solved: dict[int, Solved],
     ) -> None:
         """Add the equilibria that iterations find."""
-        for found in find_equilibria(begins, conditions, self._steps):
+        for found in find_equilibria(begins, conditions, self._steps, self._accuracy):
             wrench = np.array([self._wrenches[i] for i in found.samples.tolist()])
             grips = HeldGrip.of(found.statics, found.state, wrench)
             for k, i in enumerate(found.samples.tolist()):

@@ -55,6 +55,9 @@ class Accuracy(NamedTuple):
 #: 7e-11. A hundredth of the error before the last step takes 2 % more iterations, a hundred times
 #: of it as many.
 SETTLED = Accuracy(SETTLED_MOTION, 1e2)
+#: Accuracy of the equilibria of random samples, of which only forces and pose are used. At this
+#: motion, displacements err by up to 2e-11 m, stiffnesses by up to 2e-5 of their values.
+SAMPLED = Accuracy(1e-6, 1e2)
 #: Accuracy of the equilibria of a robot in motion.
 FOLLOWED = Accuracy(FOLLOWED_MOTION, 1e2)
 

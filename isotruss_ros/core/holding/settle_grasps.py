@@ -20,6 +20,7 @@ from isotruss_ros.core.holding.grasp_samples import (
 )
 from isotruss_ros.core.holding.grip_response import find_slip_planes, idle_contacts
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.holding.newton import Accuracy, SETTLED
 from isotruss_ros.core.holding.settle_grasp import conclude, judge, lose_grasp
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.holding.settled_grasps import SettledGrasps
@@ -87,11 +88,12 @@ def settle_inputs_together(
     coefficients: Array,
     executor: Executor | None = None,
     on_progress: Callable[[float], None] | None = None,
+    accuracy: Accuracy = SETTLED,
 ) -> SettledGrasps:
     """Return the settled grasps of n checked inputs, see `settle_grasps`."""
     count = len(inputs)
     slices = [slice(begin, begin + GROUP_SIZE) for begin in range(0, count, GROUP_SIZE)]
-    groups = [(inputs[chosen], coefficients[chosen]) for chosen in slices]
+    groups = [(inputs[chosen], coefficients[chosen], accuracy) for chosen in slices]
     compute = map if executor is None else executor.map
     parts: list[_GroupResult] = []
     for part in compute(_settle_group, *zip(*groups, strict=True)):
@@ -156,13 +158,15 @@ class _GroupResult(NamedTuple):
         self.values[numbers] = rows
 
 
-def _settle_group(inputs: Sequence[GraspInputs], friction: Array) -> _GroupResult:
+def _settle_group(
+    inputs: Sequence[GraspInputs], friction: Array, accuracy: Accuracy
+) -> _GroupResult:
     """Return the values of settled grasps, each with its inputs and coefficient of friction."""
     count, members = len(inputs), len(inputs[0].config.robot.member_names)
     result = _GroupResult([None] * count, [''] * count, np.full((count, 9 + 3 * members), np.nan))
     groups: dict[tuple[int, bytes], list[int]] = {}
     held: dict[int, HeldGrip] = {}
-    for i, grip in enumerate(attach_grips(inputs)):
+    for i, grip in enumerate(attach_grips(inputs, accuracy=accuracy)):
         if isinstance(grip, StructureError):
             result.reason[i] = str(grip)
         elif isinstance(grip, NotHeldError):
