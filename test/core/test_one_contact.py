@@ -8,8 +8,10 @@ from isotruss_ros.core import ConvexObject, Grip, Polygon, RollingGrip
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
 from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
+from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.model.shapes import PLANNED_DEPTH
 from isotruss_ros.core.planning.facing import contact_ends
+from isotruss_ros.core.statics.structure import ConfigurationSamples
 import numpy as np
 import pytest
 import robots
@@ -63,7 +65,8 @@ def test_contacts_of_a_face_are_the_same_for_all_tilts_and_depths(tilt, sign, de
     corners = tuple(end.corner for end in patch)
     assert len(corners) == wanted
     number = np.array([NINE.member_names.index(MEMBERS[0])])
-    pressed = find_pressed(HOME, body, number)
+    home, bodies = ConfigurationSamples([HOME]), ObjectSamples([body])
+    pressed = find_pressed(home, bodies, {0: number})[0]
     assert tuple(pressed.corners.tolist()) == corners
     # Twist, rolling and guard take the contacts of the model of the held object.
     known = Grip(MEMBERS, body, corners=(corners, (2,)))

@@ -29,9 +29,11 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
+from isotruss_ros.core.statics.structure import ConfigurationSamples
 import numpy as np
 
 #: Largest number of sets of contacts in a quick search [-]. It finds 315 of the 318 equilibria of
@@ -84,13 +86,14 @@ def attach_grips(
     steps = MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS
     results: list[Attached] = [NotHeldError(HoldStatus.NO_BALANCE)] * len(inputs)
     searches: dict[int, ContactSearch] = {}
-    for i, given in enumerate(inputs):
+    configs = ConfigurationSamples([given.config for given in inputs])
+    bodies, members = ObjectSamples([given.body for given in inputs]), dict[int, Indices]()
+    for i, depths in enumerate(member_depths(configs, bodies)):
         try:
-            members = _grasping_members(given)
+            members[i] = _grasping_members(inputs[i], depths)
         except NotHeldError as error:
             results[i] = error
-            continue
-        contacts = find_pressed(given.config, given.body, members)
+    for i, contacts in find_pressed(configs, bodies, members).items():
         searches[i] = search_contacts(contacts, limit=limit)
     solver = ContactGroupSolver(inputs, steps, starts, accuracy)
     asked = {i: next(search)[0] for i, search in searches.items()}
@@ -107,10 +110,13 @@ def attach_grips(
     return results
 
 
-def _grasping_members(inputs: GraspInputs) -> Indices:
-    """Return the sorted indices (m,) of the grasping members; raise NotHeldError without them."""
+def _grasping_members(inputs: GraspInputs, depths: Array) -> Indices:
+    """
+    Return the sorted indices (m,) of the grasping members; raise NotHeldError without them.
+
+    For `depths` see `member_depths`.
+    """
     diameter, members = inputs.config.robot.description.tube_diameter, inputs.members
-    depths = member_depths(inputs.config, inputs.body)
     if members is None:
         # Those that overlap are the deepest; if these are fewer than two, the two nearest.
         count = max(int(np.count_nonzero(depths > 0.0)), 2)

@@ -138,7 +138,9 @@ def _find_similar(
         start = grip.statics.bent.lines.start[..., first, None]
         line_height = ((start - column(grip.body.center)) / normal).real
         least_height = line_height - (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
-        free = np.setdiff1d(every, touching)
+        is_free = np.ones(len(every), dtype=bool)
+        is_free[touching] = False
+        free = np.flatnonzero(is_free)
         is_reached = heights(free, normal) > least_height
         chosen = np.flatnonzero(is_reached.reshape(-1, len(free)).any(axis=0))
         if not len(chosen):

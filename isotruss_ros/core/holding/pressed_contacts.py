@@ -9,14 +9,17 @@ A corner has one contact; a face has one contact at each end.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 import functools
 from typing import ClassVar, NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
+from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.samples import column
+from isotruss_ros.core.statics.structure import ConfigurationSamples
 import numpy as np
 
 #: Indices of the pose among the unknowns.
@@ -130,22 +133,30 @@ class ContactForces:
         return self.unknowns[..., self.places.forces]
 
 
-def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
-    """Return the contacts of given members with an object, see `Shape.contact_patch`."""
-    starts, normals = facing_lines(config, body, members)
-    radius = 0.5 * config.robot.description.tube_diameter
-    in_object = (normals * body.turn.conjugate()).tolist()
-    skin_heights = ((starts - body.center) * normals.conj()).real - radius
-    contacts: list[tuple[int, int]] = []  # member and corner of each
-    lines = zip(members.tolist(), in_object, skin_heights.tolist(), strict=True)
-    for member, normal, skin_height in lines:
-        patch = body.shape.contact_patch(normal, radius, skin_height)
-        contacts += [(member, end.corner) for end in patch]
-    return PressedContacts(*np.array(contacts).T)
+def find_pressed(
+    configs: ConfigurationSamples, bodies: ObjectSamples, members: Mapping[int, Indices]
+) -> dict[int, PressedContacts]:
+    """Return contacts of some of n objects with their members, see `Shape.contact_patch`."""
+    every = np.arange(len(configs.robot.topology.b))
+    starts, normals = facing_lines(configs, bodies, every)
+    radius = 0.5 * configs.robot.description.tube_diameter
+    in_object = normals * column(bodies.turn).conj()
+    skin_heights = ((starts - column(bodies.center)) * normals.conj()).real - radius
+    lines = list(zip(in_object.tolist(), skin_heights.tolist(), strict=True))
+    pressed = {}
+    for i, of_object in members.items():
+        (in_one, heights), contacts = lines[i], list[tuple[int, int]]()
+        for member in of_object.tolist():
+            patch = bodies.objects[i].shape.contact_patch(in_one[member], radius, heights[member])
+            contacts += [(member, end.corner) for end in patch]
+        pressed[i] = PressedContacts(*np.array(contacts).T)
+    return pressed
 
 
 def facing_lines(
-    config: Configuration, body: ConvexObject, members: Indices
+    config: Configuration | ConfigurationSamples,
+    body: ConvexObject | ObjectSamples,
+    members: Indices,
 ) -> tuple[Points, Points]:
     """Return the starts (m,) of members [m], and their normals (m,) away from an object."""
     starts = config.points[..., config.robot.topology.b[members]]

@@ -21,8 +21,8 @@ from isotruss_ros.core.holding.grasp_samples import (
 from isotruss_ros.core.holding.grip_response import find_slip_planes, idle_contacts
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.holding.newton import Accuracy, SETTLED
-from isotruss_ros.core.holding.settle_grasp import conclude, judge, lose_grasp
-from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.holding.settle_grasp import judge, lose_grasp
+from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.holding.settled_grasps import SettledGrasps
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
@@ -186,7 +186,6 @@ def _settle_group(
         for k, (i, (hold, reason)) in enumerate(zip(numbers, verdicts, strict=True)):
             result.hold[i], result.reason[i] = hold, reason
             if hold in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
-                grip = HeldGrip.sample(samples, k)
-                lost = conclude(given[k], grip, float(friction[i]), hold, reason)
-                result.set_lost(i, lost)
+                lost = LostContact.of(inputs[i]._replace(members=samples.members))
+                result.set_lost(i, SettledGrasp(hold, reason, given[k], friction[i], lost=lost))
     return result

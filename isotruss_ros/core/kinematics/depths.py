@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -12,21 +14,26 @@ from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
 
-def member_lines(config: Configuration) -> Points:
-    """Return the end points (m, 2) of the members' undeformed centre lines (pinch points) [m]."""
+def member_lines(config: Any) -> Points:
+    """Return the end points (..., m, 2) of the members' undeformed centre lines [m]."""
     topology, points = config.robot.topology, config.points
     return np.stack([points[..., topology.b], points[..., topology.end]], axis=-1)
 
 
-def member_depths(config: Configuration, body: ConvexObject) -> Array:
-    """Return the depth (m,) of an object in each undeformed member, negative for a gap [m]."""
-    radius = 0.5 * config.robot.description.tube_diameter
-    starts, ends = member_lines(config).T
+def member_depths(config: Any, body: Any) -> Array:
+    """
+    Return the depth (..., m) of an object in each undeformed member, negative for a gap [m].
+
+    Configuration and object are one, or those of several samples.
+    """
+    radius, lines = 0.5 * config.robot.description.tube_diameter, member_lines(config)
+    starts, ends = lines[..., 0], lines[..., 1]
     if body.shape.is_round:
         # Closed form for discs, in a fifth of the time: the distance of a segment from the centre.
+        center, reach = np.asarray(body.center)[..., None], np.asarray(body.shape.reach)[..., None]
         spans = ends - starts
-        shares = np.clip(((body.center - starts) / spans).real, 0.0, 1.0)
-        return radius + body.shape.reach - np.abs(starts + shares * spans - body.center)
+        shares = np.clip(((center - starts) / spans).real, 0.0, 1.0)
+        return radius + reach - np.abs(starts + shares * spans - center)
     return radius - segment_gaps(body, starts, ends).gaps
 
 

@@ -43,6 +43,16 @@ class ShapeSamples:
         """Return the distinct shapes, see `distinct_shapes`."""
         return distinct_shapes(self._shapes)
 
+    @property
+    def is_round(self) -> bool:
+        """Return whether all shapes are discs."""
+        return all(shape.is_round for shape in self._shapes)
+
+    @property
+    def reach(self) -> Array:
+        """Return the largest distances (n,) of points from the origin; see `Shape`."""
+        return np.array([shape.reach for shape in self._shapes])
+
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points (n, k) and radii of curvature at given normals; see `Shape`."""
         if len(normals) == 1:
