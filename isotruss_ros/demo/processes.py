@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 import contextlib
+import json
 import os
 from pathlib import Path
 import signal
@@ -45,7 +46,11 @@ class NodeProcess:
     ) -> None:
         self.name = name
         self.log = log
-        arguments = [f'{key}:={value}' for key, value in parameters.items()]
+        # Quoted, so that a text such as `{post: ...}` or a path with ` #` remains a text.
+        arguments = [
+            f'{key}:={json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value}'
+            for key, value in parameters.items()
+        ]
         with log.open('wb') as output:
             self.process = subprocess.Popen(
                 [

@@ -67,6 +67,13 @@ def test_a_node_that_has_ended_is_reported_with_its_code_and_words(tmp_path):
     assert 'Traceback' not in process.log.read_text()
 
 
+def test_a_text_with_characters_of_yaml_reaches_a_node_unchanged(tmp_path):
+    path = '/nowhere/{mine}: é #1.yaml'
+    process = NodeProcess('simulator', {'robot': path}, tmp_path / 'log')
+    assert process.process.wait(DEADLINE) == 1
+    assert f'robot {path!r}: there is no such' in process.log.read_text()
+
+
 def log(home):
     """Return an environment in which the log of ROS has no folder but a home."""
     return {'HOME': home, 'ROS_LOG_DIR': '', 'ROS_HOME': ''}
