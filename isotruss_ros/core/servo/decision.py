@@ -104,5 +104,7 @@ def describe(command: RollerCommand, keeps_contacts: bool) -> str:
         cause = ': more would need roller speeds out of proportion to the motion'
         if command.limiting:
             cause = f' by the limits of {", ".join(command.limiting)}'
-        parts.append(f'{change} {100 * command.scale:.3g} %{cause}')
+        percent = 100.0 * command.scale
+        share = f'{percent:.3g}' if percent >= 1.0 else 'less than 1'
+        parts.append(f'{change} {share} %{cause}')
     return '; '.join(parts)

@@ -113,6 +113,7 @@ CLOSEST = (
         (Status.SLOWED_OBJECT, 0.25, ('a', 'b'), 'slowed to 25 % by the limits of a, b'),
         (Status.HALT_NO_TWIST - 1, 0.25, ('a',), 'slowed to 25 % by the limits of a'),
         (Status.SLIDING, 0.25, ('a',), 'sliding with 25 % by the limits of a'),
+        (Status.SLIDING, 6e-7, ('a',), 'sliding with less than 1 % by the limits of a'),
         (Status.UNREACHABLE, 1.0, (), CLOSEST),
         (Status.UNREACHABLE, 0.5, ('a',), f'{CLOSEST}; slowed to 50 % by the limits of a'),
     ],
