@@ -2,151 +2,115 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Film the live view in headless Chromium: drag the object, put it down, and pick it up again.
+Film a scene of the live view.
 
-    python tools/film_viewer.py docs/images/viewer.gif
+    python tools/film_viewer.py viewer docs/images/viewer.gif
+    python tools/film_viewer.py obstacles docs/images/obstacles.gif
 
-Frames are taken at equal steps of simulated time, which is slow: a busy machine takes longer.
+The scene viewer drags the object, puts it down, and picks it up again. The scene obstacles moves
+the object around a post, lets it wait behind a disc that is dragged away, and puts it down.
 """
 
 from __future__ import annotations
 
-import io
+import math
 from pathlib import Path
-import shutil
 import sys
-import tempfile
-import time
 
-from isotruss_ros.demo.processes import keep_to_this_machine, NodeProcess, running_nodes
+from browser_film import CLOCK_SPEED, Film, make_film, Scene
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import MoveObject
+from isotruss_ros.core import load_robot, Pose
+from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.viewer.camera import FIELD_OF_VIEW, place_camera
+from nav_msgs.msg import Path as PathMessage
 import numpy as np
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright, ViewportSize
-import rclpy
-from rclpy.node import Node
-from rosgraph_msgs.msg import Clock
+from playwright.sync_api import FloatRect, Page
+from rclpy.action import ActionClient
 
-SIZE, SCALE = ViewportSize(width=1080, height=720), 0.65
-#: Speed of the simulated clock, since a machine without a graphics card is slow to draw; and of
-#: the film.
-CLOCK_SPEED, FILM_SPEED = 0.3, 3.0
-#: Simulated time between two frames, and longest one until the page shows a text [s].
-STEP, PATIENCE = 0.4, 40.0
-#: Longest time without a step of the clock, or without a response of the page [s].
-TIMEOUT = 120.0
-#: Longest time that a frame is shown [s].
-LONGEST = 0.5
-#: Number of colours of the film, and number of frames that determine them.
-COLORS, SOME = 128, 6
-#: Script that limits the page to four pictures a second, so that the nodes have enough processor
-#: time.
-SLOWLY = """
-const draw = window.requestAnimationFrame.bind(window);
-window.requestAnimationFrame = (show) => setTimeout(() => draw(show), 250);
-window.cancelAnimationFrame = clearTimeout;
-"""
 CLOCK = {'use_sim_time': True}
 SHOWN = CLOCK | {'object_diameter': 0.3, 'friction': 0.8}
 COMMON = SHOWN | {'command_timeout': 2.0}
-NODES = (
-    (
-        'simulator',
-        COMMON
-        | {'plant': 'elastic', 'indentation': 0.01, 'rate': 100.0, 'clock_speed': CLOCK_SPEED},
-    ),
-    ('manipulation', COMMON | {'object_mass': 0.5, 'rate': 50.0}),
-    ('grasp_analysis', COMMON | {'rate': 20.0}),
-    ('grasp_planner', CLOCK | {'command_timeout': 2.0}),
-    ('pick_and_place', COMMON),
-    ('viewer', SHOWN | {'port': 0, 'rate': 5.0, 'browser_timeout': 60.0}),
+#: Parameters of the nodes by name, the last of them the viewer.
+NODES: dict[str, dict[str, object]] = {
+    'simulator': COMMON
+    | {'plant': 'elastic', 'indentation': 0.01, 'rate': 100.0, 'clock_speed': CLOCK_SPEED},
+    'manipulation': COMMON | {'object_mass': 0.5, 'rate': 50.0},
+    'grasp_analysis': COMMON | {'rate': 20.0},
+    'path_follower': COMMON,
+    'grasp_planner': CLOCK | {'command_timeout': 2.0},
+    'pick_and_place': COMMON,
+    'viewer': SHOWN | {'port': 0, 'rate': 5.0, 'browser_timeout': 60.0},
+}
+#: Obstacles at rest, goal of the object, places of the disc before and after its drag, and
+#: position of the object from which on the disc is put in its way [m, rad].
+ROOM = (
+    '{post: {shape: disc, diameter: 0.063, pose: [0.805, 0.574, 0]}, table: {shape: polygon, '
+    'vertices: [[0, 0], [0.25, 0], [0.25, 0.45], [0, 0.45]], pose: [1.5, 0.565, 0.297]}}'
 )
-
-
-class Film:
-    """Frames of a page until an event."""
-
-    def __init__(self, processes: list[NodeProcess], page: Page) -> None:
-        self._processes, self._page = processes, page
-        #: Frames that differ from the one before, and the simulated time of each [s].
-        self._frames: list[Image.Image] = []
-        self._times: list[float] = []
-        self._now = 0.0
-        self._node: Node = rclpy.create_node('film')
-        self._node.create_subscription(Clock, '/clock', self._receive, 1)
-
-    def take(self) -> Image.Image:
-        """Return a frame, one step after the last one."""
-        due = self._now + STEP
-        while self._now < due:
-            before = self._now
-            rclpy.spin_once(self._node, timeout_sec=TIMEOUT)
-            for process in self._processes:
-                process.require_running()
-            if self._now == before:
-                raise TimeoutError(f'/clock stands still at {before:g} s for {TIMEOUT:g} s')
-        frame = Image.open(io.BytesIO(self._page.screenshot(scale='device'))).convert('RGB')
-        if not self._frames or frame != self._frames[-1]:
-            self._frames.append(frame)
-            self._times.append(self._now)
-        return frame
-
-    def begin(self) -> Image.Image:
-        """Return the first frame of the film that is like the frame after it."""
-        frame = self.take()
-        while (following := self.take()) != frame:
-            frame = following
-        self._frames, self._times = [frame], self._times[-1:]
-        return frame
-
-    def until(self, words: str) -> None:
-        """Film until the page shows a text."""
-        end = self._now + PATIENCE
-        while not self._page.get_by_text(words).count():
-            if self._now > end:
-                shown = self._page.locator('body').inner_text()
-                raise TimeoutError(f'not within {PATIENCE:g} s: {words!r}; the page: {shown}')
-            self.take()
-        print(f'{self._now:.1f} s: {words}', flush=True)
-        self.take()
-
-    def write(self, path: Path) -> None:
-        """Write the film."""
-        # Held and not held, loaded and not: the colours of all that is shown.
-        some = self._frames[:: max(1, len(self._frames) // SOME)]
-        sheet = Image.new('RGB', (some[0].width, some[0].height * len(some)))
-        for row, frame in enumerate(some):
-            sheet.paste(frame, (0, row * frame.height))
-        # By their range, not by their share: few points have the colours that matter.
-        common = sheet.quantize(COLORS, Image.Quantize.MAXCOVERAGE)
-        first, *others = (frame.quantize(palette=common) for frame in self._frames)
-        shown = np.diff(self._times, append=np.inf) / FILM_SPEED
-        durations = 1e3 * np.minimum(shown, LONGEST)
-        first.save(
-            path, save_all=True, append_images=others, duration=durations.round().tolist(), loop=0
-        )
-
-    def _receive(self, message: Clock) -> None:
-        self._now = message.clock.sec + 1e-9 * message.clock.nanosec
+GOAL = Pose(1.045, 0.781, 0.615)
+BEFORE, AFTER, PASSED = (1.05, 0.63), (1.14, 0.5), 0.885
+#: Height of the handle of the disc [m].
+HANDLE_HEIGHT = 0.1
+#: Speed of the object [m/s], and longest time without progress, in which a person clears the way
+#: [s].
+SPEED, WAIT = 0.05, 60.0
+#: Frames while the object waits [-].
+WAITING_FRAMES = 8
+#: Further parameters of the nodes in the room with these obstacles.
+OTHERS: dict[str, dict[str, object]] = {
+    'simulator': {'obstacles': ROOM},
+    'manipulation': {'obstacles': ROOM},
+    'path_follower': {'obstacles': ROOM, 'progress_timeout': WAIT},
+    'grasp_planner': {'obstacles': ROOM},
+    'pick_and_place': {'obstacles': ROOM, 'plan': True},
+    'viewer': {'obstacles': ROOM},
+}
 
 
 def find_handle(frame: Image.Image) -> tuple[float, float]:
-    """Return the position of the blue handle on the page."""
+    """Return the position of the blue handle in a frame [pixels]."""
     red, green, blue = np.moveaxis(np.asarray(frame).astype(int), 2, 0)
     found = (blue > red + 80) & (blue > green + 60)
     found[:, int(0.65 * found.shape[1]) :] = False
     rows, columns = np.nonzero(found)
     if not len(rows):
         raise LookupError('the page shows no blue ball')
-    return float(columns.mean()) / SCALE, float(rows.mean()) / SCALE
+    return float(columns.mean()), float(rows.mean())
 
 
-def act(page: Page, film: Film) -> None:
-    """Drag the object, put it down, and pick it up."""
+def find_pixel(page: Page, x: float, y: float, height: float = 0.0) -> tuple[float, float]:
+    """Return the position on the page of a point above the plane of the robot [m]."""
+    box = page.locator('canvas').first.bounding_box()
+    assert box is not None
+    points = load_robot('nine_member').home.points
+    position, target = (np.array(part) for part in place_camera(points, 1.1))
+    forward = (target - position) / np.linalg.norm(target - position)
+    ray = np.array([x, y, height]) - position
+    depth = ray @ forward * math.tan(0.5 * FIELD_OF_VIEW)
+    right, up = ray[0] / depth, ray @ np.cross([1.0, 0.0, 0.0], forward) / depth
+    half = 0.5 * box['height']
+    return box['x'] + 0.5 * box['width'] + half * right, box['y'] + half * (1.0 - up)
+
+
+def take_control(page: Page, film: Film) -> None:
+    """Switch control on, and film until robot and object are at rest."""
     page.get_by_text('slip margin').wait_for()
     page.get_by_label('control', exact=True).evaluate('box => box.click()')
     page.get_by_role('button', name='pick', exact=True).wait_for()
     film.until('at rest')
-    x, y = find_handle(film.begin())
+
+
+def press(page: Page, name: str) -> None:
+    """Click a button."""
+    page.get_by_role('button', name=name, exact=True).click()
+
+
+def drag_object(page: Page, film: Film) -> None:
+    """Drag the object, put it down, and pick it up."""
+    take_control(page, film)
+    x, y = (part / film.scale for part in find_handle(film.begin()))
     page.mouse.move(x, y)
     page.mouse.down()
     for step in range(10):
@@ -155,43 +119,60 @@ def act(page: Page, film: Film) -> None:
     page.mouse.up()
     film.until('manipulation: idle')
     for name, words in (('place', 'place: the object is free'), ('pick', 'pick: held')):
-        page.get_by_role('button', name=name, exact=True).click()
+        press(page, name)
         film.until(words)
 
 
-def read_address(viewer: NodeProcess) -> str:
-    """Wait until a viewer prints its address, and return the address."""
-    while 'viewer: http' not in (words := viewer.log.read_text()):
-        viewer.require_running()
-        time.sleep(0.2)
-    return words.partition('viewer: ')[2].split()[0]
+def pass_obstacles(page: Page, film: Film) -> None:
+    """Move the object around the post, make it wait for a disc, and put it down."""
+    take_control(page, film)
+    places: list[float] = []
+    film.node.create_subscription(
+        PoseStamped, 'object_pose', lambda message: places.append(message.pose.position.x), 1
+    )
+    client = ActionClient(film.node, MoveObject, 'move_object')
+    film.until_true(client.server_is_ready, 'the action is offered')
+    film.caption = 'The object goes around a post, along a planned path'
+    film.begin()
+    goal = MoveObject.Goal(speed=SPEED)
+    goal.path = PathMessage(poses=[PoseStamped(pose=to_pose_message(GOAL))])
+    accepted = client.send_goal_async(goal)
+    press(page, 'add obstacle')
+    film.until_true(lambda: places[-1] > PASSED, 'the object is behind the post')
+    page.mouse.click(*find_pixel(page, *BEFORE))
+    film.until('obstacle placed 1')
+    film.caption = 'Somebody puts a disc in its way: the object waits'
+    for _ in range(WAITING_FRAMES):
+        film.take()
+    page.mouse.move(*find_pixel(page, *BEFORE, HANDLE_HEIGHT))
+    page.mouse.down()
+    film.caption = 'The disc is dragged away: the object goes on'
+    for share in np.linspace(0.1, 1.0, 8):
+        x, y = (1.0 - share) * np.array(BEFORE) + share * np.array(AFTER)
+        page.mouse.move(*find_pixel(page, x, y, HANDLE_HEIGHT))
+        film.take()
+    page.mouse.up()
+    ended = accepted.result().get_result_async()
+    film.until_true(ended.done, 'the action has ended')
+    if ended.result().result.code != MoveObject.Result.SUCCEEDED:
+        raise RuntimeError(ended.result().result.message)
+    film.caption = 'It is put down between the post and the table'
+    press(page, 'place')
+    film.until('place: the object is free')
+    for _ in range(WAITING_FRAMES):
+        film.take()
 
 
-def main() -> None:
-    """Write the film."""
-    path = Path(sys.argv[1])
-    keep_to_this_machine()
-    rclpy.init()
-    with (
-        tempfile.TemporaryDirectory() as logs,
-        running_nodes(NODES, Path(logs)) as processes,
-        sync_playwright() as playwright,
-    ):
-        browser = playwright.chromium.launch(
-            executable_path=shutil.which('chromium'),
-            args=['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'],
-        )
-        page = browser.new_page(viewport=SIZE, device_scale_factor=SCALE)
-        page.add_init_script(SLOWLY)
-        page.set_default_timeout(1e3 * TIMEOUT)
-        page.goto(read_address(processes[-1]))
-        page.add_style_tag(content='.mantine-Notification-root { display: none }')
-        film = Film(processes, page)
-        act(page, film)
-        browser.close()
-    rclpy.shutdown()
-    film.write(path)
+SCENES = {
+    'viewer': Scene(tuple(NODES.items()), drag_object, 0.65),
+    'obstacles': Scene(
+        tuple((name, values | OTHERS.get(name, {})) for name, values in NODES.items()),
+        pass_obstacles,
+        1.4,
+        FloatRect(x=205.0, y=60.0, width=440.0, height=340.0),
+    ),
+}
 
 
 if __name__ == '__main__':
-    main()
+    make_film(Path(sys.argv[2]), SCENES[sys.argv[1]])

@@ -119,11 +119,19 @@ PICTURES = {
         ),
         (f'{OUTPUT}-mujoco/demo.gif',),
     ),
-    'viewer': Picture(
-        ('docs/images/viewer.gif',),
-        ('tools/film_viewer.py', 'docs/images/viewer.gif'),
-        ('tools/film_viewer.py', *(f'isotruss_ros/viewer/{name}.py' for name in VIEW), ROBOT),
-    ),
+    **{
+        scene: Picture(
+            (f'docs/images/{scene}.gif',),
+            ('tools/film_viewer.py', scene, f'docs/images/{scene}.gif'),
+            (
+                'tools/browser_film.py',
+                'tools/film_viewer.py',
+                *(f'isotruss_ros/viewer/{name}.py' for name in VIEW),
+                ROBOT,
+            ),
+        )
+        for scene in ('viewer', 'obstacles')
+    },
     'carry': Picture(
         ('docs/images/carry.mcap',),
         ('tools/record_carry.py', 'docs/images/carry.mcap'),
