@@ -13,6 +13,7 @@ from geometry_msgs.msg import Point
 from isotruss_ros.core.holding.held_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
@@ -119,10 +120,14 @@ def _tube_color(utilisation: float) -> ColorRGBA:
 
 def _make_body(name: str, body: ConvexObject, color: ColorRGBA, height: float) -> Marker:
     """Return the prism of a convex object, half of its height [m] above the plane."""
-    shape = body.shape
+    shape, semi_axes = body.shape, None
     if shape.is_round:
-        width = 2.0 * shape.reach
-        marker = _make_marker(name, 0, Marker.CYLINDER, color, (width, width, height))
+        semi_axes = shape.reach, shape.reach
+    elif isinstance(shape, Ellipse):  # an outline has so many points that it delays the cycle
+        semi_axes = shape.semi_axes
+    if semi_axes is not None:
+        scale = 2.0 * semi_axes[0], 2.0 * semi_axes[1], height
+        marker = _make_marker(name, 0, Marker.CYLINDER, color, scale)
     else:
         corners = _prism(shape.outline(OUTLINE_SPACING), shape.centroid, 0.5 * height)
         marker = _make_marker(name, 0, Marker.TRIANGLE_LIST, color, UNIT_SCALE, corners)
