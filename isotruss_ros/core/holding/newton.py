@@ -218,9 +218,10 @@ def _iterate(
 
 def _choose(record: T, chosen: Flags) -> list[T]:
     """Return the record of chosen samples in a list, which is empty if none is chosen."""
-    if chosen.all():
+    flags = chosen.tolist()  # for one sample much faster than reductions of the array
+    if all(flags):
         return [record]
-    return [take(record, chosen)] if chosen.any() else []
+    return [take(record, chosen)] if any(flags) else []
 
 
 def _measure_error(residual: Array, state: ContactForces) -> Array:
@@ -236,7 +237,7 @@ def _find_step(statics: ContactStatics, state: ContactForces, residual: Array) -
     # The motion of the centroid does not depend on the frame of the object.
     centroid = np.exp(1j * state.unknowns[:, ANGLE]) * statics.body.shape.centroid
     shift = step[:, 0] + 1j * step[:, 1] + 1j * centroid * step[:, ANGLE]
-    translations = np.abs(np.append(shift[:, None], step[:, state.places.feet], axis=-1))
+    translations = np.abs(np.concatenate([shift[:, None], step[:, state.places.feet]], axis=-1))
     turns = np.abs(step[:, state.places.turns])
     largest = np.maximum(translations.max(axis=-1) / statics.body.arm, turns.max(axis=-1))
     return step / np.maximum(largest / MAX_TURN, 1.0)[:, None]

@@ -179,8 +179,8 @@ def judge(grip: HeldGrip, given: Sequence[Pose], friction: Array) -> list[tuple[
 
     verdicts = []
     # Columns: conditions in the order in which they are stated.
-    violated = np.stack([np.atleast_1d(rows) for rows in violations.values()], axis=1)
-    for i, row in enumerate(violated.tolist()):
+    columns = [np.atleast_1d(rows).tolist() for rows in violations.values()]
+    for i, row in enumerate(zip(*columns, strict=True)):
         hold = next((hold for hold, wrong in zip(violations, row, strict=True) if wrong), None)
         reason = '' if hold is None else ': '.join(filter(None, (hold.value, detail(hold, i))))
         verdicts.append((hold or HoldStatus.HELD, reason))
