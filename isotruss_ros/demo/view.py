@@ -14,7 +14,7 @@ import tempfile
 import time
 from typing import Any
 
-from isotruss_ros.core import IsotrussError
+from isotruss_ros.core import IsotrussError, read_object, read_obstacles
 from isotruss_ros.demo.processes import keep_to_this_machine, parse_arguments, running_nodes
 from isotruss_ros.viewer.names import ELASTIC, PLANTS
 
@@ -48,13 +48,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help='time without a drawn picture after which a page loses control [s]',
     )
     options, ros_arguments = parse_arguments(parser, arguments)
-    domain = keep_to_this_machine()
     shown: dict[str, Any] = {'object_diameter': DIAMETER, 'friction': FRICTION}
-    if options.object is not None:
-        shown['object'] = str(options.object.resolve())
     room: dict[str, Any] = {}
-    if options.obstacles is not None:
-        room['obstacles'] = str(options.obstacles.resolve())
+    try:
+        if options.object is not None:
+            read_object(options.object)
+            shown['object'] = str(options.object.resolve())
+        if options.obstacles is not None:
+            read_obstacles(options.obstacles)
+            room['obstacles'] = str(options.obstacles.resolve())
+    except IsotrussError as error:
+        parser.error(str(error))
+    domain = keep_to_this_machine()
     page = {'port': options.port, 'browser_timeout': options.browser_timeout}
     nodes = [*list_nodes(options.plant, shown, room), ('viewer', shown | page | room)]
     print(f'plant {options.plant}; ROS_DOMAIN_ID={domain}, this machine only; Ctrl-C ends it')

@@ -165,10 +165,26 @@ def test_verdict_fails_beyond_the_error_bound_and_not_for_a_limit(
 
 def test_object_of_another_shape_is_passed_to_all_nodes_of_a_view(started, monkeypatch, tmp_path):
     monkeypatch.setattr(signal, 'signal', lambda *_: None)
-    assert view.main(['--object', str(tmp_path / 'box.yaml')]) == 1
+    file = tmp_path / 'box.yaml'
+    file.write_text('{shape: ellipse, semi_axes: [0.1, 0.15]}')
+    assert view.main(['--object', str(file)]) == 1
     shown = {name for name, command in started.items() if 'box.yaml' in ' '.join(command)}
     assert shown == started.keys() - {'grasp_planner'}
     assert 'viewer' in shown
+
+
+@pytest.mark.parametrize(
+    ('option', 'words'), [('--object', "'shape'"), ('--obstacles', "'post': key 'pose'")]
+)
+def test_view_refuses_an_invalid_file_before_it_starts_nodes(
+    option, words, started, capsys, tmp_path
+):
+    file = tmp_path / 'file.yaml'
+    file.write_text('post: {shape: disc, diameter: 0.1}')
+    with pytest.raises(SystemExit, match='2'):
+        view.main([option, str(file)])
+    assert words in capsys.readouterr().err
+    assert not started
 
 
 TRIANGLE = load_robot('triangle')
