@@ -11,7 +11,7 @@ import sys
 from mujoco_worlds import needs_mujoco
 import numpy as np
 import pytest
-from studies import limits
+from studies import limits, measured_runs
 from studies.benchmarks.__main__ import NAMES
 from studies.comparison.friction import lose
 from studies.comparison.friction_cases import CASES
@@ -21,7 +21,16 @@ from studies.membrane import Membrane
 from studies.paper.membrane import STIFFNESS
 from studies.paper.parameters import CYLINDERS, PRESSURE, PRESSURES
 
-DOCS = Path(__file__).resolve().parents[2] / 'docs'
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / 'docs'
+
+
+@needs_mujoco
+@pytest.mark.nightly
+@pytest.mark.parametrize('wrong', measured_runs.TRUTHS)
+def test_page_states_the_named_deviation_of_a_run_in_mujoco(wrong):
+    named = measured_runs.compare(wrong, measured_runs.SEEDS[0]).named
+    assert f'| {wrong} | {named} |' in (DOCS / 'afternoon.md').read_text(encoding='utf-8')
 
 
 @needs_mujoco
@@ -40,9 +49,6 @@ def test_all_values_of_the_committed_page_are_within_bounds():
     assert tables == {name for name in tables if f'({FOLDER}/{name}.csv)' in text}
 
 
-ROOT = Path(__file__).parents[2]
-
-
 @pytest.mark.nightly
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize('name', NAMES)
@@ -58,8 +64,7 @@ def test_benchmark_runs_in_its_shortest_form(name):
     assert f'## {name}' in ran.stdout
 
 
-PAGE = Path(__file__).parents[2] / 'docs' / 'limits.md'
-#: Statement of the page about each change; the number is that of the grasps it loses.
+#: Statement of limits.md about each change; the number is that of the grasps it loses.
 STATEMENTS = {
     'friction 0.7': '0.7 instead of 0.8 loses {} of 12',
     'friction 0.6': '0.6 loses {} ',
@@ -80,7 +85,7 @@ def test_ten_kelvin_change_the_gauge_pressure_by_13_percent():
 @pytest.mark.nightly
 def test_page_states_the_measured_losses(capsys):
     limits.main()
-    printed, page = capsys.readouterr().out, PAGE.read_text(encoding='utf-8')
+    printed, page = capsys.readouterr().out, (DOCS / 'limits.md').read_text('utf-8')
     for name, statement in STATEMENTS.items():
         lost = next(line.split('|')[2].strip() for line in printed.splitlines() if name in line)
         assert statement.format(lost) in page

@@ -16,7 +16,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / 'examples'
-#: The others run beside nodes: test/system/test_ros_examples.py.
+#: The others run beside nodes: test/system/test_demo_processes.py.
 CORE_EXAMPLES = sorted(p.stem for p in EXAMPLES.glob('*.py') if not p.stem.startswith('ros_'))
 #: A line that each prints, beside others: the same on every processor.
 PRINTED = {

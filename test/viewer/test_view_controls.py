@@ -15,8 +15,15 @@ from isotruss_ros.viewer.drag import LEVER_LENGTH
 import pytest
 
 pytest.importorskip('viser')
-from controls_session import DEADLINE, OBJECT_POSE, Session  # noqa: E402,I100
-from fake_browser import CAMERA, CLICK, FakeBrowser, HEARTBEAT  # noqa: E402
+from fake_browser import (  # noqa: E402,I100
+    CAMERA,
+    CLICK,
+    DEADLINE,
+    FakeBrowser,
+    HEARTBEAT,
+    OBJECT_POSE,
+    Session,
+)
 from isotruss_ros.viewer.requests import check_request, list_choices, RequestError  # noqa: E402
 
 CHOICES = list_choices(['P', 'Q'])

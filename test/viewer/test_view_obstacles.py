@@ -28,8 +28,7 @@ from shapes import SHAPES
 
 for package in ('mcap', 'rosbags', 'viser'):
     pytest.importorskip(package)
-from controls_session import DEADLINE, Session  # noqa: E402,I100
-from fake_browser import FakeBrowser  # noqa: E402
+from fake_browser import DEADLINE, FakeBrowser, Session  # noqa: E402,I100
 from isotruss_ros.viewer.recording import show_message  # noqa: E402
 
 WALL = '{south wall: {shape: half_plane, pose: [0, -1, 1.5708]}}'

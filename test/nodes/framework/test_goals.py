@@ -25,8 +25,6 @@ from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
-import joint_trajectory_action
-from joint_trajectory_action import FollowJointTrajectory
 from manual_world import world
 from nav_msgs.msg import Path
 import numpy as np
@@ -34,7 +32,7 @@ from probe import CENTER, overrides
 import pytest
 from robots import SHARE
 from std_msgs.msg import Header
-from trajectories import AWAY, HOME, lasting, NAMES, trajectory
+from trajectories import AWAY, FollowJointTrajectory, HOME, lasting, NAMES, trajectory
 
 NUMBERS = (0.0, -0.0, 1.0, -1.0, 1e-9, 1e6, 1e308, -1e308, 5e-324, math.nan, math.inf, -math.inf)
 INTEGERS = (0, 1, -1, 2**31 - 1, -(2**31))
@@ -135,7 +133,7 @@ GOALS = {
 @pytest.mark.parametrize('name', GOALS)
 def test_random_goals_are_answered_and_nodes_continue(name, monkeypatch):
     kind, good = GOALS[name]
-    joint_trajectory_action.install(monkeypatch)
+    FollowJointTrajectory.install(monkeypatch)
     rng = np.random.default_rng(7)
     with world(lambda: kind(overrides(command_timeout=1.0))) as w:
         w.spin(0.2, w.probe.send_all)

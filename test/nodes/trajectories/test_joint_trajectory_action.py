@@ -11,15 +11,13 @@ from isotruss_msgs.msg import RollerTolerance
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
-import joint_trajectory_action
-from joint_trajectory_action import FollowJointTrajectory
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 import numpy as np
 from probe import failed, overrides, ROBOT
 import pytest
 from std_msgs.msg import Bool
-from trajectories import AWAY, HOME, lasting, NAMES, TOPIC, trajectory
+from trajectories import AWAY, FollowJointTrajectory, HOME, lasting, NAMES, TOPIC, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
 Result = FollowRollerTrajectory.Result
@@ -34,7 +32,7 @@ def kind(request):
 
 @pytest.fixture
 def make(monkeypatch):
-    joint_trajectory_action.install(monkeypatch)
+    FollowJointTrajectory.install(monkeypatch)
     return lambda **faults: world(
         lambda: Simulator(overrides(command_timeout=TIMEOUT, rate=50.0, **faults)),
         lambda: Manipulation(overrides(command_timeout=TIMEOUT, rate=50.0)),

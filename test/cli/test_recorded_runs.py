@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The option `--decide` of `isotruss replay`."""
+"""The command 'isotruss compare', and the option '--decide' of 'isotruss replay'."""
 
 import json
 from pathlib import Path
@@ -19,13 +19,37 @@ import pytest
 
 for package in ('mcap', 'rosbags'):
     pytest.importorskip(package)
-from isotruss_ros.cli import replay  # noqa: E402,I100
-from isotruss_ros.cli.decide_again import has_news  # noqa: E402,I100
+from isotruss_ros.cli import compare, replay  # noqa: E402,I100
+from isotruss_ros.cli.decide_again import has_news  # noqa: E402
 from mcap.writer import Writer  # noqa: E402
 from rosbags.typesys import get_typestore, Stores  # noqa: E402
 
-SHIPPED = Path(__file__).parents[2] / 'docs' / 'images' / 'carry.mcap'
 KIND, MODULE = 'std_msgs/msg/String', 'north/Z'
+CARRY = Path(__file__).parents[2] / 'docs' / 'images' / 'carry.mcap'
+
+
+def test_a_carry_in_mujoco_agrees_with_the_model_and_is_drawn(tmp_path, capsys):
+    picture = tmp_path / 'carry.png'
+    assert compare.main([str(CARRY), '--picture', str(picture)]) == 0
+    out = capsys.readouterr().out
+    assert 'held until the end' in out
+    assert 'named: none' in out
+    assert 'core.Uncertainty(' in out
+    assert picture.read_bytes().startswith(b'\x89PNG')
+
+
+def test_a_gauge_on_another_clock_is_refused(tmp_path, capsys):
+    forces = tmp_path / 'gauge.csv'
+    forces.write_text('time_s,squeeze_N\n-20,9\n-10,9\n', encoding='utf-8')
+    assert compare.main([str(CARRY), '--forces', str(forces)]) == 1
+    assert '--gauge-zero' in capsys.readouterr().err
+
+
+def test_a_file_that_is_no_recording_is_refused(tmp_path, capsys):
+    path = tmp_path / 'run.mcap'
+    path.write_bytes(b'text')
+    assert compare.main([str(path)]) == 1
+    assert capsys.readouterr().err.startswith(f'compare: {path}: no MCAP file')
 
 
 def record():
@@ -63,53 +87,60 @@ def write(path, texts):
     return str(path)
 
 
-def test_a_recorded_run_has_the_same_commands_and_the_reason_of_its_halt(tmp_path, capsys):
-    assert replay.main([write(tmp_path / 'run.mcap', TEXTS), '--decide']) == 0
-    out = capsys.readouterr().out
+@pytest.fixture
+def decide(tmp_path, capsys):
+    """Return a function that decides recorded cycles again; it returns code, output and errors."""
+
+    def run(texts, *options):
+        path = write(tmp_path / 'run.mcap', texts)
+        return replay.main([path, '--decide', *options]), *capsys.readouterr()
+
+    return run
+
+
+def test_a_recorded_run_has_the_same_commands_and_the_reason_of_its_halt(decide):
+    code, out, _ = decide(TEXTS)
+    assert code == 0
     assert f'{Status.HALT_STALE_OBJECT_POSE.name}: object pose: ' in out
     assert '20 cycles of 0.2 s' in out
     assert '0 commands differ; largest difference 0 ' in out
 
 
-def test_a_failed_roller_is_named_with_its_cycle(tmp_path, capsys):
+def test_a_failed_roller_is_named_with_its_cycle(decide):
     late = json.loads(TEXTS[7])
     late['inputs']['mapping']['failed'] = ['south/P']
-    path = write(tmp_path / 'run.mcap', [*TEXTS[:7], json.dumps(late), *TEXTS[8:]])
-    replay.main([path, '--decide'])
-    assert 'cycle 7, 0.070 s: failed rollers: south/P' in capsys.readouterr().out
+    _, out, _ = decide([*TEXTS[:7], json.dumps(late), *TEXTS[8:]])
+    assert 'cycle 7, 0.070 s: failed rollers: south/P' in out
 
 
-def test_another_setting_is_named_with_the_first_other_command(tmp_path, capsys):
-    path = write(tmp_path / 'run.mcap', TEXTS)
-    assert replay.main([path, '--decide', '--set', 'timeout=1.0']) == 2
-    out = capsys.readouterr().out
+def test_another_setting_is_named_with_the_first_other_command(decide):
+    code, out, _ = decide(TEXTS, '--set', 'timeout=1.0')
+    assert code == 2
     assert 'another setting: timeout: 0.05 -> 1.0' in out
     assert 'first other command' in out
 
 
-def test_another_version_is_named(tmp_path, capsys):
-    texts = [text.replace('"numpy": "', '"numpy": "0.') for text in TEXTS]
-    assert replay.main([write(tmp_path / 'run.mcap', texts), '--decide']) == 0
-    out = capsys.readouterr().out
+def test_another_version_is_named(decide):
+    code, out, _ = decide([text.replace('"numpy": "', '"numpy": "0.') for text in TEXTS])
+    assert code == 0
     assert f'another version: numpy 0.{np.__version__} -> {np.__version__}' in out
 
 
-def test_a_recording_with_a_broken_field_is_refused(tmp_path, capsys):
-    broken = json.dumps(json.loads(TEXTS[3]) | {'now': 'noon'})
-    path = write(tmp_path / 'run.mcap', [*TEXTS[:3], broken])
-    assert replay.main([path, '--decide']) == 1
-    assert 'now: ' in capsys.readouterr().err
+def test_a_recording_with_a_broken_field_is_refused(decide):
+    code, _, err = decide([*TEXTS[:3], json.dumps(json.loads(TEXTS[3]) | {'now': 'noon'})])
+    assert code == 1
+    assert 'now: ' in err
 
 
 @pytest.mark.parametrize('change', ['nothing', 'none=1', 'grip.none=1', 'period=-1', 'period=[1]'])
-def test_a_setting_that_does_not_exist_or_is_out_of_range_is_refused(change, tmp_path, capsys):
-    path = write(tmp_path / 'run.mcap', TEXTS)
-    assert replay.main([path, '--decide', '--set', change]) == 1
-    assert capsys.readouterr().err.startswith('replay failed: ')
+def test_a_setting_that_does_not_exist_or_is_out_of_range_is_refused(change, decide):
+    code, _, err = decide(TEXTS, '--set', change)
+    assert code == 1
+    assert err.startswith('replay failed: ')
 
 
 def test_a_recording_without_cycles_decides_from_its_statuses_and_names_what_is_absent(capsys):
-    assert replay.main([str(SHIPPED), '--decide']) == 0
+    assert replay.main([str(CARRY), '--decide']) == 0
     out = capsys.readouterr().out
     assert out.startswith('absent in this recording: settings, ')
     # One cycle each 0.2 s; the recording is drawn anew when messages change.
