@@ -30,6 +30,7 @@ rclpy.init()
 profile = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 publisher = rclpy.create_node('button').create_publisher(Bool, 'emergency_stop', profile)
 publisher.publish(Bool(data=True))
+print('published', flush=True)
 sys.stdin.read()
 """
 
@@ -51,14 +52,19 @@ def test_a_publisher_that_does_not_latch_is_not_told_that_its_messages_are_not_s
     assert not told
 
 
-@pytest.mark.parametrize('autostart', [True, False])
-def test_what_a_latching_publisher_published_before_its_match_counts(autostart):
-    """Of another process, which comes after the node, in whatever state that is."""
+@pytest.mark.parametrize('is_first', [True, False])
+def test_what_a_latching_publisher_published_before_its_match_counts(is_first):
+    """Of another process, begun before the node, or after it while it is unconfigured."""
+    command, pipe = [sys.executable, '-c', HELD], subprocess.PIPE
     with world() as w:
         w.probe.destroy_publisher(w.probe.stops)
-        w.add(node(autostart=autostart)())
-        button = subprocess.Popen([sys.executable, '-c', HELD], stdin=subprocess.PIPE)
+        if not is_first:
+            w.add(node(autostart=False)())
+        button = subprocess.Popen(command, stdin=pipe, stdout=pipe)
         try:
+            button.stdout.readline()
+            if is_first:
+                w.add(node()())
             w.until(lambda: 'stopped by the topic' in w.detail('emergency stop'))
         finally:
             button.communicate()

@@ -127,22 +127,6 @@ def test_a_process_that_publishes_once_and_exits_stops_the_robot(r, durability, 
     r.check_at_rest()
 
 
-def test_a_latched_stop_persists_when_the_node_restarts(r):
-    w = r.w
-    r.until_moving()
-    w.probe.stops.publish(Bool(data=True))
-    r.until(lambda: w.code() == Status.HALT_EMERGENCY_STOP)
-    r.check_at_rest()
-    r.alive.pop('manipulation').stop()
-    w.probe.seen['status'].clear()
-    w.probe.seen['command'].clear()
-    start(r, 'manipulation', require_emergency_stop=True)
-    r.until(lambda: len(w.probe.seen['status']) > 50)
-    assert {m.code for _, m in w.probe.seen['status']} == {Status.HALT_EMERGENCY_STOP}
-    assert not any(any(m.data) for _, m in w.probe.seen['command'])
-    r.check_at_rest()
-
-
 def test_two_manipulation_nodes_halt_until_one_of_them_ends(r):
     r.until_moving()
     r.alive['first'] = r.alive['manipulation']

@@ -32,17 +32,12 @@ def test_a_publisher_of_the_other_type_of_twist_is_named(tmp_path, stamped):
         log = tmp_path / 'manipulation.log'
         node = NodeProcess('manipulation', {'use_stamped_twist': stamped}, log)
         try:
-
-            def measured():
-                w.probe.send_joints()
-                w.probe.send_pose()
-
-            status = w.until_code(Status.HALT_INVALID_TWIST, measured)
+            status = w.until_code(Status.HALT_INVALID_TWIST, w.probe.send_measured)
             words = f'cmd_vel has a publisher of {other.__name__}, which is not received'
             assert words in status.message
             assert f'set use_stamped_twist to {str(not stamped).lower()}' in status.message
             w.probe.destroy_publisher(w.probe.twists)
-            w.until_code(Status.HALT_NO_TWIST, measured)
+            w.until_code(Status.HALT_NO_TWIST, w.probe.send_measured)
         finally:
             node.stop()
         assert words in log.read_text()

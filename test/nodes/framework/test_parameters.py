@@ -8,8 +8,7 @@ from types import SimpleNamespace
 from interfaces import node_classes
 from isotruss_msgs.action import FollowObjectPath, PlanGrasp
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import place_between, Status
-from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core import Status
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.paths.path_servo import PathOutcome
 from isotruss_ros.executables import NODES
@@ -18,11 +17,9 @@ from isotruss_ros.nodes.framework.parameters import ParameterError
 from isotruss_ros.nodes.framework.runner import find_node
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp.searcher import SearchOutcome
-from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.viewer.view_requests import OBJECT_NODES
 from manual_world import check_refused, world
-import numpy as np
-from probe import begin_context, CENTER, DIAMETER, maker, MODULE, overrides, ROBOT
+from probe import begin_context, DIAMETER, overrides
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
@@ -138,19 +135,6 @@ def test_bad_parameters_are_refused_at_start(name, values, words):
 #: Parameters of the object that sliders of the viewer set.
 SETTINGS = ('object_diameter', 'friction')
 DISC = f'{{shape: disc, diameter: {DIAMETER}}}'
-
-
-@pytest.mark.parametrize('described', ['', DISC])
-def test_the_indentation_of_a_held_object_is_its_penetration_of_each_member(described):
-    depth = 0.01
-    values = {'object': described, 'object_diameter': DIAMETER, 'grip_module': MODULE}
-    with world(maker(Simulator, indentation=depth, **values)()) as w:
-        w.until(lambda: w.place() is not None)
-        members = members_at(ROBOT, MODULE)
-        body = place_between(ROBOT.home, members, Disc(DIAMETER), indentation=depth).body
-        assert w.place()[:2] == pytest.approx(np.array(body.pose[:2]), abs=1e-9)
-        # In a corner of 60 degrees the object is shifted by twice the depth.
-        assert np.hypot(*(w.place()[:2] - CENTER)) == pytest.approx(2.0 * depth)
 
 
 def test_the_viewer_sets_the_object_of_all_nodes_that_have_its_parameters():

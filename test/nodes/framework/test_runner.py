@@ -76,8 +76,7 @@ def test_a_twist_from_before_the_activation_moves_nothing(nodes):
         rclpy.spin_once(probe, timeout_sec=0.01)
     node.trigger_activate()
     probe.seen['command'].clear()
-    send = lambda: (probe.send_joints(), probe.send_pose())  # noqa: E731
-    until(executor, probe, lambda: len(probe.seen['command']) > 5, send)
+    until(executor, probe, lambda: len(probe.seen['command']) > 5, probe.send_measured)
     assert not any(any(m.data) for _, m in probe.seen['command'])
     move(executor, probe)
 
