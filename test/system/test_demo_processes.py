@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 
+from isotruss_ros.demo.domains import lock_domain
 from isotruss_ros.demo.processes import NodeProcess, running_nodes
 from mujoco_worlds import needs_mujoco
 from nightly import some_now
@@ -22,25 +23,45 @@ import pytest
 
 pytestmark = pytest.mark.system
 carried = pytest.mark.xdist_group('carried')
-EXAMPLES = Path(__file__).parents[2] / 'examples'
+ROOT = Path(__file__).parents[2]
 #: What each prints, beside whatever else.
 PRINTED = {
     'ros_analyze_box': 'held: True',
     'ros_grasp_state': 'held: ',
     'ros_twist': 'the object moved up by',
 }
-#: Reason with which each ends without nodes.
+#: Arguments of processes, and the reason with which each ends without nodes.
 REASONS = {
-    'ros_analyze_box': 'no node offers analyze_grasp in 20 s',
-    'ros_grasp_state': 'nothing on grasp/state in 20 s',
-    'ros_pick_and_place': 'no node offers pick_object in 20 s',
-    'ros_twist': 'object pose: unknown in 20 s',
+    'examples/ros_analyze_box.py': 'no node offers analyze_grasp in 20 s',
+    'examples/ros_grasp_state.py': 'nothing on grasp/state in 20 s',
+    'examples/ros_pick_and_place.py': 'no node offers pick_object in 20 s',
+    'examples/ros_twist.py': 'object pose: unknown in 20 s',
+    '-m isotruss_ros.executables stop --namespace right': (
+        'NOT CONFIRMED: no node offers the service /right/emergency_stop in 10 s'
+    ),
 }
 PATIENT = {'command_timeout': 5.0}
 
 
 @pytest.fixture(scope='module')
-def processes(shared_domain, tmp_path_factory):
+def lonely():
+    """Return processes in a domain without nodes, which wait for some while other tests run."""
+    with contextlib.closing(lock_domain(int(os.environ['ROS_DOMAIN_ID']))) as lock:
+        environment = os.environ | {'ROS_DOMAIN_ID': str(lock.number)}
+        yield {
+            words: subprocess.Popen(
+                [sys.executable, *words.split()],
+                cwd=ROOT,
+                env=environment,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            for words in REASONS
+        }
+
+
+@pytest.fixture(scope='module')
+def processes(lonely, shared_domain, tmp_path_factory):
     """Return the nodes that hold an object; they end as they should after the tests."""
     names = {'simulator': {'indentation': 0.005}, 'manipulation': {}, 'grasp_analysis': {}}
     nodes = [(name, PATIENT | values) for name, values in names.items()]
@@ -53,22 +74,17 @@ def processes(shared_domain, tmp_path_factory):
 @pytest.mark.parametrize('name', PRINTED)
 @pytest.mark.usefixtures('processes')
 def test_an_example_runs_beside_the_nodes(name):
-    command = [sys.executable, EXAMPLES / f'{name}.py']
+    command = [sys.executable, ROOT / 'examples' / f'{name}.py']
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     assert PRINTED[name] in done.stdout
 
 
 @carried
-def test_examples_without_nodes_fail_after_20_s_with_a_reason():
-    commands = {name: [sys.executable, EXAMPLES / f'{name}.py'] for name in REASONS}
-    runs = {
-        name: subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-        for name, command in commands.items()
-    }
-    for name, run in runs.items():
-        _, reason = run.communicate(timeout=300)
-        assert run.returncode == 1, name
-        assert REASONS[name] in reason
+def test_examples_and_a_stop_without_nodes_fail_after_20_s_with_a_reason(lonely):
+    for words, process in lonely.items():
+        _, reason = process.communicate(timeout=300)
+        assert process.returncode == 1, words
+        assert REASONS[words] in reason
 
 
 def begin(folder, *options):
@@ -94,8 +110,21 @@ def nodes_of(folder):
     return found
 
 
-def check_interrupt(demo, folder, times):
-    """Interrupt a demonstration as a terminal does; check that it ends with its nodes."""
+@pytest.mark.parametrize(
+    ('sensors', 'stage', 'times'),
+    some_now([('real', 'found: ', 2), ('perfect', '', 2), ('perfect', '', 1)]),
+    ids=['planned', 'twice at its start', 'at its start'],
+)
+def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path, sensors, stage, times):
+    """With real sensors it plans a grasp; a nightly check carries the object to the end."""
+    demo = begin(tmp_path, '--sensors', sensors)
+    assert 'nodes simulator' in demo.stdout.readline()
+    log, end = tmp_path / 'grasp_planner.log', time.monotonic() + DEADLINE
+    # The logs of the nodes exist before the nodes.
+    while not log.exists() or stage not in log.read_text():
+        assert demo.poll() is None, demo.stdout.read()
+        assert time.monotonic() < end, log.read_text()
+        time.sleep(0.01)
     for _ in range(times):
         os.killpg(demo.pid, signal.SIGINT)
     printed, _ = demo.communicate(timeout=3.0 * DEADLINE)
@@ -103,28 +132,7 @@ def check_interrupt(demo, folder, times):
     assert demo.returncode in (130, -signal.SIGINT), printed
     assert 'demo stopped' in printed
     assert 'Traceback' not in printed
-    assert not nodes_of(folder)
-
-
-@pytest.mark.parametrize('times', some_now([2, 1]))
-def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path, times):
-    demo = begin(tmp_path)
-    assert 'nodes simulator' in demo.stdout.readline()
-    # The logs of the nodes exist before the nodes.
-    while not (tmp_path / 'grasp_planner.log').exists():
-        time.sleep(0.01)
-    check_interrupt(demo, tmp_path, times)
-
-
-def test_with_real_sensors_it_plans_a_grasp(tmp_path):
-    """All conditions for the plan are met; a nightly check carries the object to the end."""
-    demo = begin(tmp_path, '--sensors', 'real')
-    log, end = tmp_path / 'grasp_planner.log', time.monotonic() + DEADLINE
-    while not log.exists() or 'found: ' not in log.read_text():
-        assert demo.poll() is None, demo.stdout.read()
-        assert time.monotonic() < end, log.read_text()
-        time.sleep(0.1)
-    check_interrupt(demo, tmp_path, 1)
+    assert not nodes_of(tmp_path)
 
 
 def test_beside_another_simulation_it_says_so(tmp_path):

@@ -9,7 +9,7 @@ import sys
 
 from diagnostic_msgs.msg import DiagnosticArray
 from isotruss_ros.core import Status
-from probe import DEADLINE, failed, ROBOT, world
+from probe import failed, ROBOT, world
 from probe import manipulation as node
 import pytest
 from rclpy.event_handler import PublisherEventCallbacks
@@ -83,16 +83,6 @@ def test_lost_messages_count_as_a_stop():
         assert 'release_emergency_stop' in status.message
 
 
-def request(*words):
-    """Start a command of the terminal; return its process."""
-    command = [sys.executable, '-m', 'isotruss_ros.executables', *words]
-    # A stop needs no folder for the log of ROS.
-    environment = os.environ | {'HOME': '', 'ROS_HOME': '', 'ROS_LOG_DIR': ''}
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
-    )
-
-
 @pytest.mark.parametrize(
     'words', [('--namespace', '/left'), ('--ros-args', '-r', '__ns:=/left'), ()], ids=' '.join
 )
@@ -100,7 +90,15 @@ def test_the_command_stop_stops_the_robot_of_its_namespace(words):
     with world(remaps=['__ns:=/left'] if words else []) as w:
         w.add(node()())
         w.until_code(Status.OK, w.probe.send_all)
-        command = request('stop', *words)
+        # A stop needs no folder for the log of ROS.
+        environment = os.environ | {'HOME': '', 'ROS_HOME': '', 'ROS_LOG_DIR': ''}
+        command = subprocess.Popen(
+            [sys.executable, '-m', 'isotruss_ros.executables', 'stop', *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
         w.until(lambda: command.poll() is not None, w.probe.send_all)
         said, failure = command.communicate()
         assert command.returncode == 0, failure
@@ -111,13 +109,6 @@ def test_the_command_stop_stops_the_robot_of_its_namespace(words):
             with subprocess.Popen(release) as command:
                 w.until(lambda: command.poll() is not None, w.probe.send_all)
             w.until_code(Status.OK, w.probe.send_all)
-
-
-def test_the_command_stop_that_nobody_confirms_fails_and_names_the_service():
-    command = request('stop', '--namespace', 'right')
-    _, said = command.communicate(timeout=DEADLINE)
-    assert command.returncode == 1
-    assert 'NOT CONFIRMED: no node offers the service /right/emergency_stop in 10 s' in said
 
 
 def test_the_command_stop_imports_neither_core_nor_messages_of_the_robot():

@@ -55,6 +55,39 @@ def release(r):
     r.w.until(lambda: r.w.release_stop().success)
 
 
+ONCE = """
+import time
+import rclpy
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Bool
+
+rclpy.init()
+durability = DurabilityPolicy.{durability}
+profile = QoSProfile(depth=1, durability=durability)
+publisher = rclpy.create_node('button').create_publisher(Bool, 'emergency_stop', profile)
+while publisher.get_subscription_count() < {subscriptions}:
+    time.sleep(0.001)
+publisher.publish(Bool(data=True))
+assert publisher.wait_for_all_acked(Duration(seconds=60))
+"""
+
+
+# The manipulation node has a subscription that waits for latched messages, and one that does not.
+@pytest.mark.parametrize(
+    ('durability', 'subscriptions'), some_now([('VOLATILE', 1), ('TRANSIENT_LOCAL', 2)])
+)
+def test_a_process_that_publishes_once_and_exits_stops_the_robot(r, durability, subscriptions):
+    """Gone as soon as the middleware has delivered the message."""
+    r.until_moving()
+    # Nodes of earlier tests are gone; one that was killed is 10 s later.
+    r.w.until(lambda: r.w.probe.count_subscribers('emergency_stop') == 2)
+    once = ONCE.format(durability=durability, subscriptions=subscriptions)
+    subprocess.run([sys.executable, '-c', once], check=True)
+    r.until(lambda: r.w.code() == Status.HALT_EMERGENCY_STOP)
+    r.check_at_rest()
+
+
 def test_each_node_is_killed_in_mid_motion_and_started_again(r):
     w = r.w
     r.until_moving()
@@ -92,39 +125,6 @@ def test_a_suspended_node_stops_the_rollers_and_resumes(r):
     r.until(lambda: r.w.code() >= Status.HALT_NO_TWIST and not r.w.command().any())
     r.signal('simulator', signal.SIGCONT)
     r.until_moving()
-
-
-ONCE = """
-import time
-import rclpy
-from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import Bool
-
-rclpy.init()
-durability = DurabilityPolicy.{durability}
-profile = QoSProfile(depth=1, durability=durability)
-publisher = rclpy.create_node('button').create_publisher(Bool, 'emergency_stop', profile)
-while publisher.get_subscription_count() < {subscriptions}:
-    time.sleep(0.001)
-publisher.publish(Bool(data=True))
-assert publisher.wait_for_all_acked(Duration(seconds=60))
-"""
-
-
-# The manipulation node has a subscription that waits for latched messages, and one that does not.
-@pytest.mark.parametrize(
-    ('durability', 'subscriptions'), some_now([('VOLATILE', 1), ('TRANSIENT_LOCAL', 2)])
-)
-def test_a_process_that_publishes_once_and_exits_stops_the_robot(r, durability, subscriptions):
-    """Gone as soon as the middleware has delivered the message."""
-    r.until_moving()
-    # Nodes of earlier tests are gone.
-    r.w.until(lambda: r.w.probe.count_subscribers('emergency_stop') == 2)
-    once = ONCE.format(durability=durability, subscriptions=subscriptions)
-    subprocess.run([sys.executable, '-c', once], check=True)
-    r.until(lambda: r.w.code() == Status.HALT_EMERGENCY_STOP)
-    r.check_at_rest()
 
 
 def test_two_manipulation_nodes_halt_until_one_of_them_ends(r):
