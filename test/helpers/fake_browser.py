@@ -167,13 +167,12 @@ class FakeBrowser:
                 self._mark = content.removeprefix(MARK[0]).removesuffix(MARK[1])
 
 
-OBJECT_POSE = Pose(0.5, 0.2, 0.3)
-
-
 class Session:
     """View without a node, and a browser that has control until a timeout without pictures [s]."""
 
-    def __init__(self, timeout):
+    POSE = Pose(0.5, 0.2, 0.3)
+
+    def __init__(self, timeout=DEADLINE):
         self.view = View(Picture(load_robot('nine_member'), 0.3), '127.0.0.1', 0)
         self.refused, self.log, self.taken, self.stops = [], [], [], 0
         self.controls = Controls(
@@ -194,7 +193,7 @@ class Session:
         now = time.monotonic()
         self.stops += self.controls.hear(now)
         self.taken += self.controls.take(now, now)
-        self.controls.update(OBJECT_POSE)
+        self.controls.update(self.POSE)
         self.view.update(now)
         self.controls.mark(now)
 

@@ -15,15 +15,7 @@ from isotruss_ros.viewer.drag import LEVER_LENGTH
 import pytest
 
 pytest.importorskip('viser')
-from fake_browser import (  # noqa: E402,I100
-    CAMERA,
-    CLICK,
-    DEADLINE,
-    FakeBrowser,
-    HEARTBEAT,
-    OBJECT_POSE,
-    Session,
-)
+from fake_browser import CAMERA, CLICK, FakeBrowser, HEARTBEAT, Session  # noqa: E402,I100
 from isotruss_ros.viewer.requests import check_request, list_choices, RequestError  # noqa: E402
 
 CHOICES = list_choices(['P', 'Q'])
@@ -36,7 +28,7 @@ SWITCH_INTERVAL = sys.getswitchinterval()
 @pytest.fixture
 def session():
     """Return a session whose browser may be as slow as the machine makes it."""
-    with contextlib.closing(Session(DEADLINE)) as opened:
+    with contextlib.closing(Session()) as opened:
         yield opened
 
 
@@ -54,7 +46,7 @@ def test_the_target_of_a_drag_is_the_pointer_less_the_offset_at_which_the_handle
 
 
 def test_the_object_is_turned_by_the_angle_of_the_pointer_around_it(session):
-    center = complex(*OBJECT_POSE[:2])
+    center = complex(*Session.POSE[:2])
 
     def turn(phase, angle, target):
         start, pointer = (center + cmath.rect(0.3, value) for value in (0.25, angle))

@@ -28,7 +28,7 @@ from shapes import SHAPES
 
 for package in ('mcap', 'rosbags', 'viser'):
     pytest.importorskip(package)
-from fake_browser import DEADLINE, FakeBrowser, Session  # noqa: E402,I100
+from fake_browser import FakeBrowser, Session  # noqa: E402,I100
 from isotruss_ros.viewer.recording import show_message  # noqa: E402
 
 WALL = '{south wall: {shape: half_plane, pose: [0, -1, 1.5708]}}'
@@ -38,7 +38,7 @@ PERIOD = 0.05
 @pytest.fixture
 def session():
     """Return a session whose browser may be as slow as the machine makes it."""
-    with contextlib.closing(Session(DEADLINE)) as opened:
+    with contextlib.closing(Session()) as opened:
         yield opened
 
 

@@ -39,59 +39,53 @@ INTEGERS = (0, 1, -1, 2**31 - 1, -(2**31))
 TEXTS = ('', 'nobody', 'x' * 1000, 'ö/☃', 'north/Z', 'north/R-P', 'truss')
 
 
+def is_message(value):
+    return hasattr(value, 'get_fields_and_field_types')
+
+
+def leaves(message):
+    """Yield the messages and the names of the fields that contain numbers, texts or lists."""
+    for name in message.get_fields_and_field_types() if is_message(message) else vars(message):
+        value = getattr(message, name)
+        for part in value if isinstance(value, list) else [value]:
+            if is_message(part):
+                yield from leaves(part)
+        if not is_message(value):
+            yield message, name
+
+
+def change(value, rng):
+    """Return another value of the same type; an empty list, a list twice, or another element."""
+    chosen = {str: TEXTS, bool: (True, False), int: INTEGERS, float: NUMBERS}.get(type(value))
+    if chosen is not None:
+        return type(value)(rng.choice(chosen))
+    values = value.tolist() if hasattr(value, 'tolist') else value.copy()
+    how = 2 if isinstance(value, np.ndarray) else rng.integers(4)  # arrays have one length
+    if how > 1 and values and not is_message(values[0]):
+        place = rng.integers(len(values))
+        values[place] = change(values[place], rng)
+        return values
+    return how % 2 * 2 * values
+
+
 def vary(message, rng):
     """Return a copy of a message with one to three fields, however deep, replaced."""
     changed = copy.deepcopy(message)
     for _ in range(rng.integers(1, 4)):
-        _replace(changed, rng)
+        fields = list(leaves(changed))
+        owner, name = fields[rng.integers(len(fields))]
+        # The type of the message may refuse the value.
+        with contextlib.suppress(AssertionError, ValueError):
+            setattr(owner, name, change(getattr(owner, name), rng))
     return changed
 
 
-def _replace(message, rng):
-    types = getattr(message, 'get_fields_and_field_types', lambda: vars(message))
-    name = str(rng.choice(list(types())))
-    value = getattr(message, name)
-    if hasattr(value, 'get_fields_and_field_types'):
-        _replace(value, rng)
-        return
-    if not isinstance(value, str | bool | int | float):
-        value = _replace_list(list(value), rng, isinstance(value, np.ndarray))
-    # The type of the message may refuse the value.
-    with contextlib.suppress(AssertionError, ValueError):
-        setattr(message, name, _replace_value(value, rng))
-
-
-def _replace_value(value, rng):
-    """Return another value of the same type; a list as it is."""
-    choices = {str: TEXTS, bool: (not value,), int: INTEGERS, float: NUMBERS}
-    chosen = choices.get(type(value))
-    return value if chosen is None else type(value)(rng.choice(chosen))
-
-
-def _replace_list(values, rng, fixed_size):
-    """Return an empty list, the list twice, or one with another element."""
-    how = 2 if fixed_size else rng.integers(4)
-    if how < 2 or not values:
-        return how * 2 * values
-    place = rng.integers(len(values))
-    if hasattr(values[place], 'get_fields_and_field_types'):
-        _replace(values[place], rng)
-    else:
-        values[place] = _replace_value(values[place], rng)
-    return values
-
-
-class NoSearch(Searcher):
-    """Search without processes, which fails at once."""
-
-    def __init__(self, _workers):
-        super().__init__(1, lambda *_, **__: GraspPlan((), True, None, 0, 0, 0.0))
-
-
 class IdlePlanner(GraspPlanner):
-    """Planner that finds nothing."""
+    """Planner whose searches find nothing, at once and without processes."""
 
-    searcher_type = NoSearch
+    searcher_type = staticmethod(
+        lambda _: Searcher(1, lambda *_, **__: GraspPlan((), True, None, 0, 0, 0.0))
+    )
 
 
 IN_TRUSS = Header(frame_id='truss')

@@ -20,6 +20,7 @@ import numpy as np
 import probe
 from probe import maker, manipulation, N, ROBOT
 import pytest
+from rclpy.clock import Clock
 from sensor_msgs.msg import FluidPressure
 
 NAMES = list(ROBOT.roller_names)
@@ -196,12 +197,12 @@ def test_preflight_and_manipulation_allow_the_same_skew(ahead, right, capsys):
 class Transforms:
     """Transforms that come so long after their stamps, at 30 Hz; a fake, as tf2 has no wheels."""
 
-    def __init__(self, clock, late):
-        self._clock, self._late = clock, late
+    def __init__(self, late):
+        self._late = late
 
     def lookup_transform(self, _target, _source, time):
         period = 1.0 / 30.0
-        newest = (self._clock() - self._late) // period * period
+        newest = (1e-9 * Clock().now().nanoseconds - self._late) // period * period
         if 1e-9 * time.nanoseconds > newest:
             raise robot_frame.NO_TRANSFORM[0]('extrapolation into the future')
         return TransformStamped()
@@ -215,33 +216,29 @@ def send_in_camera(w):
 
 
 @pytest.fixture
-def moving_frame(monkeypatch):
-    """Return the context of a world whose node hears transforms that are late [s]."""
+def hear_transforms(monkeypatch):
+    """Return a function that lets nodes hear transforms that are late [s]."""
 
-    @contextlib.contextmanager
-    def make(late, *makers):
-        now = lambda: entered[0].probe.past(0.0)  # noqa: E731
+    def install(late):
         # There are no wheels of tf2.
-        monkeypatch.setattr(robot_frame, 'Buffer', lambda: Transforms(now, late))
+        monkeypatch.setattr(robot_frame, 'Buffer', lambda: Transforms(late))
         monkeypatch.setattr(robot_frame, 'TransformListener', lambda *m: m, raising=False)
         monkeypatch.setattr(robot_frame, 'NO_TRANSFORM', (LookupError, ValueError))
-        with world(*makers) as w:
-            entered.append(w)
-            yield w
 
-    entered = []
-    return make
+    return install
 
 
 @pytest.mark.parametrize('late', [0.005, 0.03, 0.1])
-def test_a_pose_waits_for_its_transform(late, moving_frame):
-    with moving_frame(late, manipulation()) as w:
+def test_a_pose_waits_for_its_transform(late, hear_transforms):
+    hear_transforms(late)
+    with world(manipulation()) as w:
         w.until_code(Status.IDLE, lambda: send_in_camera(w))
         w.spin(0.7, lambda: send_in_camera(w))
         assert codes(w, Status.IDLE) == {Status.IDLE}
 
 
-def test_a_pose_waits_no_longer_than_the_timeout(moving_frame):
-    with moving_frame(5.0, manipulation()) as w:
+def test_a_pose_waits_no_longer_than_the_timeout(hear_transforms):
+    hear_transforms(5.0)
+    with world(manipulation()) as w:
         status = w.until_code(Status.HALT_INVALID_OBJECT_POSE, lambda: send_in_camera(w))
         assert 'extrapolation into the future' in status.message
