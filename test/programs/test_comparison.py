@@ -34,6 +34,7 @@ def test_page_states_the_named_deviation_of_a_run_in_mujoco(wrong):
 
 
 @needs_mujoco
+@pytest.mark.nightly
 def test_a_box_on_a_face_uses_more_friction_than_that_at_which_it_slides():
     loss = lose(CASES[13])
     assert loss.used > 1.3 * loss.ours.necessary
