@@ -151,11 +151,6 @@ class World(Watched):
         self.nodes.append(node)
         return node
 
-    def remove(self, node: Node) -> None:
-        """Destroy a node whose process has ended."""
-        self.nodes.remove(node)
-        node.destroy_node()
-
     # -- What stands in for rclpy --
 
     def read(self, clock: Clock) -> Time:

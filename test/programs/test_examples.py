@@ -59,19 +59,8 @@ def test_example_runs(name, capsys, monkeypatch, tmp_path):
     assert PRINTED[name] in capsys.readouterr().out.splitlines()
 
 
-@pytest.fixture(scope='module')
-def held_object():
-    return saved_and_run('held_object')
-
-
-@pytest.fixture(scope='module')
-def paper():
-    return saved_and_run('paper')
-
-
-def saved_and_run(name):
-    path = EXAMPLES / f'{name}.ipynb'
-    return json.loads(path.read_text(encoding='utf-8')), notebooks.run(path)
+#: Number of figures of each notebook.
+FIGURES = {'paper': 3, 'held_object': 2}
 
 
 def outputs(notebook, kind):
@@ -79,35 +68,18 @@ def outputs(notebook, kind):
     return [output['data'].get(kind) if 'data' in output else output['text'] for output in result]
 
 
-def pictures(notebook):
-    return [png for png in outputs(notebook, 'image/png') if isinstance(png, str)]
-
-
-@pytest.mark.nightly
-def test_notebook_prints_and_returns_its_saved_output(held_object):
-    saved, run = held_object
-    assert outputs(run, 'text/plain') == outputs(saved, 'text/plain')
-    assert outputs(run, 'text/html') == outputs(saved, 'text/html')
-
-
-@pytest.mark.nightly
-def test_notebook_draws_the_held_object_and_a_map(held_object):
-    _, run = held_object
-    assert len(pictures(run)) == 2
-    assert all(len(picture) > 10_000 for picture in pictures(run))
-
-
-def test_each_equation_of_the_paper_in_numpy_agrees_with_the_package(paper):
-    saved, run = paper
-    printed = [line for lines in outputs(run, 'text/plain') for line in lines]
-    assert {f'({number}) agrees with the package\n' for number in range(1, 21)} <= set(printed)
-    assert outputs(run, 'text/plain') == outputs(saved, 'text/plain')
-
-
-def test_the_notebook_of_the_paper_draws_figures_3_6_and_9(paper):
-    _, run = paper
-    assert len(pictures(run)) == 3
-    assert all(len(picture) > 10_000 for picture in pictures(run))
+@pytest.mark.parametrize('name', some_now(FIGURES))
+def test_notebook_has_its_saved_output_and_draws_its_figures(name):
+    path = EXAMPLES / f'{name}.ipynb'
+    saved, run = json.loads(path.read_text(encoding='utf-8')), notebooks.run(path)
+    for kind in ('text/plain', 'text/html'):
+        assert outputs(run, kind) == outputs(saved, kind)
+    pictures = [len(png) for png in outputs(run, 'image/png') if isinstance(png, str)]
+    assert len(pictures) == FIGURES[name]
+    assert min(pictures) > 10_000
+    printed = {line for lines in outputs(run, 'text/plain') for line in lines}
+    equations = {f'({number}) agrees with the package\n' for number in range(1, 21)}
+    assert name != 'paper' or equations <= printed
 
 
 #: Runs a command or file in a process in which no package beyond those of the core is installed.
