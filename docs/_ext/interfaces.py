@@ -63,11 +63,13 @@ def node_classes() -> dict[str, Callable[..., Node]]:
 def interfaces() -> dict[str, Interface]:
     """Start the nodes one after another, and return the interface of each."""
     found = {}
+    gc.freeze()  # collections after each node do not examine the objects from before
     for name, kind in node_classes().items():
         found[name] = _interface(kind)
         switch = 'use_stamped_twist'
         if any(p.name == switch for p in found[name].parameters):
             _interface(kind, found[name], Parameter(switch, value=True))
+    gc.unfreeze()
     return found
 
 

@@ -174,12 +174,8 @@ class World(Watched):
             self._latched[publisher, topic] = sent
 
     def count_subscriptions(self, publisher: Publisher) -> int:
-        topic, offered = self._resolve(publisher), publisher.qos_profile
-        return sum(
-            self._resolve(s) == topic and match(offered, s.qos_profile)
-            for node in self.nodes
-            for s in node.subscriptions
-        )
+        topic = self._resolve(publisher)
+        return len(self._subscribers(topic, publisher.msg_type, publisher.qos_profile))
 
     def _resolve(self, entity: Publisher | Subscription) -> str:
         if entity not in self._topics:

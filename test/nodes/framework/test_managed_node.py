@@ -82,7 +82,7 @@ def waiting():
 def test_the_life_cycle_leaves_nothing_behind(waiting):
     node, _, _ = waiting
     known = []
-    for _ in range(4):
+    for _ in range(3):
         for step in STEPS:
             getattr(node, f'trigger_{step}')()
         gc.collect()
