@@ -97,31 +97,19 @@ def wrong(place=lambda _, z: z, reading=lambda x: x, names=None):
     return postures
 
 
-SIGNS = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
+SIGNS, SWAPPED = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0]), [3, 1, 2, 0, 4, 5]
 MISTAKES = {
     'markers in mm': (wrong(lambda _, z: 1e3 * z), 'the markers are in mm'),
     'encoders in mm': (wrong(reading=lambda x: 1e3 * x), 'the encoders read in mm'),
     'encoder sign': (wrong(reading=lambda x: SIGNS * x), 'encoder of east/Q counts the other way'),
-    'encoders swapped': (
-        wrong(reading=lambda x: x[[3, 1, 2, 0, 4, 5]]),
-        'the names of the encoders of south/P and east/R are swapped',
-    ),
-    'markers swapped': (
-        wrong(names={'Q': 'R', 'R': 'Q'}),
-        'names of the markers of joints Q and R are swapped',
-    ),
-    'frame shifted': (
-        wrong(lambda _, z: z + 0.3),
-        r"the tracker's frame is not the robot's frame: .* \(-0.30\d, .* turned by -?0.0",
-    ),
+    'encoders swapped': (wrong(reading=lambda x: x[SWAPPED]), 'of south/P and east/R are swapped'),
+    'markers swapped': (wrong(names={'Q': 'R', 'R': 'Q'}), 'joints Q and R are swapped'),
+    'frame shifted': (wrong(lambda _, z: z + 0.3), r"robot's frame: .* \(-0.30\d, .* by -?0.0"),
     'frame turned': (
         wrong(lambda _, z: (z - 0.2j) * np.exp(-0.1j)),
         r"the tracker's frame is not .* turned by 5.7 degrees: publish this transform",
     ),
-    'one marker off': (
-        wrong(lambda name, z: z + 0.05j * (name == 'R')),
-        'joint R of posture .: .* mm off the fit of the others',
-    ),
+    'one marker off': (wrong(lambda name, z: z + 0.05j * (name == 'R')), 'R of .* mm off the fit'),
 }
 
 

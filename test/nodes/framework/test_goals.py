@@ -98,26 +98,18 @@ def path(*steps):
     return Path(header=IN_TRUSS, poses=poses)
 
 
-OBJECT_POSE = PoseStamped(header=IN_TRUSS, pose=to_pose_message(Pose(*CENTER, 0.0)))
-BOUNDS = {
+LYING = PoseStamped(header=IN_TRUSS, pose=to_pose_message(Pose(*map(float, CENTER), 0.0)))
+FOLLOWED = {
+    'trajectory': trajectory(HOME, AWAY),
     'path_tolerance': [RollerTolerance(name=NAMES[0], position=0.01)],
     'goal_tolerance': [RollerTolerance(name=NAMES[1], position=0.01)],
     'goal_time_tolerance': lasting(0.5),
 }
 GOALS = {
-    'FollowRollerTrajectory': (
-        Manipulation,
-        lambda: FollowRollerTrajectory.Goal(trajectory=trajectory(HOME, AWAY), **BOUNDS),
-    ),
-    'FollowJointTrajectory': (
-        Manipulation,
-        lambda: FollowJointTrajectory.Goal(trajectory=trajectory(HOME, AWAY), **BOUNDS),
-    ),
+    'FollowRollerTrajectory': (Manipulation, lambda: FollowRollerTrajectory.Goal(**FOLLOWED)),
+    'FollowJointTrajectory': (Manipulation, lambda: FollowJointTrajectory.Goal(**FOLLOWED)),
     'FollowObjectPath': (PathFollower, lambda: FollowObjectPath.Goal(path=path((0.0, 0.02, 0.0)))),
-    'PlanGrasp': (
-        IdlePlanner,
-        lambda: PlanGrasp.Goal(object_pose=OBJECT_POSE, object_diameter=0.3),
-    ),
+    'PlanGrasp': (IdlePlanner, lambda: PlanGrasp.Goal(object_pose=LYING, object_diameter=0.3)),
     'PickObject': (PickAndPlace, lambda: PickObject.Goal(module='north/Z', squeeze=10.0)),
     'PlaceObject': (PickAndPlace, PlaceObject.Goal),
     'MoveObject': (PickAndPlace, lambda: MoveObject.Goal(path=path((0.0, 0.02, 0.0)))),

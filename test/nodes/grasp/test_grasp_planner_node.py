@@ -61,15 +61,9 @@ def path(*poses):
         ({'object_diameter': -0.3}, 'diameter -0.3 m: must be from'),
         ({'external_wrench': Wrench(torque=Vector3(z=math.nan))}, 'must be 3 finite numbers'),
         ({'object_pose': PoseStamped()}, 'object_pose: missing'),
-        (
-            {'object': ObjectMessage(shape=1, diameter=0.3), 'object_diameter': 0.3},
-            'object_diameter 0.3 m, together with an `object`: must be 0',
-        ),
+        ({'object': ObjectMessage(shape=1, diameter=0.3)}, 'object_diameter 0.3 m, together with'),
         ({'members': ['north/Z-R']}, "members 'north/Z-R': must be two or three different"),
-        (
-            {'members': ['north/Z-R', 'north/R-P'], 'module': 'north/R'},
-            "module: 'north/R', and members .*: only one of the two can be required",
-        ),
+        ({'members': ['north/Z-R', 'north/R-P'], 'module': 'north/R'}, 'only one of the two can'),
         ({'measure': 'beauty' * 1000}, 'measure: .{1,90}: must be one of slip_margin'),
         ({'count': 2**32 - 1}, 'count 4294967295: must be from 1'),
         ({'time_limit': math.nan}, 'time_limit nan s'),

@@ -68,7 +68,7 @@ def test_one_point_is_driven_to_from_where_the_rollers_are(make, kind):
 
 
 @pytest.mark.parametrize(
-    ('kind', 'bound', 'late', 'ending'),
+    ('kind', 'tolerance', 'late', 'ending'),
     [
         ('own', 1e-9, 1.2, aborted(Result.GOAL_TOLERANCE_VIOLATED)),
         ('standard', 1e-9, 0.0, aborted(Result.GOAL_TOLERANCE_VIOLATED)),
@@ -78,14 +78,14 @@ def test_one_point_is_driven_to_from_where_the_rollers_are(make, kind):
     ],
     indirect=['kind'],
 )
-def test_the_goal_tolerance_is_kept(make, kind, bound, late, ending):
+def test_the_goal_tolerance_is_kept(make, kind, tolerance, late, ending):
     with make(encoder_step=7e-6) as w:
         goal = send(
             w,
             HOME,
             AWAY,
             kind=kind,
-            goal_tolerance=[RollerTolerance(name=name, position=bound) for name in NAMES],
+            goal_tolerance=[RollerTolerance(name=name, position=tolerance) for name in NAMES],
             goal_time_tolerance=lasting(late),
         )
         began = w.now
@@ -94,17 +94,17 @@ def test_the_goal_tolerance_is_kept(make, kind, bound, late, ending):
             assert w.now - began == pytest.approx(0.4 + late, abs=0.1)
 
 
+def bound(**limits):
+    """Return the field of a goal that bounds the errors of the first roller."""
+    return {'path_tolerance': [RollerTolerance(name=NAMES[0], **limits)]}
+
+
 @pytest.mark.parametrize(
     ('fields', 'code', 'longest'),
     [
         ({'goal_time_tolerance': lasting(0.3)}, Result.GOAL_TOLERANCE_VIOLATED, 1.0),
-        *(
-            ({'path_tolerance': [bound]}, Result.PATH_TOLERANCE_VIOLATED, 0.4)
-            for bound in (
-                RollerTolerance(name=NAMES[0], position=2e-3),
-                RollerTolerance(name=NAMES[0], velocity=0.02),
-            )
-        ),
+        (bound(position=2e-3), Result.PATH_TOLERANCE_VIOLATED, 0.4),
+        (bound(velocity=0.02), Result.PATH_TOLERANCE_VIOLATED, 0.4),
     ],
 )
 def test_a_stuck_roller_violates_the_tolerance_in_time_and_is_named(make, fields, code, longest):
@@ -144,16 +144,8 @@ def test_joints_that_are_not_those_of_the_robot_have_their_code(make, names):
 #: test_trajectory_following.
 HOPELESS = {
     'elsewhere': ([HOME + 0.1, AWAY + 0.1], {}, 'must begin within 0.01 m'),
-    'no tolerance': (
-        [HOME, AWAY],
-        {'path_tolerance': [RollerTolerance(name=NAMES[0], position=-2.0)]},
-        'must be positive, 0 or -1',
-    ),
-    'acceleration': (
-        [HOME, AWAY],
-        {'path_tolerance': [RollerTolerance(name=NAMES[0], acceleration=1.0)]},
-        'is not measured',
-    ),
+    'no tolerance': ([HOME, AWAY], bound(position=-2.0), 'must be positive, 0 or -1'),
+    'acceleration': ([HOME, AWAY], bound(acceleration=1.0), 'is not measured'),
 }
 
 
