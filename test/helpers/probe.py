@@ -194,9 +194,9 @@ class Probe(Node):
         self.send_joints()
         self.send_pose(**changes)
 
-    def send_all(self) -> None:
-        """Publish good inputs of the manipulation node."""
-        self.send_measured()
+    def send_all(self, **changes: object) -> None:
+        """Publish good inputs of the manipulation node, the pose changed as given."""
+        self.send_measured(**changes)
         self.send_twist()
 
 

@@ -21,8 +21,7 @@ from probe import DEADLINE, world
 import psutil
 import pytest
 
-pytestmark = pytest.mark.system
-carried = pytest.mark.xdist_group('carried')
+pytestmark = [pytest.mark.system, pytest.mark.xdist_group('demo')]
 ROOT = Path(__file__).parents[2]
 #: What each prints, beside whatever else.
 PRINTED = {
@@ -45,7 +44,7 @@ PATIENT = {'command_timeout': 5.0}
 
 @pytest.fixture(scope='module')
 def lonely():
-    """Return processes in a domain without nodes, which wait for some while other tests run."""
+    """Return processes in a domain without nodes, which wait for them while other tests run."""
     with contextlib.closing(lock_domain(int(os.environ['ROS_DOMAIN_ID']))) as lock:
         environment = os.environ | {'ROS_DOMAIN_ID': str(lock.number)}
         yield {
@@ -70,21 +69,12 @@ def processes(lonely, shared_domain, tmp_path_factory):
     assert [process.process.returncode for process in found] == [0, 0, 0]
 
 
-@carried
 @pytest.mark.parametrize('name', PRINTED)
 @pytest.mark.usefixtures('processes')
 def test_an_example_runs_beside_the_nodes(name):
     command = [sys.executable, ROOT / 'examples' / f'{name}.py']
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     assert PRINTED[name] in done.stdout
-
-
-@carried
-def test_examples_and_a_stop_without_nodes_fail_after_20_s_with_a_reason(lonely):
-    for words, process in lonely.items():
-        _, reason = process.communicate(timeout=300)
-        assert process.returncode == 1, words
-        assert REASONS[words] in reason
 
 
 def begin(folder, *options):
@@ -164,3 +154,10 @@ def test_the_view_of_mujoco_places_the_object():
         finally:
             view.terminate()
     assert 'the object is free' in done.stdout
+
+
+def test_examples_and_a_stop_without_nodes_fail_after_20_s_with_a_reason(lonely):
+    for words, process in lonely.items():
+        _, reason = process.communicate(timeout=300)
+        assert process.returncode == 1, words
+        assert REASONS[words] in reason

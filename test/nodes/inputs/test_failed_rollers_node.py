@@ -3,6 +3,8 @@
 
 """Rollers that fail, and the edge of the good shapes, as the manipulation node deals with them."""
 
+from functools import partial
+
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from isotruss_ros.core import ConvexObject, Grip, reachable_twists, Status
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -117,11 +119,7 @@ def test_a_roller_that_does_not_move_is_detected_and_held_until_reset():
         lambda: Simulator(overrides(stuck_roller=stuck, **patient)),
         node(failure_time=0.3, **patient),
     ) as w:
-        twist = (0.0, 0.03, 0.0)
-
-        def send():
-            w.probe.send_twist(twist)
-
+        send = partial(w.probe.send_twist, (0.0, 0.03, 0.0))
         until_failed(w, stuck, send=send)
         assert_held(w, stuck, send=send)
         answer = w.call('reset_failed_rollers', Trigger.Request())

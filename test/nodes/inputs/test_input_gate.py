@@ -81,13 +81,11 @@ def test_all_messages_of_a_burst_are_merged():
 
 
 def test_a_broadcaster_that_falls_silent_stops_the_rollers_and_its_rollers_are_named():
+    half = {'name': NAMES[:3], 'position': [0.0] * 3}
     with moving_world() as w:
-
-        def half():
-            others(w)
-            w.probe.send_joints(name=NAMES[:3], position=[0.0] * 3)
-
-        status = w.until_code(Status.HALT_STALE_JOINT_STATES, half)
+        status = w.until_code(
+            Status.HALT_STALE_JOINT_STATES, lambda: (others(w), w.probe.send_joints(**half))
+        )
         assert f'roller {NAMES[3]} was read 0.' in status.message
 
 

@@ -106,12 +106,10 @@ def test_motion_ends_at_once_after_a_loss_and_after_the_timeout_of_an_unknown_ho
 
 def test_analysis_of_joint_states_from_the_future_is_no_loss():
     with world(maker(GraspAnalysisNode)()) as w:
-
-        def send():
-            w.probe.send_joints(age=-0.3)
-            w.probe.send_pose()
-
-        w.until(lambda: bool(w.code('state')), send)
+        w.until(
+            lambda: bool(w.code('state')),
+            lambda: (w.probe.send_joints(age=-0.3), w.probe.send_pose()),
+        )
         assert w.probe.last('state').held == UNKNOWN
 
 

@@ -4,6 +4,7 @@
 """The manipulation node, under an executor in this process, with the rest of the world faked."""
 
 from dataclasses import replace
+from functools import partial
 import math
 from pathlib import Path
 import re
@@ -36,11 +37,7 @@ def test_a_slow_loop_is_stated_first_in_the_status():
         w.spin(2.5, w.probe.send_all)
         slow = r'the loop reaches [23]\d(\.\d)? of 100 Hz'
         assert re.fullmatch(slow, w.probe.last('status').message)
-
-        def send():
-            w.probe.send_pose()
-            w.probe.send_twist()
-
+        send = lambda: (w.probe.send_pose(), w.probe.send_twist())  # noqa: E731
         status = w.until_code(core.Status.HALT_STALE_JOINT_STATES, send)
         assert re.match(f'{slow}; ', status.message)
 
@@ -50,12 +47,7 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
     """The object is between the members of each of these modules, but only one of them is near."""
     center = core.tangent_center(ROBOT.home, module, DIAMETER)
     with world(node()) as w:
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_twist()
-            w.probe.send_pose(center=center)
-
+        send = partial(w.probe.send_all, center=center)
         status = w.until_code(core.Status.HALT_NO_GRASP, send)
         assert re.match('member north/(P-Z|Z-R) does not touch the object', status.message)
         assert 'Name the members' in status.message
