@@ -18,9 +18,7 @@ except ModuleNotFoundError:
     distributed = None
 
 # Not a skip of the module: with the plugins of ROS that would end the whole run.
-pytestmark = pytest.mark.skipif(
-    distributed is None, reason='needs the extra sweep: pip install distributed'
-)
+pytestmark = pytest.mark.skipif(distributed is None, reason='pip install distributed')
 TRIANGLE = load_robot('triangle').home
 OBJECT = ConvexObject.disc((0.72, 0.45), 0.3)
 NEEDS = GraspRequirements(friction=0.7, count=2)

@@ -151,9 +151,7 @@ def test_a_verdict_of_an_object_not_held_names_the_rate_of_a_starved_loop(capsys
         (0.0, 5e-3, 0, 'up: limits shortened the motion by 5.0 mm'),
     ],
 )
-def test_verdict_fails_beyond_the_error_bound_and_not_for_a_limit(
-    measured, commanded, code, words, capsys
-):
+def test_verdict_fails_for_an_error_not_for_a_limit(measured, commanded, code, words, capsys):
     grasps = [GraspState(code=GraspState.OK, held=GraspState.HELD_YES)]
     record = PhaseRecord('up', grasps=grasps, lowest_rate=100.0)
     record.measured[0], record.commanded[0] = measured, commanded

@@ -92,9 +92,7 @@ class MotionClient:
         return _finished(SimpleNamespace(status=GoalStatus.STATUS_UNKNOWN))
 
 
-def replace_clients(
-    patch: pytest.MonkeyPatch, module: ModuleType, make: Callable[..., Any]
-) -> None:
+def replace_clients(patch: pytest.MonkeyPatch, module: ModuleType, make: Callable) -> None:
     """Replace the action clients of rclpy by those of a function of node, type and name."""
     # By the name in the module that creates them: nodes and commands have no parameter for it.
     patch.setattr(module, 'ActionClient', make)

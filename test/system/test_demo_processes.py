@@ -24,11 +24,7 @@ import pytest
 pytestmark = [pytest.mark.system, pytest.mark.xdist_group('demo')]
 ROOT = Path(__file__).parents[2]
 #: What each prints, beside whatever else.
-PRINTED = {
-    'ros_analyze_box': 'held: True',
-    'ros_grasp_state': 'held: ',
-    'ros_twist': 'the object moved up by',
-}
+PRINTED = {'ros_analyze_box': 'held: True', 'ros_grasp_state': 'held: ', 'ros_twist': 'moved up'}
 #: Arguments of processes, and the reason with which each ends without nodes.
 REASONS = {
     'examples/ros_analyze_box.py': 'no node offers analyze_grasp in 20 s',

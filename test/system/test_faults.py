@@ -19,16 +19,12 @@ from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 pytestmark = [pytest.mark.system, pytest.mark.xdist_group('one robot')]
-#: Parameters of the nodes by their names.
-NODES = {
-    'simulator': {'rate': 50.0},
-    'manipulation': {'rate': 50.0},
-    'grasp_analysis': {'rate': 20.0},
-}
+#: Rates of the nodes by their names [Hz].
+RATES = {'simulator': 50.0, 'manipulation': 50.0, 'grasp_analysis': 20.0}
 
 
-def start(r, name, **values):
-    r.start(name, **NODES[name], **values)
+def start(r, name):
+    r.start(name, rate=RATES[name])
 
 
 @pytest.fixture(scope='module')
@@ -41,7 +37,7 @@ def processes(shared_domain, tmp_path_factory):
 @pytest.fixture
 def r(processes, request):
     """Return the robot, all of whose nodes run unless a test fails, and nothing stops it."""
-    for name in NODES.keys() - processes.alive.keys():
+    for name in RATES.keys() - processes.alive.keys():
         start(processes, name)
     release(processes)
     failures = request.session.testsfailed
@@ -201,10 +197,8 @@ def test_a_trajectory_ends_with_its_node_and_the_next_one_works(r):
 
     def send(travel):
         begin = r.w.travel()
-        points = [
-            JointTrajectoryPoint(positions=(begin + share * travel).tolist())
-            for share in (0.0, 1.0)
-        ]
+        rows = begin, begin + travel
+        points = [JointTrajectoryPoint(positions=row.tolist()) for row in rows]
         points[1].time_from_start = Duration(sec=round(20.0 * np.abs(travel).max()))
         names = list(ROBOT.roller_names)
         publisher.publish(JointTrajectory(joint_names=names, points=points))

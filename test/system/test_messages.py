@@ -99,7 +99,7 @@ def test_a_full_disk_ends_the_process_with_one_line_and_what_was_written_is_play
     path, log = tmp_path / 'full.mcap', tmp_path / 'log'
     node = f'{sys.executable} -m isotruss_ros.executables record --ros-args -p file:={path}'
     positions = np.random.default_rng(1).random(50_000)
-    large = JointState(position=positions.tolist())
+    big = JointState(position=positions.tolist())
     with world() as w, log.open('wb') as output:
         process = subprocess.Popen(
             ['/bin/sh', '-c', f'ulimit -f 8192; exec {node}'],
@@ -107,9 +107,7 @@ def test_a_full_disk_ends_the_process_with_one_line_and_what_was_written_is_play
             stderr=subprocess.STDOUT,
         )
         try:
-            w.until(
-                lambda: process.poll() is not None, lambda: w.probe.joint_states.publish(large)
-            )
+            w.until(lambda: process.poll() is not None, lambda: w.probe.joint_states.publish(big))
         finally:
             process.kill()
     assert process.returncode == 1

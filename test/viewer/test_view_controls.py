@@ -32,9 +32,7 @@ def session():
         yield opened
 
 
-def test_the_target_of_a_drag_is_the_pointer_less_the_offset_at_which_the_handle_was_grabbed(
-    session,
-):
+def test_target_of_a_drag_is_the_pointer_less_the_offset_at_which_the_handle_was_grabbed(session):
     def drag(phase, x, y, grabbed, target):
         session.browser.drag('handle', phase, x, y, grabbed)
         there = pytest.approx(target)

@@ -229,9 +229,7 @@ def test_a_planned_path_beyond_all_distances_is_refused(value):
 def test_obstacles_and_path_are_drawn_where_the_messages_have_them(session):
     room = session.view.picture.room
     room.resting = read_obstacles(WALL)
-    bodies = [
-        ConvexObject(shape, (1.0, float(number), 0.5)) for number, shape in enumerate(SHAPES)
-    ]
+    bodies = [ConvexObject(shape, (1.0, float(n), 0.5)) for n, shape in enumerate(SHAPES)]
     room.take_obstacles([Obstacle(str(n), b, stamp=0.0) for n, b in enumerate(bodies)], 0.0)
     room.receive_path(path((0.0, 0.0), (0.2, 0.1)), 0.0)
     session.view.update(0.0)

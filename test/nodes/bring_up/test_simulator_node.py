@@ -127,13 +127,9 @@ mujoco = maker(Simulator, plant='mujoco', friction=0.8, indentation=0.01, rate=1
 def test_a_load_displaces_the_object_and_a_larger_one_removes_it():
     with world(mujoco()) as w:
         w.until(lambda: len(w.probe.seen['pose']) > 50)
-        start = w.place()[:2]
-        w.until(
-            lambda: w.place()[0] - start[0] > 1e-4, lambda: w.probe.send_wrench((1.0, 0.0, 0.0))
-        )
-        w.until(
-            lambda: w.place()[1] - start[1] < -0.2, lambda: w.probe.send_wrench((0.0, -60.0, 0.0))
-        )
+        start, pull = w.place()[:2], w.probe.send_wrench
+        w.until(lambda: w.place()[0] - start[0] > 1e-4, lambda: pull((1.0, 0.0, 0.0)))
+        w.until(lambda: w.place()[1] - start[1] < -0.2, lambda: pull((0.0, -60.0, 0.0)))
         w.until(lambda: 'not held' in w.probe.last('diagnostics').status[0].message)
 
 

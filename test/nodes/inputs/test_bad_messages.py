@@ -177,9 +177,7 @@ def test_halts_on_invalid_stamps_and_on_the_other_type_of_twists(monkeypatch):
         assert 'publish TwistStamped, or set use_stamped_twist to false' in status.message
 
 
-values = st.one_of(
-    st.floats(-0.3, 0.3), st.floats(), st.sampled_from((*BAD, *HUGE, 1e6, 5e-324, -0.0))
-)
+values = st.one_of(st.floats(-0.3, 0.3), st.floats(), st.sampled_from((*BAD, *HUGE, 5e-324)))
 rows = st.lists(values, max_size=N + 2)
 
 
