@@ -13,9 +13,8 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.robot_files import read_postures, write_robot_file
 from isotruss_ros.calibration.stiffness_scale import StiffnessCalibration
 from isotruss_ros.cli import calibrate
-from isotruss_ros.core import deform, load_robot
+from isotruss_ros.core import deform, load_robot, Robot
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.robot import Robot
 import numpy as np
 import pytest
 

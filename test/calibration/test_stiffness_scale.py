@@ -17,6 +17,9 @@ import pytest
 
 ROBOT = make_robot()
 NAMES, PULL = ROBOT.topology.joint_names, {'Z': (10.0, 0.0)}
+SMALL = {joint: 1e-3 * np.array(force) for joint, force in PULL.items()}
+NOISE, ROLLERS = 1e-3, ROBOT.roller_names
+TIMES, ARM = np.arange(0.0, 3.0, 0.01), 0.15
 
 
 def joints(nodes, noise=0.0, seed=0):
@@ -52,9 +55,6 @@ def test_deviation_of_the_scale_is_that_of_noisy_markers():
     assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.25
 
 
-SMALL = {joint: 1e-3 * np.array(force) for joint, force in PULL.items()}
-
-
 @pytest.mark.parametrize(
     ('pull', 'displaced', 'deviation', 'words'),
     [
@@ -67,9 +67,6 @@ SMALL = {joint: 1e-3 * np.array(force) for joint, force in PULL.items()}
 def test_displacements_that_no_scale_explains_are_refused(pull, displaced, deviation, words):
     with pytest.raises(MeasurementError, match=words):
         calibrate_stiffness(ROBOT.home, pull, joints(ROBOT.home.nodes), displaced, deviation)
-
-
-NOISE, ROLLERS = 1e-3, ROBOT.roller_names
 
 
 def turn(roller, travel, joints=('P', 'R', 'Z'), seed=0):
@@ -113,9 +110,6 @@ def test_a_motion_that_no_single_roller_causes_is_reported():
 def test_a_check_without_joints_is_refused():
     with pytest.raises(MeasurementError, match='no joint was measured: must be some of P, Q'):
         judge_roller(ROBOT.home, 'south/P', 0.02, {}, NOISE)
-
-
-TIMES, ARM = np.arange(0.0, 3.0, 0.01), 0.15
 
 
 def swing(frequency, damping, noise=0.0):

@@ -8,10 +8,9 @@ from pathlib import Path
 import re
 
 from held_grips import HOME
-from isotruss_ros.core import ConvexObject, Disc, Grip, Status, tangent_center
+from isotruss_ros.core import ConvexObject, Disc, Grip, Pose, Status, tangent_center
 from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.servo.recorded_servo import RecordedServo
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np

@@ -35,6 +35,7 @@ from rich.console import Console
 from sensor_msgs.msg import JointState
 
 ROBOT = load_robot('nine_member')
+TRIANGLE = load_robot('triangle')
 
 
 def test_pictures_are_written(tmp_path):
@@ -183,9 +184,6 @@ def test_view_refuses_an_invalid_file_before_it_starts_nodes(
         view.main([option, str(file)])
     assert words in capsys.readouterr().err
     assert not started
-
-
-TRIANGLE = load_robot('triangle')
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ from held_grips import CORNER, HOME, NINE
 from isotruss_ros import core
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.servo.recorded_cycle import RecordedCycle
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.identification.gauge import Gauge, read_gauge
@@ -90,7 +89,7 @@ def run_elastic(
         rollers = place - offset * np.eye(len(place))[3]
         inputs = {
             'rollers': StampedInput(RollerState(rollers, speeds), now),
-            'pose': StampedInput(Pose(*poses[max(number - delay, 0)].tolist()), now),
+            'pose': StampedInput(core.Pose(*poses[max(number - delay, 0)].tolist()), now),
         }
         if pressures_recorded:
             inputs['pressures'] = StampedInput(tuple(pressure * np.array(NOMINAL)), now)

@@ -21,6 +21,7 @@ except ModuleNotFoundError:
     gymnasium = None
 
 pytestmark = pytest.mark.skipif(gymnasium is None, reason='needs the extra learning')
+TRIANGLE = {'robot': 'triangle', 'members': ('main/R-T', 'main/T-L'), 'force': 0.5}
 
 
 def episode(env, seed, count=10):
@@ -39,9 +40,6 @@ def episode(env, seed, count=10):
 @pytest.fixture(scope='module')
 def env():
     return gymnasium.make(ENVIRONMENT)
-
-
-TRIANGLE = {'robot': 'triangle', 'members': ('main/R-T', 'main/T-L'), 'force': 0.5}
 
 
 @pytest.mark.parametrize('arguments', [{}, {**TRIANGLE, 'shape': Ellipse((0.16, 0.15))}])

@@ -26,6 +26,10 @@ SHAPES = {
     'box': core.Polygon(BOX),
     'rounded box': core.Polygon(BOX, (0.0, 0.01, 0.03, 0.05)),
 }
+ROBOT = core.load_robot('nine_member')
+NAMES, JOINTS = ROBOT.roller_names, ROBOT.topology.joint_names
+TRIANGLE = core.load_robot('triangle')
+STILL = np.zeros(len(TRIANGLE.roller_names))
 
 
 @pytest.mark.parametrize('shape', SHAPES.values(), ids=SHAPES)
@@ -95,10 +99,6 @@ def test_shape_without_geoms_is_refused_by_name():
         object_geoms(core.ConvexObject(Other(0.3)))
 
 
-ROBOT = core.load_robot('nine_member')
-NAMES, JOINTS = ROBOT.roller_names, ROBOT.topology.joint_names
-
-
 def load(tmp_path, *arguments):
     """Return MuJoCo, and the model that the command writes."""
     mujoco = pytest.importorskip('mujoco')
@@ -141,10 +141,6 @@ def test_sensors_measure_speeds_and_objects(tmp_path):
     measured = [*data.sensor('object0').data, *data.sensor('object0:orientation').data]
     body = data.body('object0')
     assert measured == pytest.approx([*body.xpos, *body.xquat])
-
-
-TRIANGLE = core.load_robot('triangle')
-STILL = np.zeros(len(TRIANGLE.roller_names))
 
 
 def pulled(friction, force):

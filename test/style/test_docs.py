@@ -35,6 +35,7 @@ TEXTS = {
     if '_build' not in path.parts
 }
 MAKEFILE = (TOP / 'Makefile').read_text(encoding='utf-8')
+COMMANDS = {'service call': 'Request', 'action send_goal': 'Goal'}
 
 
 def test_every_node_has_a_page():
@@ -135,9 +136,6 @@ def test_names_of_recipes_exist_in_their_files():
     for name, path in named:
         (place,) = (place for place in places(path) if place.exists())
         assert re.search(rf'\b{name}\b', place.read_text(encoding='utf-8')), (name, path)
-
-
-COMMANDS = {'service call': 'Request', 'action send_goal': 'Goal'}
 
 
 def calls():

@@ -25,6 +25,7 @@ from robot_processes import UNSHARED
 pytestmark = pytest.mark.system
 #: A busy machine delays; these tests are about what happens, not how soon.
 PATIENT = {'command_timeout': 5.0}
+Result = PlanGrasp.Result
 
 
 @pytest.fixture
@@ -113,9 +114,6 @@ def test_a_command_that_cannot_start_prints_the_reason(words, environment, print
     assert done.returncode
     assert 'Traceback' not in done.stdout
     assert re.search(printed, done.stdout), done.stdout
-
-
-Result = PlanGrasp.Result
 
 
 def test_survives_the_death_of_a_process():

@@ -21,6 +21,8 @@ from std_msgs.msg import Bool, Float64MultiArray
 MARKERS = {'tracker_rate': 20.0, 'tracker_noise': 0.001, 'marker_joints': ['all']}
 plant = maker(Simulator, object_is_free=True, object_pose=[0.6, 5.0, 0.0], **MARKERS)
 checking = maker(CheckRollers, settle_time=0.5, speed=0.04)
+LINES = ['encoders', 'roller offsets', 'object pose', 'emergency stop', 'limits', 'rates']
+LINES += ['roller signs', 'masses']
 
 
 def refused(words):
@@ -101,10 +103,6 @@ def fly(path, capsys, *, stops=(True, False), speed=0.0, joints=None, checks=Non
         except MeasurementError:
             assert node.faults
     return node.faults, capsys.readouterr().out
-
-
-LINES = ['encoders', 'roller offsets', 'object pose', 'emergency stop', 'limits', 'rates']
-LINES += ['roller signs', 'masses']
 
 
 def test_a_robot_that_is_ready_passes(tmp_path, capsys):

@@ -25,6 +25,8 @@ from std_msgs.msg import Header
 
 SPEED = 0.02
 node = maker(Simulator)
+#: Cycles of a simulated robot at 100 Hz [s].
+TIMES = 0.01 * np.arange(1000)
 
 
 def only(roller, speed=SPEED):
@@ -254,10 +256,6 @@ def test_true_states_are_those_of_the_plant():
         assert result == pytest.approx(dict(zip(frames, held.normal_forces, strict=True)))
         position = received['truth/object_pose'][-1][1].pose.position
         assert (position.x, position.y) == pytest.approx(held.pose[:2])
-
-
-#: Cycles of a simulated robot at 100 Hz [s].
-TIMES = 0.01 * np.arange(1000)
 
 
 def arrivals(seed=0, rows=1, **faults):

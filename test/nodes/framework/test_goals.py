@@ -37,6 +37,8 @@ from trajectories import AWAY, FollowJointTrajectory, HOME, lasting, NAMES, traj
 NUMBERS = (0.0, -0.0, 1.0, -1.0, 1e-9, 1e6, 1e308, -1e308, 5e-324, math.nan, math.inf, -math.inf)
 INTEGERS = (0, 1, -1, 2**31 - 1, -(2**31))
 TEXTS = ('', 'nobody', 'x' * 1000, 'ö/☃', 'north/Z', 'north/R-P', 'truss')
+IN_TRUSS = Header(frame_id='truss')
+COUNT = max(20, round(300 * SHARE))
 
 
 def is_message(value):
@@ -86,10 +88,6 @@ class IdlePlanner(GraspPlanner):
     searcher_type = staticmethod(
         lambda _: Searcher(1, lambda *_, **__: GraspPlan((), True, None, 0, 0, 0.0))
     )
-
-
-IN_TRUSS = Header(frame_id='truss')
-COUNT = max(20, round(300 * SHARE))
 
 
 def path(*steps):

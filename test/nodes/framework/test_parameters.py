@@ -8,8 +8,7 @@ from types import SimpleNamespace
 from interfaces import node_classes
 from isotruss_msgs.action import FollowObjectPath, PlanGrasp
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import Status
-from isotruss_ros.core.model.shapes import Disc
+from isotruss_ros.core import Disc, Status
 from isotruss_ros.core.paths.path_servo import PathOutcome
 from isotruss_ros.executables import NODES
 from isotruss_ros.nodes.framework.common_parameters import make_body, read_described

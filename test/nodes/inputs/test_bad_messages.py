@@ -46,6 +46,8 @@ MAX_SPEED = ROBOT.description.max_speed
 BAD = (math.nan, math.inf, -math.inf)
 HUGE = (1e308, -1e308, 1e100)
 FOREVER = 10**5
+values = st.one_of(st.floats(-0.3, 0.3), st.floats(), st.sampled_from((*BAD, *HUGE, 5e-324)))
+rows = st.lists(values, max_size=N + 2)
 
 
 def check_command(command, status):
@@ -175,10 +177,6 @@ def test_halts_on_invalid_stamps_and_on_the_other_type_of_twists(monkeypatch):
         monkeypatch.setattr(Node, 'get_publishers_info_by_topic', lambda *_: [other])
         status = w.until_code(Status.HALT_INVALID_TWIST, lambda: None)
         assert 'publish TwistStamped, or set use_stamped_twist to false' in status.message
-
-
-values = st.one_of(st.floats(-0.3, 0.3), st.floats(), st.sampled_from((*BAD, *HUGE, 5e-324)))
-rows = st.lists(values, max_size=N + 2)
 
 
 @robots.examples(150)

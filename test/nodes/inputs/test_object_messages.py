@@ -29,6 +29,11 @@ from rclpy.serialization import deserialize_message, serialize_message
 from shapes import random_shape
 
 CORNERS = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
+HAND = Obstacle('hand', ConvexObject(Disc(0.1), (1.0, 0.5, 0.2)), (0.1, -0.2, 0.3), 5.0)
+places, rates, angles = st.floats(-9.0, 9.0), st.floats(-1.0, 1.0), st.floats(-3.0, 3.0)
+GRIP = held(BOX, 0.2)
+DISPLACED = 1e-4 * np.arange(12.0), 1e-3 * np.arange(72.0).reshape(12, 6)
+ESTIMATE = GripEstimate(np.array([0.5, 0.4, 0.1]), 1e-6 * np.eye(3), 20.0, 3.0, 0.02, *DISPLACED)
 
 
 def points(corners):
@@ -85,11 +90,6 @@ def test_invalid_objects_are_refused_with_the_faulty_field(case):
     assert len(str(error.value)) < 300
 
 
-GRIP = held(BOX, 0.2)
-DISPLACED = 1e-4 * np.arange(12.0), 1e-3 * np.arange(72.0).reshape(12, 6)
-ESTIMATE = GripEstimate(np.array([0.5, 0.4, 0.1]), 1e-6 * np.eye(3), 20.0, 3.0, 0.02, *DISPLACED)
-
-
 def grip_message():
     record = GripRecord.of(GRIP, ESTIMATE, is_assumed=True)
     packed = serialize_message(to_grip_message(record, NINE, 2.5))
@@ -135,10 +135,6 @@ def test_grips_that_are_not_usable_are_refused(changes):
         setattr(changed, name, value if name == 'members' else array.array(kind, value))
     with pytest.raises(MessageError):
         read_grip(changed, NINE)
-
-
-HAND = Obstacle('hand', ConvexObject(Disc(0.1), (1.0, 0.5, 0.2)), (0.1, -0.2, 0.3), 5.0)
-places, rates, angles = st.floats(-9.0, 9.0), st.floats(-1.0, 1.0), st.floats(-3.0, 3.0)
 
 
 @given(

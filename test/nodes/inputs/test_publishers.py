@@ -22,6 +22,7 @@ from std_msgs.msg import Float64MultiArray
 
 NAMES = list(ROBOT.roller_names)
 MOVING = (Status.OK, Status.ACCELERATING)
+OWN = [1, 2, 3]
 
 
 def second_tracker(w, beside, ahead=0):
@@ -133,9 +134,6 @@ def test_markers_and_pressures_of_other_bodies_are_not_judged():
         assert inputs.rollers.rejected is None
         assert inputs.pressures.value == (2e4,) * 3
         assert inputs.pressures.rejected is None
-
-
-OWN = [1, 2, 3]
 
 
 class CommandingNode(StoppableNode):

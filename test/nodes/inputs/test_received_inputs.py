@@ -18,6 +18,8 @@ import pytest
 NOW, TIMEOUT = 100.0, 0.2
 NEW, LATE = inputs.StampedInput('new', NOW), inputs.StampedInput('late', NOW - 0.1)
 BAD = inputs.RejectedInput('bad')
+NAMES = ('a', 'b', 'c')
+moments = st.floats(0.0, 1.0)
 
 
 def test_an_earlier_input_does_not_replace_a_later_one():
@@ -41,15 +43,9 @@ def test_a_rejection_is_the_reason_after_the_timeout_of_the_valid_input():
     assert (caught.value.name, caught.value.fault) == ('object_pose', inputs.InputFault.INVALID)
 
 
-NAMES = ('a', 'b', 'c')
-
-
 def part(rollers, time, speed):
     """Return readings of rollers that turn evenly, each by its own speed."""
     return {number: (speed[number] * time, speed[number]) for number in rollers}
-
-
-moments = st.floats(0.0, 1.0)
 
 
 @given(

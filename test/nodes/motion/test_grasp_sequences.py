@@ -24,6 +24,7 @@ import pytest
 
 NOISE, DISPLACEMENT = 1e-3, 8e-3
 FIRST = AveragePose(Pose(*CENTER, 0.3), NOISE, 25)
+SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.01)
 
 
 def replace_servers(monkeypatch, result):
@@ -88,9 +89,6 @@ def test_mean_of_poses_beside_half_a_turn_is_there():
     assert abs(mean.pose.angle) == pytest.approx(math.pi)
     assert mean.pose[:2] == pytest.approx((0.0, 1.0))
     assert mean.noise == pytest.approx(math.sqrt(2.0))
-
-
-SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.01)
 
 
 def send_held(w):

@@ -38,6 +38,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 GAP = 0.021
 ABOVE = CENTER[0], CENTER[1] + 0.5 * DIAMETER + 0.05 + GAP, 0.0
 POST = f'{{post: {{shape: disc, diameter: 0.1, pose: {list(map(float, ABOVE))}}}}}'
+START = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.02)
+#: Function of thread pools that a manual world replaces.
+SUBMIT = ThreadPoolExecutor.submit
 
 
 def publisher(w):
@@ -126,11 +129,6 @@ def test_markers_show_the_obstacles_at_rest_and_the_moving_ones():
     assert markers['hand'].scale.y == 0.4
     corners = np.array([(point.x, point.y) for point in markers['cart'].points])
     assert np.abs(corners).max(axis=0) == pytest.approx((0.1, 0.05))
-
-
-START = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.02)
-#: Function of thread pools that a manual world replaces.
-SUBMIT = ThreadPoolExecutor.submit
 
 
 @contextlib.contextmanager

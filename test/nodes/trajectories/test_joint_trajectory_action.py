@@ -23,6 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 Result = FollowRollerTrajectory.Result
 TIMEOUT = 2.0
 KINDS = {'standard': FollowJointTrajectory, 'own': FollowRollerTrajectory}
+SUCCEEDED = (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL)
 
 
 @pytest.fixture(params=KINDS)
@@ -52,9 +53,6 @@ def send(w, *rows, kind=FollowRollerTrajectory, stamp=None, times=None, names=NA
 def ended(w, goal):
     status, result = w.finish(goal)
     return status, result.error_code
-
-
-SUCCEEDED = (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL)
 
 
 def aborted(code):

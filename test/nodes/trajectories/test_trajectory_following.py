@@ -28,6 +28,7 @@ STOPPED = 'stopped by the topic emergency_stop'
 SILENCE = 0.08
 node = maker(Manipulation, command_timeout=TIMEOUT)
 simulator = maker(Simulator, command_timeout=TIMEOUT)
+BAD_STATES = {'nan': {'position': [math.nan] * N}, 'old': {'age': 9.0}, 'ahead': {'age': -9.0}}
 
 
 class Rollers:
@@ -138,9 +139,6 @@ def test_an_emergency_stop_ends_the_trajectory_and_rejects_new_ones():
         assert not rollers.commands().any()  # nothing goes on by itself
         assert f'trajectory rejected: {STOPPED}' in rollers.message()
         rollers.until_moving(trajectory(HOME, AWAY))
-
-
-BAD_STATES = {'nan': {'position': [math.nan] * N}, 'old': {'age': 9.0}, 'ahead': {'age': -9.0}}
 
 
 @pytest.mark.parametrize('case', BAD_STATES)
