@@ -99,15 +99,9 @@ class Robot:
 
         self.w.until(what, each)
 
-    def check_rests(self) -> None:
-        """Check that the rollers come to rest, and stay so for some time, without a twist."""
-        self._check_rests(self.w.until)
-
-    def check_at_rest(self) -> None:
-        """Check that the rollers come to rest, and stay so for some time, in spite of twists."""
-        self._check_rests(self.until)
-
-    def _check_rests(self, until: Callable[[Callable[[], bool]], None]) -> None:
+    def check_rests(self, in_spite_of_twists: bool = False) -> None:
+        """Check that the rollers come to rest, and stay so for some time."""
+        until = self.until if in_spite_of_twists else self.w.until
         joints = self.w.probe.seen['joints']
         begun, now = len(joints), self.w.probe.past(0.0)
 

@@ -39,16 +39,12 @@ def r(processes, request):
     """Return the robot, all of whose nodes run unless a test fails, and nothing stops it."""
     for name in RATES.keys() - processes.alive.keys():
         start(processes, name)
-    release(processes)
+    processes.w.probe.stops.publish(Bool(data=False))
+    processes.w.until(lambda: processes.w.release_stop().success)
     failures = request.session.testsfailed
     yield processes
     if request.session.testsfailed > failures:
         processes.kill()
-
-
-def release(r):
-    r.w.probe.stops.publish(Bool(data=False))
-    r.w.until(lambda: r.w.release_stop().success)
 
 
 ONCE = """
@@ -81,7 +77,7 @@ def test_a_process_that_publishes_once_and_exits_stops_the_robot(r, durability, 
     once = ONCE.format(durability=durability, subscriptions=subscriptions)
     subprocess.run([sys.executable, '-c', once], check=True)
     r.until(lambda: r.w.code() == Status.HALT_EMERGENCY_STOP)
-    r.check_at_rest()
+    r.check_rests(in_spite_of_twists=True)
 
 
 def test_each_node_is_killed_in_mid_motion_and_started_again(r):
@@ -90,7 +86,7 @@ def test_each_node_is_killed_in_mid_motion_and_started_again(r):
     r.until(lambda: w.code('state') == GraspState.OK)
 
     r.signal('manipulation', signal.SIGKILL)
-    r.check_at_rest()
+    r.check_rests(in_spite_of_twists=True)
     start(r, 'manipulation')
     r.until_moving()
 
@@ -114,7 +110,7 @@ def test_each_node_is_killed_in_mid_motion_and_started_again(r):
 def test_a_suspended_node_stops_the_rollers_and_resumes(r):
     r.until_moving()
     r.signal('manipulation', signal.SIGSTOP)
-    r.check_at_rest()
+    r.check_rests(in_spite_of_twists=True)
     r.signal('manipulation', signal.SIGCONT)
     r.until_moving()
     r.signal('simulator', signal.SIGSTOP)
@@ -136,7 +132,7 @@ def test_two_manipulation_nodes_halt_until_one_of_them_ends(r):
 
     r.until(both_halt)
     assert 'another node publishes on roller_velocity' in r.w.probe.last('status').message
-    r.check_at_rest()
+    r.check_rests(in_spite_of_twists=True)
     r.alive.pop('first').stop()
     heard.clear()
     r.until_moving()
@@ -174,7 +170,7 @@ def test_an_unexpected_error_stops_the_rollers_and_the_services_remain(r, tmp_pa
                 lambda: 'division by zero' in r.w.report('manipulation').message,
                 lambda: faults.publish(Bool()),
             )
-            r.check_at_rest()
+            r.check_rests(in_spite_of_twists=True)
             r.until(lambda: not r.w.command().any())
             manager = Manager(r.w, 'manipulation')
             assert manager.state() == 'unconfigured'

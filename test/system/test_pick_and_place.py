@@ -52,17 +52,17 @@ ANSWERS = {PickObject.Result.NO_MOTION_FOUND, PickObject.Result.BAD_GOAL}
 class Client:
     """Sends goals to all nodes of a picking robot."""
 
-    def __init__(self, r, pose=(*CENTER, 0.0), **described):
+    def __init__(self, r):
         self.r = r
         patient = PATIENT | {'robot': quick_robot()}
-        shared = patient | {'object_diameter': DIAMETER, 'friction': FRICTION} | described
-        lying = {'plant': 'elastic', 'object_is_free': True, 'object_pose': list(map(float, pose))}
+        shared = patient | {'object_diameter': DIAMETER, 'friction': FRICTION}
+        lying = {'plant': 'elastic', 'object_is_free': True, 'object_pose': [*CENTER, 0.0]}
         self._values = {
             'simulator': {'rate': 50.0, **shared, **STOPPING, **lying},
             'manipulation': {'rate': 50.0, **shared},
             'grasp_analysis': {'rate': 20.0, **shared},
             'path_follower': {'rate': 50.0, **shared},
-            'grasp_planner': {**patient, **described},
+            'grasp_planner': patient,
             'pick_and_place': shared,
         }
         # Ten messages, as by default, are fewer than come while a busy machine holds this process.
@@ -80,16 +80,12 @@ class Client:
         self.r.signal(name, signal.SIGKILL)
         self.start(name)
 
-    def start_missing(self):
-        """Start the nodes that do not run; return whether there were some."""
+    def complete(self):
+        """Start the nodes that do not run, and wait until all have discovered each other."""
         missing = self._values.keys() - self.r.alive.keys()
         for name in missing:
             self.start(name)
-        return bool(missing)
-
-    def complete(self):
-        """Start the nodes that do not run, and wait until all have discovered each other."""
-        if self.start_missing():
+        if missing:
             assert self.execute(READY)[1].code in ANSWERS
 
     def analysis(self):
