@@ -75,19 +75,15 @@ def test_an_object_with_its_own_friction_keeps_it():
     assert grasp.body.shape == body.shape
 
 
-class StoppedError(Exception):
-    """End of a run in the middle."""
-
-
 def test_a_resumed_run_writes_the_file_of_an_uninterrupted_run(columns, tmp_path):
     path, calls = tmp_path / 'grasps.npz', []
 
     def stop(stored):
         calls.append(stored)
         if stored >= 4:
-            raise StoppedError
+            raise InterruptedError
 
-    with pytest.raises(StoppedError):
+    with pytest.raises(InterruptedError):
         write_dataset(RUN, path, on_progress=stop)
     assert not path.exists()
     kept = tmp_path / 'grasps.npz.parts' / '0000000000.npz'

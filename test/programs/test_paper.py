@@ -3,6 +3,7 @@
 
 """The items of the paper: what must hold in each, and that the page in docs/ shows them."""
 
+import functools
 import math
 from pathlib import Path
 import re
@@ -25,35 +26,25 @@ from studies.paper.parameters import CYLINDERS, DEPTH, EDGES, PRESSURE, TUBE_DIA
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
 RADIUS = 0.5 * TUBE_DIAMETER
 BEAM = InflatableBeam(RADIUS)
-
-
-class Results(dict):
-    """Results of items by name, computed when they are first asked for."""
-
-    def __missing__(self, name):
-        (item,) = (item for item in ITEMS if item.name == name)
-        self[name] = item.compute(lambda done: None)
-        return self[name]
-
-
-@pytest.fixture(scope='module')
-def results():
-    return Results()
-
-
 SLOW_ITEMS = ('figure_4', 'figure_7', 'figure_9')
-each_item = pytest.mark.parametrize(
+
+
+@functools.cache
+def compute(name):
+    """Return the results of an item."""
+    (item,) = (item for item in ITEMS if item.name == name)
+    return item.compute(lambda done: None)
+
+
+@pytest.mark.parametrize(
     'item',
     # Fig. 4 fits many drawn series, Fig. 7 plans grasps, Fig. 9 moves an object.
     some_now(sorted(ITEMS, key=lambda item: item.name in SLOW_ITEMS), len(ITEMS) - 3),
     ids=lambda item: item.name,
 )
-
-
-@each_item
-def test_page_contains_the_results_of_the_item(item, results):
+def test_page_contains_the_results_of_the_item(item):
     """Run `make paper` where this fails: the numbers on the page are no longer those computed."""
-    report = item.report(results[item.name])
+    report = item.report(compute(item.name))
     digits = re.compile(r'-?\d+(?:\.\d+)?')
     beginning, *sections = (DOCS / 'paper.md').read_text(encoding='utf-8').split('\n## ')
     assert len(sections) == len(ITEMS)
@@ -71,8 +62,8 @@ def test_page_contains_the_results_of_the_item(item, results):
 
 
 @pytest.mark.nightly
-def test_fit_recovers_the_constants_of_simulated_points(results):
-    result = results['figure_4']
+def test_fit_recovers_the_constants_of_simulated_points():
+    result = compute('figure_4')
     assert sum(figure_4.inside(result.analysis)) >= 2
     count = 3 * figure_4.REPEATS
     # Three standard deviations of a count of 95 %.
@@ -83,8 +74,8 @@ def test_fit_recovers_the_constants_of_simulated_points(results):
 
 
 @pytest.mark.parametrize('name', EDGES)
-def test_a_tube_bears_its_wrinkling_moment_at_the_onset(name, results):
-    shape = results['figure_5'][name]
+def test_a_tube_bears_its_wrinkling_moment_at_the_onset(name):
+    shape = compute('figure_5')[name]
     sunk, force = shape.onset
     structure, frame = structure_of(shape.config), figure_5.pinned_frame(shape.config)
     loads = np.zeros((len(frame.points), 3))
@@ -99,8 +90,8 @@ def test_a_tube_bears_its_wrinkling_moment_at_the_onset(name, results):
     assert shape.excess == pytest.approx(-sunk / linear - 1.0, rel=1e-6)
 
 
-def test_stiffness_is_that_of_membrane_elements(results):
-    result = results['figure_6']
+def test_stiffness_is_that_of_membrane_elements():
+    result = compute('figure_6')
     own = np.array([[each.stiffness for each in row] for row in result.middle])
     tube = ClampedTube(BEAM, RADIUS, TUBE_LENGTH)
     near_end = [press(tube, PRESSURE, 0.127, cylinder, DEPTH).stiffness for cylinder in CYLINDERS]

@@ -86,16 +86,13 @@ def test_missing_markers_are_reported(tmp_path):
 
 HELD = {'object_diameter': 0.2, 'friction': 0.8}
 manipulation = maker(Manipulation, **HELD)
+pluck = maker(Pluck, object_diameter=0.2)
 held_in_mujoco = maker(Simulator, plant='mujoco', indentation=0.01, **HELD)
-
-
-def pluck():
-    return Pluck(overrides(object_diameter=0.2))
 
 
 def test_frequency_and_damping_ratio_are_fitted_to_the_poses_after_the_push():
     frequency, ratio, begun = 12.0, 0.1, []
-    with world(pluck) as w:
+    with world(pluck()) as w:
         w.probe.listen(Twist, 'twist', 'cmd_vel')
         statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
 
@@ -118,7 +115,7 @@ def test_frequency_and_damping_ratio_are_fitted_to_the_poses_after_the_push():
 def test_active_squeeze_control_is_refused():
     with (
         pytest.raises(MeasurementError, match='squeeze_force of manipulation: must be 0'),
-        world(held_in_mujoco(), manipulation(squeeze_force=20.0, object_mass=0.5), pluck) as w,
+        world(held_in_mujoco(), manipulation(squeeze_force=20.0, object_mass=0.5), pluck()) as w,
     ):
         w.until(lambda: w.nodes[-1].done)
 

@@ -29,16 +29,11 @@ node = maker(Simulator)
 TIMES = 0.01 * np.arange(1000)
 
 
-def only(roller, speed=SPEED):
-    velocities = np.zeros(N)
-    velocities[roller] = speed
-    return velocities
-
-
 def test_a_command_that_is_not_renewed_ends():
     timeout = 0.153  # between two cycles
     with world(node(command_timeout=timeout)) as w:
-        w.until(lambda: w.travel()[0] > 0.0, lambda: w.probe.send_command(only(0)))
+        command = [SPEED, *[0.0] * (N - 1)]
+        w.until(lambda: w.travel()[0] > 0.0, lambda: w.probe.send_command(command))
         sent = [t for t, message in w.probe.seen['command'] if any(message.data)]
         w.until(lambda: w.probe.last('joints').velocity[0] == 0.0)
         stopped = w.travel()[0]

@@ -29,6 +29,7 @@ FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
 TWIST, FORWARD = (0.01, 0.01, 0.0), (0.02, 0.0, 0.0)
 #: The robot holds the box between two sides.
 BOX_HELD = {'object': BOX_FILE, 'grip': list(APART)}
+plant = maker(Simulator, plant='elastic', friction=FRICTION, indentation=0.025, rate=RATE)()
 holding = maker(Manipulation, failure_time=0.0, command_timeout=5.0, **BOX_HELD)
 
 
@@ -62,10 +63,6 @@ def test_moves_the_box_and_halts_where_the_grip_is_another():
 
 def still(w):
     return lambda: w.probe.send_twist((0.0, 0.0, 0.0))
-
-
-def plant():
-    return Simulator(overrides(plant='elastic', friction=FRICTION, indentation=0.025, rate=RATE))
 
 
 squeezing = maker(Manipulation, squeeze_force=FORCE, friction=FRICTION, rate=RATE)
