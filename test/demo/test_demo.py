@@ -5,7 +5,6 @@
 
 import contextlib
 from functools import partial
-import math
 import os
 import signal
 import subprocess
@@ -14,20 +13,17 @@ from types import SimpleNamespace
 
 from geometry_msgs.msg import Point, PoseStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus, PlannedGrasp, StateEstimate
-from isotruss_ros.core import load_robot, Pose, Status
+from isotruss_ros.core import load_robot, Status
 from isotruss_ros.demo import domains, processes, view
 from isotruss_ros.demo.client import DemoClient, DemoError, FINAL_HALTS, REST_TIME
-from isotruss_ros.demo.figures import animate, draw_panels, FRAMES_PER_SECOND, SPEED_UP
 from isotruss_ros.demo.gripping import find_unknown_offsets, slow_down
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
-from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL
 from isotruss_ros.demo.sensors import truth_table
 from isotruss_ros.demo.verdict import print_verdict
 from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
-from PIL import Image
 from probe import begin_context
 import pytest
 import rclpy
@@ -36,26 +32,6 @@ from sensor_msgs.msg import JointState
 
 ROBOT = load_robot('nine_member')
 TRIANGLE = load_robot('triangle')
-
-
-def test_pictures_are_written(tmp_path):
-    (x, y), still = OBJECT_CENTER, np.zeros(6)
-    up = [Snapshot(0.4 * i, still, Pose(x, y + 0.01 * i, 0.0)) for i in range(8)]
-    turn = [Snapshot(3.2 + 0.4 * i, still, Pose(x, y + 0.08, 0.1 * i)) for i in range(8)]
-    records = [
-        PhaseRecord('start', snapshots=up[:1]),
-        PhaseRecord('up', snapshots=up),
-        PhaseRecord('turn', snapshots=turn, pull=PULL, pulled=(3.2, 4.2)),
-    ]
-    draw_panels(ROBOT, OBJECT_DIAMETER, records, tmp_path / 'demo.png')
-    with Image.open(tmp_path / 'demo.png') as picture:
-        pixels = np.asarray(picture.convert('L'))
-        for half in np.array_split(pixels, 2):
-            for quarter in np.array_split(half, 2, axis=1):
-                assert quarter.std() > 10.0, 'a blank panel'
-    animate(ROBOT, OBJECT_DIAMETER, records[1:2], tmp_path / 'demo.gif')
-    with Image.open(tmp_path / 'demo.gif') as animation:
-        assert animation.n_frames == math.ceil(FRAMES_PER_SECOND * up[-1].time / SPEED_UP)
 
 
 def test_a_slower_path_to_a_grasp_touches_at_the_same_point():

@@ -222,15 +222,6 @@ def test_a_recording_is_played_at_its_speed(tmp_path):
     assert times[-1] == pytest.approx(0.5 * 0.1 * (COUNT - 1))
 
 
-def test_a_recording_moves_a_picture_as_the_robot_moved(tmp_path):
-    path, picture = tmp_path / 'joints.mcap', Picture(ROBOT, 0.3)
-    path.write_bytes(write([pack_joints(200)]))
-    ((time, topic, message),) = read_recording(path)
-    show_message(picture, topic, message, time)
-    positions = [0.02, -0.01, 0.0, 0.01, 0.0, 0.015]
-    assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
-
-
 def test_the_shipped_recording_shows_a_held_object_by_the_present_message_definitions():
     picture = Picture(ROBOT, 0.3)
     for time, topic, message in read_recording(SHIPPED):

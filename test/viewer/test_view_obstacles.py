@@ -88,18 +88,6 @@ def test_an_obstacle_remains_when_its_browser_leaves(session):
     assert len(placed(session)) == 1
 
 
-def test_cleared_obstacles_and_their_handles_are_removed(session):
-    place(session, 1.0, 0.0)
-    (name,) = placed(session)
-    session.set('clear obstacles', True)
-    session.until(lambda: session.taken)
-    assert session.taken == [('clear obstacles', 0.0)]
-    assert not placed(session)
-    drag(session, name, 'start', 2.0, 0.0)
-    session.press_stop()
-    assert not placed(session)
-
-
 def test_a_click_at_the_sky_places_nothing(session):
     session.set('add obstacle', True)
     session.until(lambda: session.browser.is_clickable)

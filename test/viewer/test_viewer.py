@@ -13,7 +13,7 @@ from isotruss_ros.core import ConvexObject, load_robot, Polygon, Pose, Status, t
 from isotruss_ros.nodes.conversions.grasp_messages import to_state_message
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor, GraspQuery, LatestInputs
 from isotruss_ros.viewer.camera import FIELD_OF_VIEW, PANEL_SHARE, PHONE_ASPECT, place_camera
-from isotruss_ros.viewer.control import Control, ZERO
+from isotruss_ros.viewer.control import Control
 from isotruss_ros.viewer.drag import (
     ARRIVAL_DISTANCE,
     Drag,
@@ -94,13 +94,6 @@ def test_a_rotation_is_the_shorter_one_and_within_the_speed_limit(begin, end):
     left = math.remainder(angle - end, 2.0 * math.pi)
     assert left == pytest.approx(0.0, abs=ARRIVAL_DISTANCE / LEVER_LENGTH)
     assert abs(angle - begin) <= math.pi
-
-
-@pytest.mark.parametrize('wishes', [{}, {2: False}, {1: False, 3: False}, {3: True}])
-def test_commands_of_a_browser_end_with_its_control(wishes):
-    control = Control(2, Drag((1.0, 0.0), 0.0), (5.0, 0.0, 0.0))
-    control.pass_on(wishes)
-    assert control == Control(3 if wishes.get(3) else None, None, ZERO)
 
 
 def test_only_the_grabbed_handle_moves_the_target_until_the_drag_ends():
