@@ -22,6 +22,8 @@ ROBOT = load_robot('nine_member')
 NAMES, ROLLERS = ROBOT.topology.joint_names, ROBOT.roller_names
 ALL, ENOUGH, FEW = tuple(NAMES), ('Q', 'R', 'Z'), ('P', 'R', 'Z')
 N = len(ROBOT.roller_names)
+ZEROS = np.array([0.01, -0.02, 0.015, 0.02, -0.01, 0.02])
+HEAD = ','.join(('posture', 'joint', 'x', 'y', *ROLLERS))
 
 
 def measure(offsets, readings, joints=ALL, noise=0.0, seed=0):
@@ -117,10 +119,6 @@ def test_the_mistake_is_named(mistake):
     postures, words = MISTAKES[mistake]
     with pytest.raises(MeasurementError, match=words):
         calibrate_home(ROBOT, postures)
-
-
-ZEROS = np.array([0.01, -0.02, 0.015, 0.02, -0.01, 0.02])
-HEAD = ','.join(('posture', 'joint', 'x', 'y', *ROLLERS))
 
 
 def table(tmp_path, nodes, reading=(0.0,) * 6, name='joints.csv'):

@@ -110,7 +110,6 @@ def test_ends_at_the_time_limit(capsys):
         (['--seed', '-1'], "'-1': must be an integer, not negative"),
         (['--workers', '-1'], "'-1': must be from 0"),
         (['--time-limit', '-1'], "'-1': must be a number of seconds"),
-        (['--measure', 'beauty'], 'beauty'),
     ],
 )
 def test_invalid_arguments_are_named(options, words, capsys):

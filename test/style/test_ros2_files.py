@@ -30,6 +30,8 @@ ON_REQUEST = {'simulator': {'/clock'}}
 STANDARD = {'manipulation': {'joint_trajectory_controller/follow_joint_trajectory'}}
 #: What all nodes publish, and one records.
 COMMON = {'record': {'/diagnostics'}}
+FOXGLOVE = json.loads((CONFIG / 'foxglove.json').read_text(encoding='utf-8'))
+PANELS = FOXGLOVE['configById']
 
 
 def profile(enclave):
@@ -101,10 +103,6 @@ def test_description_and_controllers_have_the_rollers_of_the_robot(description):
         limit = {name: float(value) for name, value in joint.find('limit').attrib.items()}
         assert limit['velocity'] == ROBOT.description.max_speed
         assert limit['lower'] < 0.0 < limit['upper']
-
-
-FOXGLOVE = json.loads((CONFIG / 'foxglove.json').read_text(encoding='utf-8'))
-PANELS = FOXGLOVE['configById']
 
 
 @pytest.fixture(scope='module')

@@ -23,6 +23,7 @@ CHOICES = list_choices(['P', 'Q'])
 CYCLES = 300
 #: Interval between switches of threads [s].
 SWITCH_INTERVAL = sys.getswitchinterval()
+STOP_OFF = {'type': 'GuiUpdateMessage', 'updates': {'removed': True}}
 
 
 @pytest.fixture
@@ -155,9 +156,6 @@ def test_a_force_beyond_the_range_of_its_slider_is_ignored(session, value):
     session.until(lambda: session.refused)
     assert session.control.wrench == (0.0, 0.0, 0.0)
     assert session.refused[0].startswith(f"fx: '{value}' from a browser: must be from -20 to 20")
-
-
-STOP_OFF = {'type': 'GuiUpdateMessage', 'updates': {'removed': True}}
 
 
 @pytest.mark.parametrize('value', ['much\n', None, [1.0, 2.0], {}])

@@ -25,6 +25,11 @@ from websockets.sync.client import connect  # noqa: E402
 
 ROBOT = load_robot('nine_member')
 REFUSED, ACCEPTED = 403, 101
+PAGE = b'GET /%b HTTP/1.1\r\nHost: here\r\n%b\r\n'
+UPGRADE = b'Connection: Upgrade\r\nUpgrade: websocket\r\n'
+TEXTS = st.binary(max_size=30) | st.sampled_from([b'a' * 300, b'%00', b'%ff', b'[', b'..'])
+NAMES = [b'Cookie', b'Origin', b'Upgrade', b'Accept-Encoding', b'Host', b'X']
+HEADERS = st.lists(st.tuples(st.sampled_from(NAMES), TEXTS), max_size=4)
 
 
 @contextlib.contextmanager
@@ -144,21 +149,12 @@ def answer(view, request):
     return int(words[1]) if len(words) > 1 else None
 
 
-PAGE = b'GET /%b HTTP/1.1\r\nHost: here\r\n%b\r\n'
-UPGRADE = b'Connection: Upgrade\r\nUpgrade: websocket\r\n'
-
-
 @pytest.mark.parametrize(
     'query', [b'?token=\xff', b'?token=%FF', b'?\xff', b'/[?token=', b'?token=%']
 )
 @pytest.mark.parametrize('header', [b'', b'Cookie: isotruss_view_1=\xff\r\n', UPGRADE])
 def test_a_token_of_any_bytes_is_refused(local, query, header):
     assert answer(local, PAGE % (query, header)) == REFUSED
-
-
-TEXTS = st.binary(max_size=30) | st.sampled_from([b'a' * 300, b'%00', b'%ff', b'[', b'..'])
-NAMES = [b'Cookie', b'Origin', b'Upgrade', b'Accept-Encoding', b'Host', b'X']
-HEADERS = st.lists(st.tuples(st.sampled_from(NAMES), TEXTS), max_size=4)
 
 
 @examples(200)

@@ -28,6 +28,8 @@ from std_msgs.msg import Header
 
 STAMP = TimeMessage(sec=12, nanosec=500_000_000)
 NAMES = ROBOT.topology.joint_names
+lengths = st.floats(-5.0, 5.0)
+rotations = st.tuples(lengths, lengths, lengths).map(Rotation.from_rotvec)
 
 
 def vector(kind, values):
@@ -61,10 +63,6 @@ def markers(places, frame='camera'):
         transform.translation.z = float(place[2])
     message.header.frame_id, message.header.stamp = frame, STAMP
     return message
-
-
-lengths = st.floats(-5.0, 5.0)
-rotations = st.tuples(lengths, lengths, lengths).map(Rotation.from_rotvec)
 
 
 @given(rotations, st.tuples(lengths, lengths, lengths), lengths, lengths, st.floats(-3.0, 3.0))

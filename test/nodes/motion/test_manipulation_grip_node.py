@@ -31,6 +31,11 @@ TWIST, FORWARD = (0.01, 0.01, 0.0), (0.02, 0.0, 0.0)
 BOX_HELD = {'object': BOX_FILE, 'grip': list(APART)}
 plant = maker(Simulator, plant='elastic', friction=FRICTION, indentation=0.025, rate=RATE)()
 holding = maker(Manipulation, failure_time=0.0, command_timeout=5.0, **BOX_HELD)
+squeezing = maker(Manipulation, squeeze_force=FORCE, friction=FRICTION, rate=RATE)
+observers = [
+    maker(kind, command_timeout=1.0, friction=FRICTION)()
+    for kind in (GraspAnalysisNode, StateEstimatorNode)
+]
 
 
 def send(w, moved=(0.0, 0.0, 0.0)):
@@ -63,9 +68,6 @@ def test_moves_the_box_and_halts_where_the_grip_is_another():
 
 def still(w):
     return lambda: w.probe.send_twist((0.0, 0.0, 0.0))
-
-
-squeezing = maker(Manipulation, squeeze_force=FORCE, friction=FRICTION, rate=RATE)
 
 
 def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
@@ -130,12 +132,6 @@ def test_a_slipped_object_halts_until_a_client_resumes_the_grip_or_moves_the_rol
             goal = w.send_goal(FollowRollerTrajectory.Goal(trajectory=path))
             w.until(lambda: goal.ended, still(w))
         w.until_code(Status.OK, still(w))
-
-
-observers = [
-    maker(kind, command_timeout=1.0, friction=FRICTION)()
-    for kind in (GraspAnalysisNode, StateEstimatorNode)
-]
 
 
 def test_analysis_and_estimator_agree_with_the_loop_about_the_held_object():
