@@ -55,24 +55,6 @@ def lonely():
         }
 
 
-@pytest.fixture(scope='module')
-def processes(lonely, shared_domain, tmp_path_factory):
-    """Return the nodes that hold an object; they end as they should after the tests."""
-    names = {'simulator': {'indentation': 0.005}, 'manipulation': {}, 'grasp_analysis': {}}
-    nodes = [(name, PATIENT | values) for name, values in names.items()]
-    with running_nodes(nodes, tmp_path_factory.mktemp('nodes')) as found:
-        yield found
-    assert [process.process.returncode for process in found] == [0, 0, 0]
-
-
-@pytest.mark.parametrize('name', PRINTED)
-@pytest.mark.usefixtures('processes')
-def test_an_example_runs_beside_the_nodes(name):
-    command = [sys.executable, ROOT / 'examples' / f'{name}.py']
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
-    assert PRINTED[name] in done.stdout
-
-
 def begin(folder, *options):
     """Start the demonstration; return its process."""
     return subprocess.Popen(
@@ -101,6 +83,7 @@ def nodes_of(folder):
     some_now([('real', 'found: ', 2), ('perfect', '', 2), ('perfect', '', 1)]),
     ids=['planned', 'twice at its start', 'at its start'],
 )
+@pytest.mark.usefixtures('lonely')
 def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path, sensors, stage, times):
     """With real sensors it plans a grasp; a nightly check carries the object to the end."""
     demo = begin(tmp_path, '--sensors', sensors)
@@ -150,6 +133,24 @@ def test_the_view_of_mujoco_places_the_object():
         finally:
             view.terminate()
     assert 'the object is free' in done.stdout
+
+
+@pytest.fixture(scope='module')
+def processes(shared_domain, tmp_path_factory):
+    """Return the nodes that hold an object; they end as they should after the tests."""
+    names = {'simulator': {'indentation': 0.005}, 'manipulation': {}, 'grasp_analysis': {}}
+    nodes = [(name, PATIENT | values) for name, values in names.items()]
+    with running_nodes(nodes, tmp_path_factory.mktemp('nodes')) as found:
+        yield found
+    assert [process.process.returncode for process in found] == [0, 0, 0]
+
+
+@pytest.mark.parametrize('name', PRINTED)
+@pytest.mark.usefixtures('processes')
+def test_an_example_runs_beside_the_nodes(name):
+    command = [sys.executable, ROOT / 'examples' / f'{name}.py']
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    assert PRINTED[name] in done.stdout
 
 
 def test_examples_and_a_stop_without_nodes_fail_after_20_s_with_a_reason(lonely):
