@@ -17,6 +17,7 @@ order.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol, TypeAlias
@@ -25,7 +26,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
 import numpy as np
 
@@ -165,22 +166,23 @@ class BarrierLimit:
         self.matrix = rows + active.roller_rows
         self.margins = active.values - barrier.law.bound  #: (k,) margins of the values
         self.status = barrier.status  #: status of a command that this limit reduces
-        self._drift = active.drift
+        #: lower bounds (k,) of the rates by which rollers change the values [1/s]; they are
+        #: positive if an obstacle approaches faster than the law allows, see `evade`
+        self.required = -barrier.law.class_k_bound(self.margins)
+        if active.drift is not None:
+            # An obstacle that recedes allows no faster approach.
+            self.required = self.required - np.minimum(active.drift, 0.0)
 
-    @cached_property
-    def required(self) -> Array:
-        """
-        Return lower bounds (k,) of the rates by which rollers change the values [1/s].
-
-        They are positive if an obstacle approaches faster than the law allows; see `evade`.
-        """
-        required = -self.barrier.law.class_k_bound(self.margins)
-        # An obstacle that recedes allows no faster approach.
-        return required if self._drift is None else required - np.minimum(self._drift, 0.0)
+    def take(self, chosen: Flags) -> BarrierLimit:
+        """Return the limit on chosen values (k,)."""
+        taken = copy.copy(self)
+        taken.indices, taken.matrix = self.indices[chosen], self.matrix[chosen]
+        taken.margins, taken.required = self.margins[chosen], self.required[chosen]
+        return taken
 
     def rows(self, config: Configuration) -> Rows:
         """Return one row for each barrier value, which zero speed fulfils; see `Limit.rows`."""
-        bound = self.required if self._drift is None else np.minimum(self.required, 0.0)
+        bound = np.minimum(self.required, 0.0)
         return Rows(self.matrix, bound, np.full(len(bound), np.inf))
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
@@ -210,17 +212,17 @@ class BarrierLimit:
         names = tuple(self.barrier.names(self.indices[violated]))
         return BarrierViolation(float(shares[violated].min()), self.status, names)
 
-    def admits(self, approach: float, speeds: Array, duration: float) -> bool:
+    def may_violate(self, approach: float, speeds: Array, duration: float) -> Flags:
         """
-        Return whether no motion violates `BarrierLaw.discrete_bound`; False if that is unknown.
+        Return which values (k,) a motion may take below their `BarrierLaw.discrete_bound`.
 
         From the midpoint to the end of the motion, surfaces `approach` by at most a distance [m].
         """
         if not self.barrier.law.is_distance:
-            return False
+            return np.ones(len(self.margins), dtype=bool)
         travel = duration * float(np.abs(speeds).max())  # a longer one has lower bounds
         _, bounds = self._discrete_bounds(speeds, duration, travel)
-        return bool((self.margins - approach >= bounds).all())
+        return self.margins - approach < bounds
 
     def _discrete_bounds(
         self, speeds: Array, duration: float, travel: float

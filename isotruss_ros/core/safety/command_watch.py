@@ -60,7 +60,9 @@ class Watch(NamedTuple):
         limits = self.limits
         if max(longest, duration * float(np.abs(velocities).max())) <= BAND_STEP:
             approach = self._approach(travel, velocities, duration)
-            limits = tuple(x for x in limits if not x.admits(approach, velocities, duration))
+            may_violate = [x.may_violate(approach, velocities, duration) for x in limits]
+            checked = zip(limits, may_violate, strict=True)
+            limits = tuple(limit.take(chosen) for limit, chosen in checked if chosen.any())
             if not limits:
                 return command
         scale, last_violation = 1.0, None

@@ -24,7 +24,7 @@ from isotruss_ros.core.model.convex_object import segment_gaps, SegmentGaps
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.model.separation import separate
-from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices
+from isotruss_ros.core.numerics.arrays import Array, as_xy, Flags, Indices
 from isotruss_ros.core.safety.barrier_law import (
     ActiveValues,
     BarrierLaw,
@@ -75,6 +75,11 @@ class ObstacleBarrier:
     def _reaches(self) -> Array:
         """Return the radii (o,) of circles that enclose the obstacles [m]."""
         return np.array([obstacle.body.shape.reach for obstacle in self.obstacles])
+
+    @cached_property
+    def _is_round(self) -> Flags:
+        """Return which obstacles (o,) fill these circles."""
+        return np.array([obstacle.body.shape.is_round for obstacle in self.obstacles])
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """Return the distances that are near the bound; see `Barrier.active`."""
@@ -134,15 +139,16 @@ class ObstacleBarrier:
             return SegmentGaps(distances, normals, np.zeros(len(away)))
         starts, ends = self._model.part_ends(config, parts)
         radii = self._model.part_radii[parts]
-        nearest = SegmentGaps(*nearest_on_segment(centers, starts, ends))
-        distances = nearest.gaps - radii - reaches
-        near = np.flatnonzero(distances < self.law.active_below)
+        gaps, toward, shares = nearest_on_segment(centers, starts, ends)
+        distances = gaps - radii - reaches
+        nearest = SegmentGaps(distances, -toward, shares)
+        near = np.flatnonzero((distances < self.law.active_below) & ~self._is_round[numbers])
         if len(near):
             bodies: Any = self._bodies.take_samples(numbers[near])
             exact = segment_gaps(bodies, starts[near, None], ends[near, None])
             gaps, nearest.normals[near], nearest.shares[near] = (part[:, 0] for part in exact)
             distances[near] = gaps - radii[near]
-        return nearest._replace(gaps=distances)
+        return nearest
 
     def names(self, indices: Indices) -> list[str]:
         """Return the names of a part, or the object, and the obstacle; see `Barrier.names`."""
