@@ -25,6 +25,7 @@ from isotruss_ros.workers import MAX_WORKERS
 SPECS = (
     common.OBJECT,
     common.OBSTACLES,
+    common.OBSTACLE_TIMEOUT,
     common.COMMAND_TIMEOUT,
     FixedSpec('workers', 0, 'Number of search processes; 0: one for each core', (0, MAX_WORKERS)),
 )
@@ -56,7 +57,7 @@ class GraspPlanner(ManagedNode):
         self._obstacles = common.read_resting_obstacles(self.values)
         self.searcher = self.searcher_type(self.values.workers)
         self.inputs = Inputs(self, self.robot)
-        self.inputs.keep('rollers', 'estimate')
+        self.inputs.keep('rollers', 'estimate', 'obstacles')
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -98,8 +99,10 @@ class GraspPlanner(ManagedNode):
         if self._goal.active:
             raise BusyError('another search is running: cancel it, or wait for its end')
         body, needs, *arguments = read_goal(goal, self.robot, self._described)
-        needs = replace(needs, obstacles=self._obstacles)
-        return self.inputs.configuration(self.now()), body, needs, *arguments
+        now = self.now()
+        obstacles = (*self._obstacles, *self.inputs.present_obstacles(now))
+        needs = replace(needs, obstacles=obstacles)
+        return self.inputs.configuration(now), body, needs, *arguments
 
     def _refuse(self, error: IsotrussError) -> PlanGrasp.Result:
         missing = isinstance(error, InputError | ConfigurationError)

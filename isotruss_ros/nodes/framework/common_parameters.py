@@ -19,6 +19,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
 from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
+from isotruss_ros.core.servo import servo_settings
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Parameters, Spec, Value
 
 OBJECT_DIAMETER = Spec('object_diameter', 0.3, 'Diameter of the object [m]', (0.001, 10.0))
@@ -56,6 +57,12 @@ OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
 RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', (10.0, 2000.0))
 COMMAND_TIMEOUT = Spec(
     'command_timeout', 0.2, 'Largest age of inputs [s]', (0.001, inputs.MAX_TIMEOUT)
+)
+OBSTACLE_TIMEOUT = Spec(
+    'obstacle_timeout',
+    servo_settings.OBSTACLE_TIMEOUT,
+    'Largest age of moving obstacles [s]; an older one stops the rollers; plans leave it out',
+    (0.001, inputs.MAX_TIMEOUT),
 )
 PRESSURE_TIMEOUT = Spec(
     'pressure_timeout',

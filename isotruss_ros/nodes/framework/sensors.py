@@ -17,6 +17,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import (
     CLOCK_SKEW,
     Input,
+    InputError,
     InputFault,
     LatestInputs,
     RejectedInput,
@@ -199,6 +200,24 @@ class Inputs(LatestInputs):
         self._by_name.clear()
         self.obstacles = None
         return f'cleared moving obstacles: {names}'
+
+    def present_obstacles(self, now: float) -> tuple[Obstacle, ...]:
+        """
+        Return the moving obstacles at rest at their present poses, for plans.
+
+        An obstacle that is older than `obstacle_timeout` stops the rollers until it is published
+        again or cleared, so plans leave it out.
+
+        :raises InputError: the obstacles are unknown.
+        """
+        received = self.obstacles
+        if received is None:
+            return ()
+        if isinstance(received, RejectedInput):
+            raise InputError(received.fault, 'obstacles', received.reason)
+        oldest = self._node.values.obstacle_timeout
+        fresh = (obstacle.at(now) for obstacle in received.value if now - obstacle.stamp <= oldest)
+        return tuple(Obstacle(obstacle.name, obstacle.body) for obstacle in fresh)
 
     def _merge_pressures(self, received: Received, now: float) -> Received | None:
         """Merge the pressure of one tube with the pressures of the other tubes."""

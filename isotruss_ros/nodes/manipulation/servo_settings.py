@@ -13,15 +13,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import HeldGrip, ManipulationStatus
 from isotruss_ros.core import ConvexObject, Grip, Obstacle, Pose, Robot, Status
 from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.core.inputs import MAX_TIMEOUT
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.servo_settings import (
-    OBSTACLE_TIMEOUT,
-    ServoSettings,
-    SqueezeSettings,
-)
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from isotruss_ros.nodes.conversions.messages import (
     HELD_VALUES,
@@ -112,12 +107,7 @@ SPECS = (
         'Smallest distance of robot and object from obstacles [m]',
         (0.0, 1.0),
     ),
-    Spec(
-        'obstacle_timeout',
-        OBSTACLE_TIMEOUT,
-        'Largest age of moving obstacles [s]; an older one stops the rollers',
-        (0.001, MAX_TIMEOUT),
-    ),
+    common.OBSTACLE_TIMEOUT,
     Spec(
         'slide_along_limits',
         True,

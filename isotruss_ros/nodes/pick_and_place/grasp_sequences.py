@@ -261,6 +261,7 @@ class GraspSequences:
         config = self._inputs.configuration(now)
         body = common.make_body(self._node.values, self._described).moved_to(here)
         record = find_fresh(now, self._watch.timeout, self._inputs.held_grip)
+        obstacles = (*self._obstacles, *self._inputs.present_obstacles(now))
         stop = threading.Event()
 
         def note(share: float) -> None:
@@ -274,7 +275,7 @@ class GraspSequences:
                 held,
                 friction,
                 end,
-                self._obstacles,
+                obstacles,
                 on_progress=note,
                 should_stop=stop.is_set,
                 speed=goal.speed,

@@ -33,6 +33,7 @@ from isotruss_ros.nodes.pick_and_place.object_watch import ObjectWatch
 SPECS = (
     *common.OBJECT_SPECS,
     common.OBSTACLES,
+    common.OBSTACLE_TIMEOUT,
     common.COMMAND_TIMEOUT,
     Spec(
         'plan',
@@ -58,7 +59,7 @@ class PickAndPlace(ManagedNode):
     def configure(self) -> None:
         """Create clients and subscriptions, and offer the actions."""
         self.inputs = Inputs(self, self.robot)
-        self.inputs.keep('rollers', 'estimate', 'pose', 'held_grip', 'grasp')
+        self.inputs.keep('rollers', 'estimate', 'pose', 'held_grip', 'grasp', 'obstacles')
         statuses = Topic(
             ManipulationStatus, 'manipulation/status', lambda status: status, 'status'
         )

@@ -11,10 +11,12 @@ from geometry_msgs.msg import PoseStamped, Vector3, Wrench
 from held_grips import BOX_FILE
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
+from isotruss_msgs.msg import Obstacles
 from isotruss_ros import core
 from isotruss_ros.core.planning.grasp_plan import export_path, Progress
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
+from isotruss_ros.nodes.conversions.obstacle_messages import to_obstacles_message
 from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
 from isotruss_ros.nodes.conversions.trajectory_goals import read_roller_trajectory
 from isotruss_ros.nodes.grasp.searcher import Answer, SearchOutcome
@@ -45,6 +47,27 @@ def test_the_parameter_describes_the_object():
         w.spin(0.05, w.probe.send_joints)
         w.send_goal(goal(object_diameter=0.0))
         assert w.nodes[1].searcher.begun[1].shape == core.read_object(BOX_FILE).shape
+
+
+@pytest.mark.parametrize(('silence', 'names'), [(0.0, ['hand']), (1.0, [])])
+def test_search_has_the_published_obstacles_at_rest_at_their_present_poses(silence, names):
+    velocity = (0.1, 0.0, 0.0)
+    hand = core.Obstacle('hand', core.ConvexObject.disc((5.0, 0.0), 0.1), velocity)
+    with world(idle(workers=2)) as w:
+        sender = w.probe.create_publisher(Obstacles, 'obstacles', 10)
+
+        def send():
+            w.probe.send_joints()
+            sender.publish(to_obstacles_message([hand], w.probe.past(0.2), 'truss'))
+
+        w.spin(0.1, send)
+        w.spin(silence, w.probe.send_joints)
+        w.send_goal(goal())
+        heeded = w.nodes[1].searcher.begun[2].obstacles
+    assert [obstacle.name for obstacle in heeded] == names
+    for obstacle in heeded:
+        assert obstacle.body.pose[0] > 5.015
+        assert obstacle.velocity == (0.0, 0.0, 0.0)
 
 
 def path(*poses):

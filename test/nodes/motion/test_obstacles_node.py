@@ -132,7 +132,7 @@ def test_markers_show_the_obstacles_at_rest_and_the_moving_ones():
 
 
 @contextlib.contextmanager
-def moving_object(patch, goal, **parameters):
+def moving_object(patch, goal, *published, **parameters):
     """Yield a world with a goal of `move_object`, the client of the path, and its inputs."""
     reached = FollowObjectPath.Result(code=FollowObjectPath.Result.REACHED)
     client = MotionClient(reached)
@@ -140,8 +140,10 @@ def moving_object(patch, goal, **parameters):
     settings = {'command_timeout': 1.0, 'friction': 0.8, 'plan': True} | parameters
     with world(maker(PickAndPlace, **settings)()) as w:
         w.probe.listen(Path, 'path', 'planned_path')
+        sender = w.probe.create_publisher(Obstacles, 'obstacles', 10)
 
         def send():
+            sender.publish(to_obstacles_message(published, w.probe.past(0.0), 'truss'))
             w.probe.send_joints()
             w.probe.send_object((*START, 0.0))
             w.probe.send_held(GraspState.HELD_YES, members_at(ROBOT, MODULE))
@@ -151,9 +153,9 @@ def moving_object(patch, goal, **parameters):
         yield w, w.send_goal(MoveObject.Goal(path=Path(poses=[target]))), client, send
 
 
-def move(patch, goal, **parameters):
+def move(patch, goal, *published, **parameters):
     """Return the result of a motion to a pose, the followed path, and the published path."""
-    with moving_object(patch, goal, **parameters) as (w, request, client, send):
+    with moving_object(patch, goal, *published, **parameters) as (w, request, client, send):
         return w.finish(request, send)[1], client.goal, w.probe.last('path')
 
 
@@ -198,10 +200,16 @@ def test_motion_to_one_pose_follows_the_planned_path(monkeypatch):
     assert shown == asked.path
 
 
-def test_motion_to_a_pose_within_an_obstacle_is_refused_with_its_name(monkeypatch):
-    post = f'{{post: {{shape: disc, diameter: 0.1, pose: [{START[0]}, {START[1] - 0.4}, 0]}}}}'
-    goal = START[0], START[1] - 0.3, 0.0
-    result, asked, _ = move(monkeypatch, goal, obstacles=post)
+@pytest.mark.parametrize('is_published', [False, True])
+def test_motion_to_a_pose_within_an_obstacle_is_refused_with_its_name(monkeypatch, is_published):
+    place, goal = (START[0], START[1] - 0.4, 0.0), (START[0], START[1] - 0.3, 0.0)
+    if is_published:
+        result, asked, _ = move(
+            monkeypatch, goal, Obstacle('post', ConvexObject(Disc(0.1), place))
+        )
+    else:
+        post = f'{{post: {{shape: disc, diameter: 0.1, pose: {list(map(float, place))}}}}}'
+        result, asked, _ = move(monkeypatch, goal, obstacles=post)
     assert result.code == MoveObject.Result.STOPPED
     assert 'no way found' in result.message
     assert 'obstacle post' in result.message
