@@ -5,24 +5,28 @@ Paths of a held object to random goals around obstacles and limits of the robot.
 
 Goals are sorted by the straight line: it leads to the goal, is refused because of a post, or is
 refused because of the robot's own limits. A path of two legs avoids each post. Around limits,
-start and goal are ends of random legs from home. The found paths are followed in the elastic plant
-by the control loop with its squeeze control and `PathTracker`; a path is *carried* if its end is
-reached.
+the start is home or an end of random legs from home, the goal another such end, and there are two
+robots. The found paths are followed by the control loop with its squeeze control and `PathServo`,
+in the elastic plant (cycles of 40 ms), and some of those from home in MuJoCo with modules of 1 kg
+(cycles of 20 ms). Measured poses are exact. A path is *carried* if its end is reached without a
+contact with an obstacle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+import functools
+import itertools
 import time
 from typing import NamedTuple
 
 from isotruss_ros.core import (
     ConvexObject,
     ElasticObject,
+    load_robot,
     ObjectPath,
     Obstacle,
-    PathTracker,
     RollerFaults,
     settle_grasp,
     SimulatedRobot,
@@ -33,32 +37,32 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.paths.path_tracking import (
-    FINISHED,
-    PathPhase,
-    speed_share,
-    TrackingSettings,
-)
+from isotruss_ros.core.paths.path_servo import PathOutcome, PathServo, ServoFeedback
+from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_path, SPEED, TURN_RATE
 from isotruss_ros.core.planning.path_tree import Node, PathTree
 from isotruss_ros.core.planning.plan_path import search_path
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
+from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
 from studies.benchmarks.measuring import part, Table
 from studies.comparison.rooms import clearance, random_room
-from studies.comparison.walks import ROBOT
+from studies.comparison.walks import GRIPS, ROBOT
 
-FRICTION, DIAMETER, DEPTH = 0.8, 0.3, 0.02
-MODULE = 'north/Z'
-#: Largest displacements of a goal from the start at home [m, rad].
-NEAR, FAR = np.array([0.3, 0.3, 0.6]), np.array([0.6, 0.6, 1.2])
+FRICTION, DIAMETER, DEPTH, MASS = 0.8, 0.3, 0.02, 0.5
+#: Modules at which an object can be moved to the limits of a second robot.
+RING, RING_GRIPS = load_robot('ring_of_four'), ('east/L', 'east/E', 'north/M', 'west/N')
+#: Largest displacements of a goal from the start at home, and of a random leg [m, rad].
+NEAR, FAR, LONG = np.array([0.3, 0.3, 0.6]), np.array([0.6, 0.6, 1.2]), np.array([1.0, 1.0, 2.0])
 #: Number of posts that are tried for a goal, and number of random legs [-].
-POSTS, LEGS = 8, 2
+POSTS, LEGS = 8, 3
 #: Fraction of a leg that is taken, so that its end has a margin to the limits [-].
-LEG_SHARE = 0.8
+LEG_SHARE = 0.85
 #: Smallest clearance at the start [m].
 LEAST_CLEARANCE = 0.023
-PERIOD = 0.01
+#: Periods of the control loop in the elastic plant and in MuJoCo, and largest age of inputs [s].
+PERIOD, MUJOCO_PERIOD, TIMEOUT = 0.04, 0.02, 0.2
 
 
 class Task(NamedTuple):
@@ -69,11 +73,17 @@ class Task(NamedTuple):
     room: Sequence[Obstacle]  #: obstacles
 
 
-def begin() -> HeldGrip:
-    """Return a held disc of the robot at home."""
-    center = tangent_center(ROBOT.home, MODULE, DIAMETER, DEPTH)
-    body = ConvexObject.disc(center, DIAMETER, FRICTION)
-    return settle_grasp(ROBOT.home, body).equilibrium
+@functools.cache
+def begin(name: str, module: str) -> HeldGrip:
+    """Return a disc that a robot holds at home."""
+    robot = ROBOT if name == ROBOT.name else RING
+    body = ConvexObject.disc(tangent_center(robot.home, module, DIAMETER, DEPTH), DIAMETER)
+    return settle_grasp(robot.home, replace(body, friction=FRICTION, mass=MASS)).equilibrium
+
+
+def any_grip(rng: np.random.Generator, name: str = ROBOT.name) -> HeldGrip:
+    """Return a disc that a robot holds at home at a random module."""
+    return begin(name, str(rng.choice(GRIPS if name == ROBOT.name else RING_GRIPS)))
 
 
 def reaches(held: HeldGrip, *poses: Array, room: Sequence[Obstacle] = ()) -> bool:
@@ -92,8 +102,9 @@ def make_tree(held: HeldGrip, goal: Array, room: Sequence[Obstacle] = ()) -> Pat
     return PathTree(RollingGrip.attach(held.config, held.touching(FRICTION)), goal, room)
 
 
-def around_post(rng: np.random.Generator, home: HeldGrip) -> Task | None:
+def around_post(rng: np.random.Generator) -> Task | None:
     """Return a goal behind a post that a path of two legs avoids; None if there is none."""
+    home = any_grip(rng)
     begin = np.array(home.pose)
     via, goal = begin + FAR * rng.uniform(-1.0, 1.0, (2, 3))
     if not reaches(home, goal) or not reaches(home, via, goal):
@@ -117,94 +128,131 @@ def is_refused(held: HeldGrip, goal: Array, room: Sequence[Obstacle]) -> bool:
 
 
 def random_end(rng: np.random.Generator, home: HeldGrip) -> Node:
-    """Return the end of random legs, before the limits at which the last one may end."""
+    """Return the end of random legs, each of which ends before the limits."""
     tree = make_tree(home, np.array(home.pose))
     node = tree.root
     for _ in range(LEGS):
-        target = np.array(home.pose) + FAR * rng.uniform(-1.0, 1.0, 3)
-        end = tree.move(node, target)
+        end = tree.move(node, np.array(home.pose) + LONG * rng.uniform(-1.0, 1.0, 3))
         node = tree.move(node, (1.0 - LEG_SHARE) * node.poses[-1] + LEG_SHARE * end.poses[-1])
     return node
 
 
-def around_limits(rng: np.random.Generator, home: HeldGrip) -> Task | None:
-    """Return an end of random legs, and the start at another one; None if a line joins them."""
-    start, goal = random_end(rng, home), random_end(rng, home).poses[-1]
+def around_limits(rng: np.random.Generator) -> Task | None:
+    """Return an end of random legs, from home or another one; None if a line leads there."""
+    home = any_grip(rng, ROBOT.name if rng.integers(4) == 0 else RING.name)
+    goal, start = random_end(rng, home).poses[-1], make_tree(home, np.array(home.pose)).root
+    if rng.integers(2):
+        start = random_end(rng, home)
     tree = PathTree(start.rolling, goal, ())
     if tree.reaches(tree.move(tree.root, goal), goal):
         return None
-    foresight = foresee_path(home, FRICTION, np.array(start.poses))
+    foresight = foresee_path(home, FRICTION, np.array([home.pose, *start.poses]))
     held = foresight.grips[-1]
     if foresight.why or not is_refused(held, goal, ()):
         return None
     return Task(held, goal, ())
 
 
-def straight(rng: np.random.Generator, home: HeldGrip) -> Task | None:
+def straight(rng: np.random.Generator) -> Task | None:
     """Return a goal to which a straight line leads in a room with three obstacles."""
+    home = any_grip(rng)
     room, goal = random_room(rng, home, 3), np.array(home.pose) + NEAR * rng.uniform(-1.0, 1.0, 3)
     return Task(home, goal, room) if reaches(home, goal, room=room) else None
 
 
-#: Functions that make the goals, and the number of goals [-], by the reason of the refusal.
-KINDS = {'straight': straight, 'obstacle': around_post, 'robot': around_limits}
-GOALS = {'straight': part(30), 'obstacle': part(15), 'robot': part(15)}
+#: Functions that make the goals, their number, and the number of those carried in MuJoCo as well
+#: [-], by the reason of the refusal.
+KINDS = {
+    'nothing': (straight, part(30), part(8)),
+    'obstacle': (around_post, part(15), part(8)),
+    'robot': (around_limits, part(15), part(15)),
+}
 
 
-def tasks(held: HeldGrip, kind: str, count: int) -> Iterator[Task]:
+def tasks(kind: str) -> Iterator[Task]:
     """Yield random goals of a kind."""
-    rng, number = np.random.default_rng(11), 0
-    while number < count:
-        task = KINDS[kind](rng, held)
-        if task is not None:
-            number += 1
-            yield task
+    make, count, _ = KINDS[kind]
+    drawn = (make(np.random.default_rng([11, number])) for number in itertools.count())
+    return itertools.islice((task for task in drawn if task is not None), count)
 
 
-def carry(held: HeldGrip, poses: Array, room: Sequence[Obstacle]) -> bool:
-    """Return whether the control loop carries the object along a path in the elastic plant."""
-    plant = SimulatedRobot(held.config, ElasticObject(held.body, FRICTION), RollerFaults())
-    plant.advance(0.0)
-    squeeze = SqueezeSettings(held.squeeze)
-    body = replace(held.body, mass=0.5)
-    grip = replace(held.touching(FRICTION), body=body)
-    settings = ServoSettings(grip, PERIOD, 0.2, squeeze=squeeze, obstacles=tuple(room))
-    servo = TwistServo(ROBOT, settings)
-    poses = poses - poses[0] + np.array(plant.object_pose)
-    path = ObjectPath(poses, SPEED, TURN_RATE)
-    tracker, scale = PathTracker(path, TrackingSettings(), PERIOD), 1.0
-    for cycle in range(int(5.0 * path.duration / PERIOD) + 1000):
-        now, pose = cycle * PERIOD, plant.object_pose
-        tracking = tracker.update(pose, 0.0, PERIOD, scale)
-        if tracking.phase in FINISHED:
-            return tracking.phase is PathPhase.REACHED
+def carry(
+    plant: SimulatedRobot | DrivenRobot, held: HeldGrip, poses: Array, room: Sequence[Obstacle]
+) -> str:
+    """
+    Follow a path of the object by the control loop; return the reason of a failure.
+
+    :param held: equilibrium at the start of the path.
+    """
+    period = MUJOCO_PERIOD if isinstance(plant, DrivenRobot) else PERIOD
+    grip, squeeze = held.touching(FRICTION), SqueezeSettings(held.squeeze)
+    settings = ServoSettings(grip, period, TIMEOUT, squeeze=squeeze, obstacles=tuple(room))
+    servo = TwistServo(held.config.robot, settings)
+    servo.memory = replace(servo.memory, config=held.config)
+    path = ObjectPath(poses - poses[0] + np.array(plant.object_pose), SPEED, TURN_RATE)
+    tracking = PathServo(period, TIMEOUT, servo.inputs)
+    for cycle in range(int(5.0 * path.duration / period) + 1000):
+        now = cycle * period
         state = RollerState(plant.roller_positions, plant.roller_velocities)
-        servo.receive(
-            twist=StampedInput(tracking.twist, now),
-            rollers=StampedInput(state, now),
-            pose=StampedInput(pose, now),
-        )
-        command = servo.decide(now).command
-        scale = speed_share(command.status, command.scale)
+        servo.receive(rollers=StampedInput(state, now), pose=StampedInput(plant.object_pose, now))
+        if not cycle:
+            tracking.begin(path, TrackingSettings(), now)
+        step = tracking.decide(now)
+        if step.outcome is not None:
+            break
+        servo.receive(twist=StampedInput(step.tracking.twist, now))
+        decision = servo.decide(now)
+        command, words = decision.command, decision.message
+        feedback = ServoFeedback(command.status, command.scale, words, decision.frequency)
+        servo.inputs.servo_feedback = StampedInput(feedback, now)
         plant.command(command.roller_velocities)
-        plant.advance(PERIOD)
-    return False
+        plant.advance(period)
+    if isinstance(plant, DrivenRobot) and (touched := plant.plant.obstacle_contacts):
+        return f'contact with {dict(touched)}'
+    return '' if step.outcome is PathOutcome.REACHED else step.message or 'out of time'
+
+
+class Result(NamedTuple):
+    """Result of the search for a path, and of its carries."""
+
+    time: float  #: processor time of the search [s]
+    steps: int  #: steps of the search [-]
+    why: str  #: reason if no path was found
+    lost: str  #: reason if the object was not carried in the elastic plant
+    lost_in_mujoco: str | None  #: the same in MuJoCo; None if it was not tried there
+
+
+def try_task(task: Task, in_mujoco: bool) -> Result:
+    """Search for a path, and follow it in the elastic plant and in MuJoCo."""
+    began = time.thread_time()
+    plan = search_path(task.held, FRICTION, task.goal, task.room)
+    spent = time.thread_time() - began
+    if plan.why:
+        return Result(spent, plan.steps, plan.why, '', None)
+    faults, body = RollerFaults(), task.held.body
+    plant = SimulatedRobot(task.held.config, ElasticObject(body, FRICTION), faults)
+    plant.advance(0.0)
+    lost = carry(plant, task.held, plan.poses, task.room)
+    if not in_mujoco or task.held.config.roller_positions.any():
+        return Result(spent, plan.steps, '', lost, None)
+    robot, options = task.held.config.robot, PlantOptions(friction=FRICTION)
+    driven = DrivenRobot(robot, body, False, options, faults, obstacles=task.room)
+    lost_in_mujoco = carry(driven, task.held, plan.poses, task.room)
+    return Result(spent, plan.steps, '', lost, lost_in_mujoco)
 
 
 def tables() -> Iterator[Table]:
     """Yield the table of the case."""
-    home, rows = begin(), []
-    for kind, count in GOALS.items():
-        spent, found, carried, steps = [], 0, 0, []
-        for task in tasks(home, kind, count):
-            began = time.thread_time()
-            plan = search_path(task.held, FRICTION, task.goal, task.room)
-            spent.append(time.thread_time() - began)
-            steps.append(plan.steps)
-            if not plan.why:
-                found += 1
-                carried += carry(task.held, plan.poses, task.room)
-        numbers = count, found, carried, f'{np.median(spent):.1f}', f'{max(spent):.1f}'
-        rows.append([kind, *map(str, numbers), str(max(steps))])
-    header = ('refused by', 'goals', 'found', 'carried', 'median [s]', 'longest [s]', 'most steps')
-    yield Table('', header, rows)
+    rows = []
+    for kind, (_, count, driven) in KINDS.items():
+        results = [try_task(task, number < driven) for number, task in enumerate(tasks(kind))]
+        found = [result for result in results if not result.why]
+        tried = [result for result in found if result.lost_in_mujoco is not None]
+        times = [result.time for result in results]
+        numbers = count, len(found), sum(not result.lost for result in found)
+        carried = sum(not result.lost_in_mujoco for result in tried)
+        cells = *map(str, numbers), f'{carried} of {len(tried)}', f'{np.median(times):.1f}'
+        steps = max(result.steps for result in results)
+        rows.append([kind, *cells, f'{max(times):.1f}', str(steps)])
+    header = ('refused by', 'goals', 'found', 'carried', 'in MuJoCo', 'median [s]', 'longest [s]')
+    yield Table('', (*header, 'most steps'), rows)
