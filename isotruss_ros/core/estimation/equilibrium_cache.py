@@ -9,9 +9,9 @@ Last equilibrium of the held object, with the changes of pose and squeeze since 
   bound, see `travel_limit`.
 - `drift` is the rate of the part of this change that (19) neglects, because commands that follow
   from (19) must compensate it: the bending that (19) neglects is up to a tenth of the motion.
-- The work of an equilibrium is spread over three cycles if no bound is exceeded thereby: a
-  step of Newton's method before it is due (`begun`), then the equilibrium in the configuration of
-  this step, then its utilisation and the derivatives by offsets (`completed`).
+- The work of an equilibrium is spread over cycles if no bound is exceeded thereby: steps of
+  Newton's method before it is due (`begun`), then the equilibrium in the configuration of these
+  steps, then its utilisation, then the derivatives by offsets (`prepared`).
 - `outputs` contain the linear change by corrections of the contacts, because an estimate must
   contain a measured pose at once, and the next equilibrium follows later.
 """
@@ -36,7 +36,12 @@ from isotruss_ros.core.estimation.grip_model import (
 from isotruss_ros.core.holding.contact_search import measure_gaps
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.roll_grip import begin_roll, roll_grip, with_pressures
+from isotruss_ros.core.holding.roll_grip import (
+    begin_roll,
+    is_near_linearisation,
+    roll_grip,
+    with_pressures,
+)
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -95,8 +100,8 @@ class EquilibriumCache:
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
     :ivar usage_errors: prediction at the equilibrium while its utilisation is unknown, so that
         `usage` is that of the last equilibrium before; None if it is known.
-    :ivar begun: the grip after a first step to the equilibrium in the configuration that was
-        expected of this cycle; None before it.
+    :ivar begun: the grip after first steps to the equilibrium in the configuration that is
+        expected when it is due; None before them.
     :ivar travel: (r,) roller travel since the equilibrium [m].
     :ivar step: (r,) roller travel in the last cycle [m].
     :ivar drift: present rate (4,) of the changes that (19) neglects [m/s, m/s, rad/s, N/s].
@@ -190,11 +195,6 @@ class EquilibriumCache:
         changes = {'predicted': predicted, 'travel': travel, 'step': step, 'drift': drift}
         return replace(self, usage=usage, **changes)
 
-    @property
-    def next_travel(self) -> Array:
-        """Return the travel (r,) that is expected in the next cycle [m]."""
-        return self.travel + self.step
-
     def travel_limit(self, pressures: Pressures, margin: float) -> float:
         """
         Return the norm of the travel beyond which the next equilibrium is due [m].
@@ -220,15 +220,37 @@ class EquilibriumCache:
         to_gap = max(float(MAX_ERRORS[0]), GAP_SHARE * width) / GAP_RATE
         return min(math.sqrt(min(squares)), to_gap)
 
-    def with_begun(self, config: Configuration) -> EquilibriumCache:
-        """Return the equilibrium with a first step to that in the cycle after a configuration."""
-        if np.abs(self.step).max() > MAX_FIRST_ORDER_TRAVEL:
+    def prepared(self, config: Configuration, limit: float) -> EquilibriumCache:
+        """Return the equilibrium after the work of a cycle in which the next one is not due."""
+        travels = (math.hypot(*(self.travel + n * self.step)) for n in (1, 2))
+        cycles = next((n for n, travel in enumerate(travels, 1) if travel > limit), None)
+        if not self.is_complete:
+            is_split = cycles is None and self.usage_errors is not None
+            return self.with_own_usage() if is_split else self.completed()
+        if cycles is None or cycles * np.abs(self.step).max() > MAX_FIRST_ORDER_TRAVEL:
             return self
-        start = self._start(self.held.pressures, self.next_travel)
+        expected = config.predict(cycles * self.step)
+        grip = self._near_begun(expected, limit)
         try:
-            return replace(self, begun=begin_roll(start, config.predict(self.step)))
+            if grip is None:
+                start = self._start(self.held.pressures, self.travel + cycles * self.step)
+                begun = begin_roll(start, expected)
+            elif is_near_linearisation(grip, TRACKED):
+                return self
+            else:
+                begun = begin_roll(grip, grip.config)
         except WorkLimitError:  # the next cycle goes on
             return self
+        return replace(self, begun=begun)
+
+    def _near_begun(self, config: Configuration, limit: float) -> HeldGrip | None:
+        """Return `begun`; None if its configuration is beyond a `limit` of travel [m]."""
+        if self.begun is None:
+            return None
+        travel = config.roller_positions - self.begun.config.roller_positions
+        if math.hypot(*travel) > limit:
+            return None
+        return dataclasses.replace(self.begun, anchors=self.anchors)
 
     def roll_begun(self, config: Configuration, limit: float) -> HeldGrip | None:
         """
@@ -236,13 +258,8 @@ class EquilibriumCache:
 
         It is also None if `begun` is farther from a configuration than a `limit` of travel [m].
         """
-        if self.begun is None:
-            return None
-        travel = config.roller_positions - self.begun.config.roller_positions
-        if math.hypot(*travel) > limit:
-            return None
-        current = dataclasses.replace(self.begun, anchors=self.anchors)
-        return roll_grip(current, self.begun.config, None, TRACKED, is_begun=True)
+        grip = self._near_begun(config, limit)
+        return grip and roll_grip(grip, grip.config, None, TRACKED, is_begun=True)
 
     def roll(
         self, config: Configuration, pressures: Pressures, shifts: Array | float = 0.0
@@ -264,11 +281,16 @@ class EquilibriumCache:
 
     def shifted(self, shifts: Array) -> EquilibriumCache:
         """Return the equilibrium with contacts shifted along members (m,) [m], to first order."""
+        begun, changes = self.begun, self.by_shifts @ shifts
+        if begun is not None:
+            unknowns = begun.state.unknowns + changes
+            begun = dataclasses.replace(begun, state=replace(begun.state, unknowns=unknowns))
         return replace(
             self,
+            begun=begun,
             anchors=self.anchors + shifts[self.held.contacts.owners],
             outputs=self.outputs + self.rates[:, SHIFTS:] @ shifts / self.scale,
-            shift_changes=self.shift_changes + self.by_shifts @ shifts,
+            shift_changes=self.shift_changes + changes,
         )
 
     def corrected(self, correction: Array, sensitivity: Array) -> EquilibriumCache:

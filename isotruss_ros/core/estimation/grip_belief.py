@@ -252,12 +252,10 @@ class GripBelief:
             belief, hold = belief._searched(config, pressures)
             if belief.cache is not cache:  # the new equilibrium is that in this configuration
                 belief = replace(belief, lag=replace(belief.lag, pose_at_equilibrium=pose))
-        elif cache.begun is not None or math.hypot(*cache.travel) > limit:
+        elif math.hypot(*cache.travel) > limit:
             belief, pose = belief._rolled(config, pressures, limit, pose)
-        elif not cache.is_complete:
-            belief = replace(belief, cache=cache.completed())
-        elif math.hypot(*cache.next_travel) > limit:
-            belief = replace(belief, cache=cache.with_begun(config))
+        else:
+            belief = replace(belief, cache=cache.prepared(config, limit))
         lag = belief.lag.recorded(pose, motion_since_reading, age)
 
         # Process noise; the expected load decays, which moves the estimated pose.

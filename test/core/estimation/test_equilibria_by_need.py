@@ -64,17 +64,18 @@ def follow_to_equilibrium():
     return beliefs
 
 
-def test_utilisation_and_derivatives_by_offsets_follow_one_cycle_after_their_equilibrium():
+def test_utilisation_and_then_derivatives_by_offsets_follow_in_the_cycles_after_an_equilibrium():
     *_, predicted, belief = beliefs = follow_to_equilibrium()
     usage, cache = predicted.cache.usage, belief.cache
     step = cache.usage_errors.travel + cache.travel - predicted.cache.travel
     assert cache.usage.used == pytest.approx(usage.rolled(step).used)
     assert belief.cache.by_offsets is predicted.cache.by_offsets
-    complete = follow(belief, 0.01 * len(beliefs), 0.01)
+    with_usage = follow(belief, 0.01 * len(beliefs), 0.01)
+    at_equilibrium = with_usage.cache.usage.rolled(-with_usage.cache.travel).used
+    assert at_equilibrium == pytest.approx(belief.held.sections.used.max())
+    complete = follow(with_usage, 0.01 * (len(beliefs) + 1), 0.01)
     assert complete.held is belief.held
     assert complete.cache.by_offsets.held is belief.held
-    at_equilibrium = complete.cache.usage.rolled(-complete.cache.travel).used
-    assert at_equilibrium == pytest.approx(belief.held.sections.used.max())
 
 
 def test_the_first_step_to_an_equilibrium_is_taken_before_it_is_due():
