@@ -229,26 +229,25 @@ class EquilibriumCache:
             return self.with_own_usage() if is_split else self.completed()
         if cycles is None or cycles * np.abs(self.step).max() > MAX_FIRST_ORDER_TRAVEL:
             return self
-        expected = config.predict(cycles * self.step)
-        grip = self._near_begun(expected, limit)
+        expected = cycles * self.step
+        grip = self._near_begun(config.roller_positions + expected, limit)
+        if grip is not None and is_near_linearisation(grip, TRACKED):
+            return self
         try:
             if grip is None:
-                start = self._start(self.held.pressures, self.travel + cycles * self.step)
-                begun = begin_roll(start, expected)
-            elif is_near_linearisation(grip, TRACKED):
-                return self
+                start = self._start(self.held.pressures, self.travel + expected)
+                begun = begin_roll(start, config.predict(expected))
             else:
                 begun = begin_roll(grip, grip.config)
         except WorkLimitError:  # the next cycle goes on
             return self
         return replace(self, begun=begun)
 
-    def _near_begun(self, config: Configuration, limit: float) -> HeldGrip | None:
-        """Return `begun`; None if its configuration is beyond a `limit` of travel [m]."""
+    def _near_begun(self, positions: Array, limit: float) -> HeldGrip | None:
+        """Return `begun`; None if it is beyond a `limit` of travel from roller positions [m]."""
         if self.begun is None:
             return None
-        travel = config.roller_positions - self.begun.config.roller_positions
-        if math.hypot(*travel) > limit:
+        if math.hypot(*(positions - self.begun.config.roller_positions)) > limit:
             return None
         return dataclasses.replace(self.begun, anchors=self.anchors)
 
@@ -258,7 +257,7 @@ class EquilibriumCache:
 
         It is also None if `begun` is farther from a configuration than a `limit` of travel [m].
         """
-        grip = self._near_begun(config, limit)
+        grip = self._near_begun(config.roller_positions, limit)
         return grip and roll_grip(grip, grip.config, None, TRACKED, is_begun=True)
 
     def roll(

@@ -216,6 +216,8 @@ def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
     # Its Schur complement, for constant contacts, has the squared singular values of the twist.
     by_contacts = np.linalg.solve(gram[contacts, contacts], gram[contacts, twist])
     squares, modes = np.linalg.eigh(gram[twist, twist] - gram[twist, contacts].dot(by_contacts))
+    if (squares >= soft_rank**2).all():
+        return False
     removed_shares = 1.0 - np.clip(squares / soft_rank**2, 0.0, 1.0)
     # The least-cost speeds for the opening rate produce a part of the twist; the other is reduced.
     remainder = direction[twist] - direction[contacts].dot(by_contacts)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Changes of frozen records in a control cycle, a third as long as `dataclasses.replace`."""
+"""Changes of frozen records in a control cycle, much faster than `dataclasses.replace`."""
 
 from __future__ import annotations
 
@@ -19,13 +19,18 @@ def replace(record: T, **changes: Any) -> T:
     No `__post_init__` checks the values again. Cached properties are left out.
     """
     kind: Any = type(record)
-    before = vars(record)
-    fields = {name: before[name] for name in _field_names(kind)}
-    if not changes.keys() <= fields.keys():
-        unknown = ', '.join(sorted(changes.keys() - fields.keys()))
-        raise TypeError(f'{kind.__name__} has no field {unknown}')
+    before, names = vars(record), _field_names(kind)
     changed: T = object.__new__(kind)
-    vars(changed).update(fields, **changes)
+    fields = vars(changed)
+    if len(before) == len(names):
+        fields.update(before)
+    else:  # without cached properties
+        for name in names:
+            fields[name] = before[name]
+    fields.update(changes)
+    if len(fields) > len(names):
+        unknown = ', '.join(sorted(changes.keys() - set(names)))
+        raise TypeError(f'{kind.__name__} has no field {unknown}')
     return changed
 
 
