@@ -34,6 +34,15 @@ def follow(belief, time, period, pressures=None):
     return belief
 
 
+def check_errors(belief, held):
+    """Check the errors of pose and squeeze relative to an equilibrium."""
+    *errors, squeeze_error = pose_difference(
+        belief.outputs, np.append(held.pose, held.squeeze)
+    ) * (1.0, 1.0, held.arm, 1.0)
+    assert np.linalg.norm(errors) < MAX_ERRORS[0]
+    assert abs(squeeze_error) < MAX_ERRORS[1]
+
+
 @pytest.mark.parametrize('period', [0.01, 0.05])
 def test_predicted_pose_squeeze_and_slip_margin_are_within_the_bounds_of_their_errors(period):
     belief, held = BELIEF, MODEL
@@ -41,11 +50,7 @@ def test_predicted_pose_squeeze_and_slip_margin_are_within_the_bounds_of_their_e
         belief = follow(belief, number * period, period)
         config = CONFIG.moved_to(CONFIG.roller_positions + number * period * SPEED)
         held = roll_grip(held, config)
-        *errors, squeeze_error = pose_difference(
-            belief.outputs, np.append(held.pose, held.squeeze)
-        ) * (1.0, 1.0, held.arm, 1.0)
-        assert np.linalg.norm(errors) < MAX_ERRORS[0]
-        assert abs(squeeze_error) < MAX_ERRORS[1]
+        check_errors(belief, held)
         assert belief.slip_margin == pytest.approx(held.slip_margin(GRIP.friction), abs=0.2)
 
 
@@ -85,6 +90,20 @@ def test_the_first_step_to_an_equilibrium_is_taken_before_it_is_due():
     np.testing.assert_allclose(
         belief.held.state.unknowns, without_step.state.unknowns, rtol=1e-6, atol=1e-9
     )
+
+
+@pytest.mark.parametrize('turned', [-SPEED, SPEED[::-1], 0.1 * SPEED])
+def test_a_motion_may_turn_after_the_first_step_to_an_equilibrium(turned):
+    *_, belief, _ = beliefs = follow_to_equilibrium()
+    assert belief.cache.begun is not None
+    start = CONFIG.roller_positions + 0.01 * (len(beliefs) - 2) * SPEED
+    held = belief.held
+    for number in range(1, 50):
+        config = CONFIG.moved_to(start + 0.01 * number * turned)
+        belief, _ = belief.followed(config, 0.01, None)
+        held = roll_grip(held, config)
+        check_errors(belief, held)
+    assert belief.held is not beliefs[0].held
 
 
 def test_an_equilibrium_is_complete_at_once_in_the_cycle_after_another_one():
