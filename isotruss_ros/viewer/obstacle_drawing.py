@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Drawing of obstacles in the scene: prisms with their names, and strips along walls."""
+"""Drawing of obstacles in the scene: prisms with their names, and parts of walls."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ import viser
 COLOR, SILENT_COLOR = (0, 128, 128), (160, 200, 200)
 #: Number of points along the outline of an obstacle of any size [-].
 OUTLINE_POINTS = 100
-#: Thickness and half of the length of the drawn strip of a wall [m].
-WALL_THICKNESS, WALL_LENGTH = 0.1, 3.0
+#: Depth and half of the length of the drawn part of a wall [m]; the depth shows on which side the
+#: wall is, also to those who have put the robot inside by a wrong sign.
+WALL_DEPTH, WALL_LENGTH = 3.0, 3.0
 
 
 @dataclass
@@ -81,6 +82,8 @@ class ObstacleDrawing:
             f'{path}/body', vertices.astype(np.float32), faces, color=COLOR, side='double'
         )
         middle = complex(outline.mean())
+        if isinstance(shape, HalfPlane):
+            middle = complex(outline.real.max(), middle.imag)
         self._scene.add_label(
             f'{path}/name',
             obstacle.name,
@@ -97,6 +100,4 @@ class ObstacleDrawing:
         turn = complex(math.cos(angle), math.sin(angle))
         foot = ((self._center - complex(x, y)) / turn).imag
         low, high = foot - WALL_LENGTH, foot + WALL_LENGTH
-        return np.array(
-            [-WALL_THICKNESS + 1j * low, 1j * low, 1j * high, -WALL_THICKNESS + 1j * high]
-        )
+        return np.array([-WALL_DEPTH + 1j * low, 1j * low, 1j * high, -WALL_DEPTH + 1j * high])
