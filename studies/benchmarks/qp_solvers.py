@@ -67,20 +67,20 @@ def varied(problem: QuadraticProgram, rng: np.random.Generator) -> QuadraticProg
 
 
 def by_peer(problem: QuadraticProgram, name: str) -> Array | None:
-    """Solve a program by another solver."""
+    """Solve a program by another solver; None if it refuses the program."""
     rows = len(problem.rows) > 0
-    return qpsolvers.solve_problem(
-        qpsolvers.Problem(
-            problem.hessian,
-            problem.gradient,
-            problem.rows if rows else None,
-            problem.bounds if rows else None,
-            problem.equality,
-            problem.target,
-        ),
-        name,
-        **PEERS[name],
-    ).x
+    posed = qpsolvers.Problem(
+        problem.hessian,
+        problem.gradient,
+        problem.rows if rows else None,
+        problem.bounds if rows else None,
+        problem.equality,
+        problem.target,
+    )
+    try:
+        return qpsolvers.solve_problem(posed, name, **PEERS[name]).x
+    except qpsolvers.ProblemError:  # quadprog needs a positive definite matrix
+        return None
 
 
 def cost_of(problem: QuadraticProgram, x: Array | None) -> float:
