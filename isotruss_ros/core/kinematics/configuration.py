@@ -158,7 +158,11 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     @single_threaded
     def moved_together(self, roller_positions: Array) -> list[Configuration | ConfigurationError]:
-        """Return the results or errors of `moved_to` for several roller travels (n, r) [m]."""
+        """
+        Return the results or errors of `moved_to` for several roller travels.
+
+        :param roller_positions: (n, r) roller travels since home [m].
+        """
         constraints, goals = self.robot.constraints, np.array(roller_positions)
         lengths = np.array([_span_lengths(self.robot, goal) for goal in goals])
         points, are_found = follow_branches(constraints, self.points, lengths, self.factor)
