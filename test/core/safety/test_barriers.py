@@ -10,10 +10,18 @@ from contracts import check_barrier
 from grips import disc_grip
 from held_grips import AROUND
 from hypothesis import assume, given
-from isotruss_ros.core import Disc, Grip, load_robot, place_between, Polygon
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Ellipse,
+    Grip,
+    load_robot,
+    place_between,
+    Polygon,
+)
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.safety.barrier_law import ActiveValues, ALL_VALUES, BarrierLaw, BarrierLimit
-from isotruss_ros.core.safety.barriers import ClearanceBarrier, RigidityBarrier
+from isotruss_ros.core.safety.barriers import ClearanceBarrier, EvaluatedState, RigidityBarrier
 import numpy as np
 import pytest
 from random_grips import random_convex_grip
@@ -94,6 +102,33 @@ def test_distances_of_the_object_are_those_of_its_present_grip():
     barrier.active(robot.home, Grip(AROUND[:2], body))
     near, fresh = (each.active(robot.home, other) for each in (barrier, ObjectBarrier(robot, law)))
     assert near.indices.tolist() == fresh.indices.tolist()
+
+
+def moved(shift=0.0, pose=(0.0, 0.0, 0.0), width=0.1, members=AROUND):
+    """Return stand-ins of a configuration with two points that approach, and of a grip."""
+    config = SimpleNamespace(points=np.array([shift, 1.0 - shift]))
+    return config, SimpleNamespace(members=members, body=ConvexObject(Ellipse((0.2, width)), pose))
+
+
+@pytest.mark.parametrize(
+    ('changes', 'approach'),
+    [
+        ({'shift': 0.1}, 0.2),
+        ({'shift': 0.02, 'pose': (0.0, 0.1, 0.0)}, 0.12),
+        ({'pose': (0.0, 0.1, 0.5)}, 0.1 + 0.2 * 2.0 * np.sin(0.25)),
+        ({'width': 0.11}, np.inf),
+        ({'members': AROUND[:2]}, np.inf),
+    ],
+)
+def test_evaluated_distances_are_valid_until_their_spare_is_used(changes, approach):
+    config, grip = moved()
+    there, later = moved(**changes)
+    for share, is_valid in ((0.99, False), (1.01, not np.isinf(approach))):
+        state = EvaluatedState(config, grip, share * min(approach, 1e9))
+        assert state.holds(there, later, ()) == is_valid
+        if 'shift' in changes:
+            alone = EvaluatedState(config, None, share * 2.0 * changes['shift'])
+            assert alone.holds(there, None, ()) == is_valid
 
 
 @robots.examples(100)

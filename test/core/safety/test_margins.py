@@ -8,9 +8,6 @@ from types import SimpleNamespace
 from held_grips import box_between, NINE
 from isotruss_ros import core
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
-from isotruss_ros.core.model.convex_object import SegmentGaps
-from isotruss_ros.core.safety.barrier_law import BarrierLaw
-from isotruss_ros.core.safety.barriers import NeighborList
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.safety.usage_limits import UsageLimits
@@ -53,50 +50,6 @@ def test_a_shape_on_a_line_is_not_rigid():
     robot = core.load_robot('triangle')
     flat = core.Configuration(robot, np.zeros(2), robot.home.points.real + 0j)
     assert shape_margins(flat).rigidity == 0.0
-
-
-LAW = BarrierLaw(0.1, 0.2)
-
-
-def grip_of(center=0.0, turn=0.0, reach=1.0, members=('P-Q', 'Q-R')):
-    """Return a stand-in of the grip of a rod from the centre to its tip."""
-    shape = SimpleNamespace(reach=reach)
-    body = SimpleNamespace(center=center, turn=turn, shape=shape)
-    return SimpleNamespace(members=members, body=body)
-
-
-def tip(grip):
-    body = grip.body
-    return body.center + body.shape.reach * np.exp(1j * body.turn)
-
-
-@pytest.mark.parametrize('seed', range(5))
-@pytest.mark.parametrize('held', [False, True])
-def test_neighbor_list_agrees_with_all_pairs(held, seed):
-    rng, pairs = np.random.default_rng(seed), NeighborList(LAW)
-    points = rng.uniform(-1.5, 1.5, 12) + 1j * rng.uniform(-1.5, 1.5, 12)
-    grip, counts = grip_of() if held else None, set()
-    for step in range(400):
-        if step % 50 == 0:
-            speeds = 0.01 * np.exp(2j * np.pi * rng.uniform(size=12)) - 0.004 * points
-            turning = rng.choice([-0.03, 0.03])
-        points = points + speeds
-        if held:
-            body = grip.body
-            reach = rng.uniform(1.0, 2.0) if step % 90 == 0 else body.shape.reach
-            grip = grip_of(body.center + 0.002, body.turn + turning, reach)
-        others = points - tip(grip) if held else points[:6] - points[6:]
-        distances = np.abs(others)
-        config = SimpleNamespace(points=points)
-        indices, nearest = pairs.find_close(
-            config,
-            grip,
-            lambda chosen, all_of=distances: SegmentGaps(*3 * [all_of[chosen]]),
-        )
-        assert indices.tolist() == np.flatnonzero(distances < LAW.active_below).tolist()
-        assert nearest.gaps.tolist() == distances[indices].tolist()
-        counts.add(len(indices))
-    assert len(counts) > 1
 
 
 PERIOD = 0.02

@@ -59,13 +59,6 @@ def test_a_stuck_roller_is_detected_after_its_failure_time(speed, time):
     assert time <= detected['b'] <= time + 0.02
 
 
-def test_a_roller_that_becomes_stuck_after_a_long_way_is_detected():
-    rollers = Rollers(noise=1e-4)
-    assert rollers.run(steady([0.1] * 4, 60.0)) == {}
-    rollers.works[1] = 0.0
-    assert set(rollers.run(steady([0.1] * 4, 2.0), start=160.0)) == {'b'}
-
-
 @robots.examples(40)
 @given(robots.generators(), st.floats(0.1, 4.5))
 def test_oscillating_commands_detect_stuck_rollers_alone(rng, frequency):

@@ -100,31 +100,6 @@ def test_the_rigidity_index_stays_above_its_bound(acceleration):
     assert 'the rigidity index' in slowed[0].limiting
 
 
-@pytest.mark.parametrize('seed', some_now(range(4)))
-def test_a_robot_beyond_its_bounds_gets_no_further_beyond_them(seed):
-    """From beyond all bounds at once the robot may move as long as nothing gets worse."""
-    rng = np.random.default_rng(seed)
-    held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
-    own = np.array(walks.LEAST)
-    reached = walks.margins(held) + own
-    bounds = ShapeBounds(min(0.95, reached[0] + 0.05), reached[1] + 0.01, reached[2] + 0.02)
-    robot = Driven(held, PERIOD, bounds=bounds, slide_along_limits=False)
-    least = (
-        np.array((bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance)) - own
-    )
-    moved, before = 0, walks.margins(robot.held)
-    for step in range(100):
-        if step % 20 == 0:
-            twist = 0.05 * rng.standard_normal(3)
-        command = robot.step(twist)
-        after = walks.margins(robot.held)
-        # Effects of second order of a step of at most 1 mm remain.
-        assert (after >= before - 1e-5)[before < least].all()
-        moved += command.scale > 1e-3
-        before = after
-    assert moved
-
-
 @robots.examples(12)
 @given(robots.robots(), robots.generators(), st.booleans())
 def test_any_robot_keeps_its_bounds_and_gets_no_further_beyond_them(robot, rng, slide):
@@ -225,25 +200,6 @@ def test_commands_of_any_duration_cross_no_bound(duration):
                 stays = command.status is Status.UNREACHABLE and share > 0.0
                 assert kept.status in ({Status.UNREACHABLE} if stays else BARRIERS)
     assert bool(reduced) == (duration >= 0.5)
-
-
-def test_a_short_command_that_is_kept_violates_no_limit_at_its_end():
-    guard, checked = ShapeGuard(walks.ROBOT, walks.BOUNDS), 0
-    for seed in range(12):
-        held, commands = commanded(seed)
-        for command in commands:
-            speeds = 0.09 * command.roller_velocities / np.abs(command.roller_velocities).max()
-            middle = rolled(held, 0.5 * PERIOD * speeds)
-            watch = guard.watch(middle.config, middle.grip)
-            command = replace(command, roller_velocities=speeds)
-            if watch.keep(command, speeds, PERIOD) is command:
-                end = rolled(held, PERIOD * speeds)
-                motion = end.config, end.grip, PERIOD * speeds, speeds, PERIOD
-                assert [limit.violation(*motion) for limit in watch.limits] == [None] * len(
-                    watch.limits
-                )
-                checked += len(watch.limits)
-    assert checked
 
 
 class Kink:

@@ -85,7 +85,7 @@ def test_walks_cross_a_bound_without_the_guard(seed, steps):
 
 
 @pytest.mark.parametrize('seed', some_now([20, 40, 77, 99, 224, 889], 3))
-def test_rollers_do_not_chatter_from_beyond_a_bound(seed):
+def test_a_robot_beyond_bounds_gets_no_further_beyond_them_and_does_not_chatter(seed):
     commands, lost = come_back(seed, steps=20)
     assert commands.any()
     assert reversals(commands) <= EXCHANGE
