@@ -110,24 +110,14 @@ def test_rollers_reach_a_twist_its_reverse_and_rest_within_the_acceleration(join
     assert not command.roller_velocities.any()
 
 
-def test_other_commands_keep_the_acceleration_but_for_zero():
-    servo = driven('north/R').servo
-    asked, before = np.linspace(-0.1, 0.1, N), np.zeros(N)
-    for cycle in range(12):
-        speeds = servo.command(asked, cycle * PERIOD)
-        assert np.abs(speeds - before).max() <= CHANGE * (1.0 + 1e-9)
-        before = speeds
-    assert (speeds == asked).all()
-    assert not servo.command(np.zeros(N), 12 * PERIOD).any()
-
-
 @pytest.mark.parametrize(('elapsed', 'counted'), [(0.3, 1.0), (1.0, 1.0), (3.0, 3.0)])
-def test_a_late_command_may_change_by_more_and_an_early_one_by_that_of_a_period(elapsed, counted):
+def test_commands_of_rollers_change_by_the_elapsed_time_or_a_period_or_halt(elapsed, counted):
     servo, asked = driven('north/R').servo, np.linspace(-1.0, 1.0, N)
     first = servo.command(asked, 1.0)
     assert np.abs(first).max() == pytest.approx(CHANGE)
     second = servo.command(asked, 1.0 + elapsed * PERIOD)
     assert np.abs(second - first).max() == pytest.approx(counted * CHANGE)
+    assert not servo.command(0.0 * asked, 1.0 + 4.0 * PERIOD).any()
 
 
 def test_a_robot_of_little_acceleration_stops_before_its_limits():

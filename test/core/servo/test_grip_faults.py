@@ -3,7 +3,9 @@
 
 """Faults of a grip that the servo detects from the poses of a robot at rest."""
 
+from copy import deepcopy
 from dataclasses import replace
+from functools import cache
 import math
 
 from grips import gripped
@@ -14,7 +16,7 @@ from isotruss_ros.core.inputs import StampedInput
 import numpy as np
 import pytest
 import robots
-from squeeze_loop import SqueezeLoop
+from squeeze_loop import SqueezeLoop, TIMEOUT
 
 CONFIG, BODY = gripped(35.0, squeeze=0.1)
 MODEL = attach_grip(CONFIG, BODY)
@@ -24,13 +26,18 @@ ROLLERS = np.zeros(len(CONFIG.robot.roller_names))
 CLOSED, GONE = (0.0, 0.0, 0.0), (5.0, 5.0, 0.0)
 
 
-def held(load=0.0, **settings):
-    """Return a loop after six poses, with an expected load [N]; 0: that of the estimator."""
-    options = {'pose_gain': 4.0, 'frequency': FREQUENCY, 'load': load} | settings
-    loop = SqueezeLoop(CONFIG, GRIP, follows=False, **options)
+@cache
+def loop_at_rest(load, more, timeout):
+    options = {'pose_gain': 4.0, 'frequency': FREQUENCY, 'load': load, 'more': more}
+    loop = SqueezeLoop(CONFIG, GRIP, follows=False, servo={'timeout': timeout}, **options)
     for number in range(6):
         loop.cycle(away=(0.0, 1e-5 * (-1) ** number, 0.0))
     return loop
+
+
+def held(load=0.0, more=1.0, timeout=TIMEOUT):
+    """Return a loop after six poses, with an expected load [N]; 0: that of the estimator."""
+    return deepcopy(loop_at_rest(load, more, timeout))
 
 
 def shake(loop, twist=CLOSED, every=1):
@@ -158,7 +165,7 @@ def test_a_loss_during_an_oscillation_is_a_fault_that_remains():
 
 
 def test_a_short_slip_is_noted_for_three_seconds():
-    loop = held(servo={'timeout': 0.5})
+    loop = held(timeout=0.5)
     messages = [
         loop.cycle(away=(0.0, 6e-3 + 3e-4 * (-1) ** number, 0.0), elapsed=0.1).message
         for number in range(36)

@@ -9,9 +9,8 @@ from functools import partial
 from grips import gripped
 from isotruss_ros.core import Grip, Status
 from isotruss_ros.core.estimation import state_estimate
-from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_shape import held_joints, lowest_frequency
+from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from nightly import some_now
@@ -105,7 +104,7 @@ def test_pose_corrections_pass_two_low_pass_filters_with_the_time_constant_of_th
 def test_an_unknown_load_changes_the_squeeze_little_and_not_the_pose(sign):
     loop = Loop()
     loop.object.external_wrench = (1.8, 2.4 * sign, 0.0)
-    loop.run((0.02, 0.02, 0.0), 0.9)
+    loop.run((0.02, 0.02, 0.0), 0.6)
     assert loop.squeeze == pytest.approx(loop.target, rel=0.04)
     assert loop.final_error() < 2e-4
 
@@ -129,14 +128,6 @@ def test_a_squeeze_is_increased_and_only_a_known_one_is_reduced(zeros, more, end
     assert loop.squeeze == pytest.approx(end * first, rel=0.03)
     assert state_estimate.is_squeeze_known(*loop.decisions[-1].squeeze) is is_known
     assert ('squeeze unknown' in loop.decisions[-1].message) is not is_known
-
-
-def test_a_new_grip_has_the_deviation_of_estimated_offsets():
-    known = state_estimate.EstimatedTravel(np.zeros(6), 1e-8 * np.eye(6))
-    loops = Loop(zero_deviation=1e-2), Loop(zero_deviation=1e-2)
-    first = loops[0].cycle().squeeze
-    informed = loops[1].cycle(estimate=StampedInput(known, loops[1].now)).squeeze
-    assert informed[1] < 0.9 * first[1]  # with the error of the stiffness
 
 
 @pytest.mark.parametrize('size', some_now([1e-2, 1e-3]))
@@ -196,31 +187,6 @@ def test_gains_follow_from_the_settings_before_the_model():
         decision = SqueezeLoop(CONFIG, heavy, **defaults | settings).cycle()
         assert decision.pose_gain == pytest.approx(gain, rel=1e-3)
         assert decision.frequency == pytest.approx(frequency, rel=1e-3)
-
-
-@pytest.mark.parametrize('degrees', some_now([1.0, -1.0]))
-def test_an_object_at_rest_is_held_with_markers_in_a_turned_frame(degrees):
-    loop, names = Loop(pose_gain=None, load=0.0), CONFIG.robot.topology.joint_names
-    estimator = StateEstimator(CONFIG.robot, state_estimate.EstimatorSettings(stiffness=0.0))
-    estimator.set_grip(GRIP)
-    turn = np.exp(1j * np.radians(degrees))
-    for number in range(12):
-        now, readings = loop.now, loop.plant.roller_positions
-        estimator.take_encoders(now, readings)
-        estimator.take_pose(now, loop.plant.object_pose, np.array([1e-3, 1e-3, 0.009]))
-        if number % 3 == 0:
-            joints = turn * (held_joints(loop.object.grasp) @ [1.0, 1.0j])
-            seen = dict(zip(names, joints[:, None].view(float), strict=True))
-            estimator.take_markers(now, {name: seen[name] for name in ('Q', 'R', 'Z')}, 1e-3)
-        estimate = estimator.estimate()
-        offsets = estimate.offsets
-        known = state_estimate.EstimatedTravel(offsets, estimate.offset_covariance)
-        state = RollerState(readings + offsets, np.zeros(6), offsets)
-        inputs = {'rollers': StampedInput(state, now), 'estimate': StampedInput(known, now)}
-        squeeze = loop.squeeze
-        decision = loop.cycle(**inputs)
-        assert decision.command.status < Status.HALT_NO_TWIST
-        assert abs(decision.squeeze[0] - squeeze) < 2.0 * estimate.squeeze_deviation
 
 
 def test_model_uses_measured_pressures_from_the_start_and_in_motion():

@@ -63,6 +63,10 @@ HEIGHT = 0.0015 * math.sqrt(2.0)
             for axis in range(3)
             for rate, known in ((12.0, 12.0), (2.4, None))  # the frequency is 2.4 rad/s if unknown
         ),
+        *(
+            ('height', HEIGHT, {'rate': 12.0, 'known': 12.0, 'offset': offset, 'duration': 80.0})
+            for offset in (-0.05, 0.05)
+        ),
         # Five deviations of the noise.
         ('height', HEIGHT * 10.0 / 1.5, {'rate': 12.0, 'known': 12.0, 'noise': 2e-3}),
         # A half period lasts 5.5 half periods of the object and 2.6 s at most.
@@ -84,12 +88,6 @@ def test_a_restarted_detection_needs_three_more_swings():
     poses.watch = poses.watch.restarted()
     assert not swinging(0.01, 12.0, poses=poses, duration=2.5 * math.pi)
     assert swinging(0.01, 12.0, poses=poses, duration=3.0 * math.pi)
-
-
-@pytest.mark.parametrize('offset', [-0.05, 0.05])
-@pytest.mark.parametrize(('height', 'detected'), [(0.0018, False), (0.008, True)])
-def test_swings_are_detected_about_any_displacement(offset, height, detected):
-    assert swinging(height, 10.0, 12.0, offset=offset, duration=80.0) is detected
 
 
 def test_noise_is_no_oscillation():

@@ -84,23 +84,6 @@ def test_the_status_states_the_age_of_a_late_twist_but_not_of_the_last_twist():
     assert ended.command.status is core.Status.HALT_NO_TWIST
 
 
-def test_decision_is_independent_of_earlier_states():
-    """A servo that has been elsewhere decides as a new one does."""
-    there = np.linspace(-0.1, 0.12, len(HOME))
-    config = ROBOT.configuration(there)
-    center = core.tangent_center(config, MODULE, DIAMETER)
-    travelled = servo()
-    travelled.decide(NOW)
-    travelled.receive(rollers=StampedInput(at([9.0, 0, 0, 0, 0, 0]), NOW))
-    travelled.decide(NOW)
-    for made in (travelled, fresh := servo()):
-        made.receive(
-            rollers=StampedInput(at(there), NOW), pose=StampedInput(core.Pose(*center, 0.0), NOW)
-        )
-    expected = fresh.decide(NOW).command.roller_velocities
-    assert travelled.decide(NOW).command.roller_velocities == pytest.approx(expected, abs=1e-10)
-
-
 def moved(positions):
     """Return the servo's inputs of now, for a robot that has taken the object along."""
     there = ROBOT.configuration(positions)
