@@ -100,31 +100,31 @@ def random_case(seed):
     )
 
 
-def _placed(case, move, **changes):
-    """Return a case whose joints and object are moved by a function of x + iy."""
+def _placed(case, move, sense=1.0, turned=0.0, **changes):
+    """Return a case whose joints and object are moved by a function of x + iy, and turned."""
     document = copy.deepcopy(case.document)
     for name, (x, y) in document['joints'].items():
         z = move(complex(x, y))
         document['joints'][name] = [z.real, z.imag]
-    return replace(case, document=document, **changes)
+    place, angle = case.pose
+    pose = move(place), sense * angle + turned
+    return replace(case, document=document, pose=pose, **changes)
 
 
 def shifted(case, rng):
     away = complex(*rng.uniform(-10.0, 10.0, 2))
-    place, angle = case.pose
-    return _placed(case, lambda z: z + away, pose=(place + away, angle))
+    return _placed(case, lambda z: z + away)
 
 
 def turned(case, rng):
     """Return a grasp turned by one to three quarters: supports are along the axes."""
     quarters = int(rng.integers(1, 4))
     turn = 1j**quarters
-    place, angle = case.pose
     force, moment = case.wrench
     case_then = _placed(
         case,
         lambda z: z * turn,
-        pose=(place * turn, angle + 0.5 * np.pi * quarters),
+        turned=0.5 * np.pi * quarters,
         wrench=(force * turn, moment),
         turn=case.turn * turn,
     )
@@ -137,7 +137,6 @@ def turned(case, rng):
 
 def mirrored(case, _rng):
     """Return the mirror image of a grasp: tubes run the other way around."""
-    place, angle = case.pose
     force, moment = case.wrench
     shape = case.shape
     if isinstance(shape, core.Polygon):
@@ -145,7 +144,7 @@ def mirrored(case, _rng):
     return _placed(
         case,
         lambda z: z.conjugate(),
-        pose=(place.conjugate(), -angle),
+        sense=-1.0,
         wrench=(force.conjugate(), -moment),
         shape=shape,
         turn=np.conj(case.turn),
@@ -213,11 +212,9 @@ def stiffened(case, rng):
 def enlarged(case, rng):
     """Return a grasp in other lengths, down to tubes of 5 mm, at the same pressure."""
     factor = 10.0 ** rng.uniform(-1.3, 0.3)
-    place, angle = case.pose
     larger = _placed(
         _scaled_forces(case, factor**2, factor),
         lambda z: factor * z,
-        pose=(factor * place, angle),
         shape=random_grips.scaled(case.shape, factor),
         travel={name: factor * value for name, value in case.travel.items()},
         length=case.length * factor,
@@ -262,7 +259,7 @@ FRICTION = 0.8
 #: Sizes of which errors are shares where values are smaller [N, m]: the rest is rounding.
 FLOORS = dict.fromkeys(('forces', 'friction', 'margin'), 1.0)
 FLOORS |= dict.fromkeys(('displacement', 'deflection'), 1e-3)
-FLOORS |= dict.fromkeys(('utilisation', 'turns'), 1e-3)
+FLOORS |= {'utilisation': 1e-3, 'turns': 1e-3, 'range of friction': 10.0}
 
 
 def axes(case):
@@ -304,6 +301,7 @@ def settled(case):
             'utilisation': in_order(case, grasp.utilisation),
             'margin': grasp.slip_margin / case.force,
             'stiffness': at_middle(case, there, grasp.stiffness),
+            'range of friction': np.array(grasp.friction_range),
         }
     return values
 

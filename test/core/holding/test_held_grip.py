@@ -175,18 +175,6 @@ def test_three_members_hold_a_disc_by_equal_friction():
     assert set(core.settle_grasp(HOME, ellipse.body, 0.5).normal_forces) == set(LOOP)
 
 
-def test_faces_at_three_members_hold_a_force_without_friction():
-    normals = np.exp(1j * np.deg2rad([30.0, 150.0, 270.0]))
-    corners = np.outer(normals, [0.3207 - 0.1j, 0.3207 + 0.1j]).ravel()
-    hexagon = core.Polygon(corners.view(float).reshape(-1, 2), corner_radius=0.02)
-    body = core.ConvexObject(hexagon, (0.0, -0.8267, 0.01))
-    settled = core.settle_grasp(HOME, body, 0.5, (1.0, -2.0, 0.2), members=LOOP)
-    assert settled.hold is core.HoldStatus.HELD
-    assert [*settled.friction_forces.values()] == pytest.approx([0.0] * 3, abs=1e-9)
-    forces = np.array([settled.normal_forces[LOOP[number]] for number in (0, 2, 1)])
-    assert (forces * normals).sum() == pytest.approx(1.0 - 2.0j, abs=0.1)
-
-
 def gap_of_third(diameter):
     """Return a disc between two sides of a loop, and how far the third side is from it [m]."""
     body = core.place_between(HOME, LOOP[:2], core.Disc(diameter), indentation=0.012).body

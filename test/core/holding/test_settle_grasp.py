@@ -17,7 +17,6 @@ from isotruss_ros.core.kinematics.depths import member_depths, push_out
 from nightly import some_now
 import numpy as np
 import pytest
-import robots
 from robots import with_round_tubes
 from skin_depths import contact_loads
 
@@ -208,34 +207,6 @@ def test_equilibria_of_other_histories_use_the_necessary_friction_or_more(member
         used.append(np.abs(other.state.friction_forces / other.state.normal_forces).max())
     assert min(used) > 0.995 * settled.friction_range.necessary
     assert max(used) > 1.005 * settled.friction_range.necessary
-
-
-def moved_home(change, supports):
-    """Return the home configuration of a robot with moved joints and its own supports."""
-    document = robots.preset_document('nine_member')
-    places = {name: change(complex(*place)) for name, place in document['joints'].items()}
-    document['joints'] = {name: [place.real, place.imag] for name, place in places.items()}
-    return robots.load({**document, 'supports': supports}).home
-
-
-@pytest.mark.parametrize(
-    ('members', 'shape', 'degrees'), [(CORNER, BOX, 60.0), (LOOP, HEXAGON, 10.0)]
-)
-def test_range_is_invariant_to_turns_and_reflections(members, shape, degrees):
-    expected = settled_between(members, shape, degrees).friction_range
-    turned_home = moved_home(lambda place: 1j * place, {'X': ['x', 'y'], 'Y': ['x']})
-    turned = settled_between(members, shape, degrees + 90.0, home=turned_home)
-    reflected_home = moved_home(lambda place: -place.conjugate(), {'X': ['x', 'y'], 'Y': ['y']})
-    reflected_shape = Polygon([(-x, y) for x, y in shape.vertices][::-1], shape.corner_radius)
-    reflected = settled_between(members, reflected_shape, -degrees, home=reflected_home)
-    assert turned.friction_range == pytest.approx(expected, abs=1e-4)
-    assert reflected.friction_range == pytest.approx(expected, abs=1e-4)
-
-
-def test_range_does_not_depend_on_the_scale_of_the_forces():
-    home = with_round_tubes(HOME)
-    soft, stiff = (settled_between(CORNER, BOX, 60.0, home=home, stiffness=k) for k in (1.0, 2.0))
-    assert stiff.friction_range == pytest.approx(soft.friction_range, abs=1e-3)
 
 
 def test_range_of_three_members_grows_with_the_friction_of_the_histories():
