@@ -3,9 +3,11 @@
 
 """Objects that roll in grips, and faces that lift off members or stay on them."""
 
+from dataclasses import replace
+import itertools
 import math
 
-from grips import apart, disc_grip, drive, surface
+from grips import apart, drive, surface
 from held_grips import APART, inclined_grip, NEAR, NINE, OFF, PENTAGON, sides
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -106,35 +108,6 @@ def test_an_object_that_left_the_members_is_refused():
         rolling.moved_to(far)
 
 
-HOME = core.load_robot('nine_member').home
-MODULE = 'east/Q'
-START = core.RollingGrip.attach(HOME, disc_grip(HOME, MODULE))
-TWIST = np.array([0.02, 0.04, 0.15])
-
-
-def opening(config):
-    """Return the angle between the members at the grip's module."""
-    b, b_end, c, c_end = robots.side_ends(config, MODULE)
-    return abs(np.angle((c_end - c) / (b_end - b)))
-
-
-def drift(rate, lead, seconds=2.0):
-    """Return how far object and grip are from where a constant twist should have led them."""
-    end = drive(START, TWIST, seconds, rate, lead)
-    distance, angle = apart(end.pose, np.array(START.pose) + seconds * TWIST)
-    return distance, angle, abs(opening(end.config) - opening(HOME))
-
-
-def test_midpoint_rule_is_of_second_order_and_euler_of_first():
-    first = np.array([drift(rate, 0.0) for rate in (10.0, 20.0)])
-    second = np.array([drift(rate, 0.5 / rate) for rate in (10.0, 20.0)])
-    assert first[0] / first[1] == pytest.approx([2.0, 2.0, 2.0], rel=0.1)
-    # The robot is symmetric: what is left of one coordinate is rounding.
-    assert (second[0] > 3.6 * second[1] - 1e-9).all()
-    # At the same rate the midpoint is far ahead.
-    assert (second[1] < 0.05 * first[1]).all()
-
-
 #: Without these rollers a face that lies on a member keeps the object from turning alone.
 FAILED = ('south/Q', 'east/R')
 
@@ -173,6 +146,15 @@ def test_faces_on_both_members_keep_the_angle_between_them():
     kept = null_space(jacobian[3:], rcond=1e-9)
     assert hand @ kept == pytest.approx(rigid @ jacobian[:3] @ kept, abs=1e-11)
     assert kept.shape[1] == null_space(np.hstack([hand, -rigid]), rcond=1e-9).shape[1] == 3
+
+
+def test_named_contacts_of_a_grip_are_kept_in_rolling():
+    for inclined, ends in itertools.product((0.0, 0.03), ([0], [0, 1])):
+        named = replace(inclined_grip(inclined, 0.5), corners=(tuple(ends), (4,)))
+        rolling = core.RollingGrip.attach(NINE.home, named)
+        for each in (rolling, rolling.moved_to(NINE.home)):
+            assert each.corners.tolist() == [*ends, 4]
+            assert each.pose == pytest.approx(named.body.pose, abs=1e-12)
 
 
 def lifting(grip, command):

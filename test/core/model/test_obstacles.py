@@ -67,14 +67,6 @@ def test_penetration_is_the_shortest_translation_that_separates_two_objects(gene
     assert separate(first, moved).distance == pytest.approx(1e-9, abs=1e-9)
 
 
-def test_separation_has_the_opposite_normal_for_exchanged_objects():
-    generator = np.random.default_rng(5)
-    for _ in range(20):
-        first, second = random_pair(generator, 1.0)
-        one, other = separate(first, second), separate(second, first)
-        assert one.distance == pytest.approx(other.distance, abs=1e-10)
-
-
 def test_distances_from_a_wall_are_heights_above_its_line():
     starts, ends = np.array([0.3 + 0.5j, -1.0 - 1.5j]), np.array([1.0 + 0.2j, 2.0 + 1.0j])
     gaps = segment_gaps(WALL.body, starts, ends)

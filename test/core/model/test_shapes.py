@@ -3,8 +3,10 @@
 
 """Convex shapes against their outlines, smooth curves through corners, and similar shapes."""
 
+from functools import partial
+
 from contracts import check_shape, directions
-from held_grips import APART, BOX, HOME
+from held_grips import BOX
 from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros import core
@@ -12,6 +14,7 @@ from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.scaled_shape import ScaledShape
+from isotruss_ros.core.model.shapes import PLANNED_DEPTH
 from isotruss_ros.core.model.smooth_outline import SmoothOutline
 import numpy as np
 import pytest
@@ -26,9 +29,11 @@ PENTAGRAM = [(np.cos(4 * np.pi * i / 5), np.sin(4 * np.pi * i / 5)) for i in ran
 
 @robots.examples(100)
 @given(SEEDS)
-def test_shapes_keep_the_contract_of_shapes(seed):
+def test_shapes_and_scaled_shapes_keep_the_contract_of_shapes(seed):
     generator = np.random.default_rng(seed)
-    check_shape(random_shape(generator), generator)
+    shape = random_shape(generator)
+    check_shape(shape, generator)
+    check_shape(ScaledShape(shape, 1.1), generator)
 
 
 @robots.examples(100)
@@ -44,41 +49,6 @@ def test_vertices_may_have_either_orientation(seed):
     assert hash(again) == hash(Polygon(again.vertices, again.corner_radius))
 
 
-@pytest.mark.parametrize(
-    ('vertices', 'words'),
-    [
-        (3, 'must be a list'),
-        (((0, 0), (1, 0)), 'of 2 vertices: must have at least 3'),
-        (((0, 0), (1, [0]), (0, 1)), 'vertex 2'),
-        (((0, 0), (1, float('nan')), (0, 1)), 'vertex 2'),
-        (((0, 0), (1e10, 0), (0, 1)), 'vertex 2 .* within'),
-        (((0, 0), (1, 0), (1, 0), (0, 1)), r'vertex 2 \(1, 0\) m: .* same position'),
-        (((0, 0), (1, 0), (2, 0), (0, 1)), r'vertex 2 \(1, 0\) m: on one line'),
-        (((0, 0), (2, 0), (1, 0.2), (1, 2)), r'vertex 3 \(1, 0.2\) m: .* concave'),
-        (((0, 0), (1, 1), (1, 0), (0, 1)), 'vertex 1 .* cross each other'),
-        (PENTAGRAM, 'cross each other'),
-        (((0, 0), (1.2e-9, 0), (0, 1.2e-9)), 'must be 1e-18 m\\^2 or more'),
-    ],
-)
-def test_non_convex_polygons_are_refused_with_the_vertex(vertices, words):
-    with pytest.raises(GraspError, match=words):
-        Polygon(vertices)
-
-
-@pytest.mark.parametrize(
-    ('radius', 'words'),
-    [
-        (-0.01, 'corner_radius -0.01 m: must be from 0 to 10 m'),
-        (0.11, 'does not fit: the side of 0.2 m that begins at vertex 1'),
-        ((0.0, 0.15, 0.06, 0.0), r'that begins at vertex 2 \(0.1, -0.1\) m'),
-        ((0.01, 0.01), 'must be 4 finite numbers'),
-    ],
-)
-def test_arcs_longer_than_their_sides_are_refused(radius, words):
-    with pytest.raises(GraspError, match=words):
-        Polygon(SQUARE, radius)
-
-
 @given(st.floats(0.01, 1.0), st.floats(-4.0, 4.0))
 def test_arcs_may_take_whole_sides(half, angle):
     square = half * np.exp(1j * (angle + 0.5 * np.pi * np.arange(4)))
@@ -86,9 +56,30 @@ def test_arcs_may_take_whole_sides(half, angle):
     assert shape.perimeter == pytest.approx(np.sqrt(2.0) * np.pi * half)
 
 
+#: Vertices of polygons that are not convex, and radii of corners that do not fit.
+POLYGONS = [
+    (3, 0.0, 'must be a list'),
+    (((0, 0), (1, 0)), 0.0, 'of 2 vertices: must have at least 3'),
+    (((0, 0), (1, [0]), (0, 1)), 0.0, 'vertex 2'),
+    (((0, 0), (1, float('nan')), (0, 1)), 0.0, 'vertex 2'),
+    (((0, 0), (1e10, 0), (0, 1)), 0.0, 'vertex 2 .* within'),
+    (((0, 0), (1, 0), (1, 0), (0, 1)), 0.0, r'vertex 2 \(1, 0\) m: .* same position'),
+    (((0, 0), (1, 0), (2, 0), (0, 1)), 0.0, r'vertex 2 \(1, 0\) m: on one line'),
+    (((0, 0), (2, 0), (1, 0.2), (1, 2)), 0.0, r'vertex 3 \(1, 0.2\) m: .* concave'),
+    (((0, 0), (1, 1), (1, 0), (0, 1)), 0.0, 'vertex 1 .* cross each other'),
+    (PENTAGRAM, 0.0, 'cross each other'),
+    (((0, 0), (1.2e-9, 0), (0, 1.2e-9)), 0.0, 'must be 1e-18 m\\^2 or more'),
+    (SQUARE, -0.01, 'corner_radius -0.01 m: must be from 0 to 10 m'),
+    (SQUARE, 0.11, 'does not fit: the side of 0.2 m that begins at vertex 1'),
+    (SQUARE, (0.0, 0.15, 0.06, 0.0), r'that begins at vertex 2 \(0.1, -0.1\) m'),
+    (SQUARE, (0.01, 0.01), 'must be 4 finite numbers'),
+]
+
+
 @pytest.mark.parametrize(
     ('make', 'words'),
     [
+        *((partial(Polygon, vertices, radius), words) for vertices, radius, words in POLYGONS),
         (lambda: Disc(-1.0), 'must be from'),
         (lambda: Disc(0.99e-9), 'must be from'),
         (lambda: Ellipse((0.1, 0.0)), 'semi_axes'),
@@ -102,7 +93,7 @@ def test_arcs_may_take_whole_sides(half, angle):
         (lambda: ConvexObject.disc((0.0, 0.0), np.inf), "the object's diameter .* finite number"),
     ],
 )
-def test_invalid_numbers_are_refused(make, words):
+def test_invalid_shapes_and_objects_are_refused_with_the_number(make, words):
     with pytest.raises(GraspError, match=words):
         make()
 
@@ -191,18 +182,6 @@ def test_polygons_with_few_or_sharp_corners_or_long_faces_stay_polygons():
     assert polygon.smoothed(1.0) is polygon
 
 
-SIMILAR = {
-    'disc': core.Disc(0.3),
-    'ellipse': core.Ellipse((0.2, 0.12)),
-    'triangle': core.Polygon([(0.0, 0.0), (0.3, 0.0), (0.1, 0.2)], corner_radius=0.02),
-}
-
-
-@pytest.mark.parametrize('name', SIMILAR)
-def test_quantities_of_a_scaled_shape_agree_with_its_outline(name):
-    check_shape(ScaledShape(SIMILAR[name], 1.1), np.random.default_rng(1))
-
-
 def test_a_scaled_box_has_the_contacts_of_the_box_with_scaled_corners():
     scaled = ScaledShape(BOX, 1.1)
     corners = (1.1 * np.array(BOX.vertices)).tolist()
@@ -213,10 +192,16 @@ def test_a_scaled_box_has_the_contacts_of_the_box_with_scaled_corners():
         assert [end.along for end in ends] == pytest.approx([end.along for end in expected])
 
 
-def test_scaled_objects_settle_together_as_alone():
-    body = core.place_between(HOME, APART, BOX, 0.4, 0.01).body
-    bodies = [body.scaled(factor) for factor in (1.0, 0.98, 1.01)]
-    together = core.settle_grasps(HOME, bodies, 0.9, members=APART)
-    for i, scaled in enumerate(bodies):
-        alone = core.settle_grasp(HOME, scaled, 0.9, members=APART)
-        assert together.squeeze[i] == pytest.approx(alone.equilibrium.squeeze, rel=1e-10)
+@pytest.mark.parametrize('depth', [1e-4, 1e-3, 3e-3, 6e-3, 1.2e-2, 2e-2])
+@pytest.mark.parametrize('tilt', [1e-7, 1e-5, 1e-3, 5e-3, 1e-2, 2e-2, 5e-2])
+def test_both_corners_of_a_face_touch_if_they_are_within_the_depth_or_the_planned_depth(
+    tilt, depth
+):
+    radius = 0.051
+    for length, sign in ((0.24, 1.0), (0.24, -1.0), (0.95 * radius, 1.0)):
+        shape = Polygon([(-0.5 * length, 0.0), (0.5 * length, 0.0), (0.0, 0.3)])
+        normal = -1j * np.exp(1j * sign * tilt)
+        skin = shape.support(np.array([normal]))[0] - depth
+        patch = shape.contact_patch(normal, radius, skin)
+        is_within = length * np.sin(tilt) <= max(depth, PLANNED_DEPTH * radius)
+        assert len(patch) == 1 + (is_within and length > radius)
