@@ -3,10 +3,12 @@
 
 """Limits of member lengths, and scaling and sliding at limits with nearly singular directions."""
 
+from dataclasses import replace
+
 from grips import disc_grip, surface
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from isotruss_ros.core import load_robot, solve_twist, Status
+from isotruss_ros.core import load_robot, Robot, solve_twist, Status
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import (
@@ -184,16 +186,9 @@ def test_members_approach_their_bounds_exponentially(robot, rng):
     assert 1e-6 * rows.matrix @ rates == pytest.approx(moved.member_lengths - lengths, abs=1e-11)
 
 
-def narrow(shortest, longest, **rollers):
-    """Return the nine-member robot with other limits of its members and rollers."""
-    document = robots.preset_document('nine_member')
-    document['members'] = {'min_length': shortest, 'max_length': longest}
-    document['rollers'] |= rollers
-    return robots.load(document)
-
-
 def test_members_approach_their_bounds_no_faster_than_the_rollers_brake():
-    robot = narrow(0.9, 1.1, max_acceleration=0.2)
+    limits = {'min_length': 0.9, 'max_length': 1.1, 'max_acceleration': 0.2}
+    robot = Robot(replace(HOME.robot.description, **limits))
     upper = stack_rows(robot.home, default_limits(robot)).upper
     bounds = upper[len(robot.roller_names) :]  # noqa: E203
     braking_rate = 0.2 / robot.description.max_speed
