@@ -85,7 +85,7 @@ def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
     assert anew.slip_margin > 1.3 * expected.slip_margin
 
 
-def follow_in_loop(robot, body, members, displacement, obstacles=(), cycles=1000, period=0.04):
+def follow_in_loop(robot, body, members, displacement, obstacles=(), cycles=500, period=0.08):
     """Return the fraction of a straight path that the loop executes on the elastic plant."""
     grip = core.Grip(members, body, FRICTION)
     servo = {'bounds': ShapeBounds(), 'obstacles': obstacles}
@@ -135,7 +135,7 @@ def test_object_that_slides_along_an_obstacle_reaches_its_goal_without_delay():
     poses = np.array([grip.pose, grip.pose + displacement])
     assert foresee_path(grip, FRICTION, poses, SPEED, TURN_RATE, obstacles=post).share == 1.0
     # The path takes 5 s at its full speed.
-    share = follow_in_loop(NINE, body, members, displacement, post, cycles=200)
+    share = follow_in_loop(NINE, body, members, displacement, post, cycles=100)
     assert share == 1.0
 
 

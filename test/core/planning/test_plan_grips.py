@@ -4,6 +4,7 @@
 """Plans by any two members, or three; their paths, violations and requirements."""
 
 import copy
+import json
 from pathlib import Path
 import re
 
@@ -12,7 +13,6 @@ from hypothesis import given
 from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.presets import config_directory
 from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.planning import violations
@@ -26,8 +26,7 @@ from isotruss_ros.core.planning.grasp_plan import (
 from nightly import some_now
 import numpy as np
 import pytest
-from robots import examples, generators
-from ruamel.yaml import YAML
+from robots import examples, generators, preset_document
 from shapes import BRICK, SHAPES
 
 HOLE = (0.716, -0.4134)  # between the three tubes
@@ -104,7 +103,7 @@ def test_members_without_a_grasp_have_the_reason(place, members, words):
     assert re.search(words, plan_in_words(result))
 
 
-DOCUMENT = YAML(typ='safe').load((config_directory() / 'nine_member.yaml').read_text('utf-8'))
+DOCUMENT = preset_document('nine_member')
 MIDDLE = complex(*np.mean(list(DOCUMENT['joints'].values()), axis=0))
 FLAT_BOX = core.Polygon([(0.15, 0.1), (-0.15, 0.1), (-0.15, -0.1), (0.15, -0.1)])
 NAMES = dict(zip('PQRXYZ', ('last', 'B', 'm', 'a', 'zz', 'c'), strict=True))
@@ -122,25 +121,18 @@ OBJECTS = [
 
 def plan_moved(shape, away, shift=0j, quarters=0, names=None):
     """Return score, squeeze and travel (n, 3) of the grasps, and the names of their members."""
-    turn, document = 1j**quarters, copy.deepcopy(DOCUMENT)
-    rename = (names or {}).get
+    turn, document, names = 1j**quarters, copy.deepcopy(DOCUMENT), names or {}
     document['joints'] = {
-        rename(name, name): [(z := turn * complex(*place) + shift).real, z.imag]
+        name: [(z := turn * complex(*place) + shift).real, z.imag]
         for name, place in document['joints'].items()
     }
     axes = {'x': 'y', 'y': 'x'} if quarters % 2 else {}
     document['supports'] = {
-        rename(name, name): [axes.get(axis, axis) for axis in held]
+        name: [axes.get(axis, axis) for axis in held]
         for name, held in document['supports'].items()
     }
-    document['tubes'] = {
-        rename(tube, tube): {
-            'joints': [rename(name, name) for name in block['joints']],
-            'passive': rename(block['passive'], block['passive']),
-        }
-        for tube, block in document['tubes'].items()
-    }
-    robot = core.Robot(describe_robot(Path('other.yaml'), document))
+    text = re.sub(r'\w+', lambda word: names.get(word[0], word[0]), json.dumps(document))
+    robot = core.Robot(describe_robot(Path('other.yaml'), json.loads(text)))
     place = turn * (MIDDLE + away) + shift
     body = core.ConvexObject(shape, (place.real, place.imag, 0.5 * np.pi * quarters))
     needs = core.GraspRequirements(friction=0.6)

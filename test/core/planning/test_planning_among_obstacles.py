@@ -1,21 +1,29 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Paths around obstacles: accepted by `foresee_path`, and refusals with what is in the way."""
+"""Paths of held objects, grasps and releases among obstacles, and what is in their way."""
 
 from isotruss_ros.core import (
     ConvexObject,
+    GraspRequirements,
     Grip,
     load_robot,
     Obstacle,
+    plan_grasps,
     plan_path,
     settle_grasp,
     tangent_center,
 )
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.distances import collision_model
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.core.planning.release import plan_release
 import numpy as np
 import pytest
+from random_grips import toward
+from robots import member_ends
 from studies.comparison.rooms import clearance
 
 ROBOT = load_robot('nine_member')
@@ -103,3 +111,67 @@ def test_plan_for_an_object_that_is_not_held_has_the_reason():
 def test_goal_in_degrees_is_refused():
     with pytest.raises(GraspError, match='degrees'):
         plan_path(ROBOT, GRIP, (0.7, 0.5, 90.0))
+
+
+HOME, BOUND = ROBOT.home, 0.02
+FREE = ConvexObject.disc((0.716, 0.5), 0.3)
+MEMBERS = members_at(ROBOT, 'north/Z')
+NEEDS = {'members': MEMBERS, 'squeeze': 8.0, 'count': 1}
+
+
+def least_clearance(path, obstacles):
+    """Return the least distance of the robot's parts from obstacles along a path [m]."""
+    model, least = collision_model(ROBOT), np.inf
+    for rollers in path:
+        starts, ends = model.part_ends(ROBOT.configuration(rollers))
+        for obstacle in obstacles:
+            gaps = segment_gaps(obstacle.body, starts, ends).gaps - model.part_radii
+            least = min(least, gaps.min())
+    return least
+
+
+@pytest.fixture(scope='module')
+def unobstructed():
+    """Return a grasp without obstacles, and where the members are at its end."""
+    (grasp,) = plan_grasps(HOME, FREE, GraspRequirements(**NEEDS), max_rounds=1, thorough=False)
+    return grasp
+
+
+def beside(grasp, gap):
+    """Return a post at a gap from a grasping member at the end of a path, outside of the loop."""
+    start, end = member_ends(ROBOT.configuration(grasp.path[-1]), grasp.members[0])
+    away = 0.5 * ROBOT.description.tube_diameter + gap + 0.05
+    place = 0.5 * (start + end) + away * toward(FREE.center, start, end)
+    return Obstacle('post', ConvexObject.disc((place.real, place.imag), 0.1))
+
+
+@pytest.mark.parametrize('gap', [0.021, 0.05])
+def test_path_to_a_grasp_keeps_its_clearance_from_obstacles(unobstructed, gap):
+    post = beside(unobstructed, gap)
+    needs = GraspRequirements(**NEEDS, obstacles=(post,))
+    plan = plan_grasps(HOME, FREE, needs, max_rounds=2, thorough=False)
+    for grasp in plan:
+        assert least_clearance(grasp.path, [post]) >= BOUND - 1e-9
+    assert len(plan) or plan.closest_violation.requirement == 'obstacle_clearance'
+
+
+def test_plan_without_a_grasp_names_part_and_obstacle():
+    x = HOME.points[ROBOT.topology.joint_names.index('Z')].real + 0.3
+    post = Obstacle('post', ConvexObject.disc((x, 0.6), 0.2))
+    needs = GraspRequirements(**NEEDS, obstacles=(post,))
+    plan = plan_grasps(HOME, FREE, needs, max_rounds=1, thorough=False)
+    assert not len(plan)
+    assert plan.closest_violation.requirement == 'obstacle_clearance'
+    assert 'and obstacle post are' in str(plan.closest_violation)
+
+
+def test_release_keeps_its_clearance_from_obstacles(unobstructed):
+    grasp = unobstructed
+    config = ROBOT.configuration(grasp.path[-1])
+    post = beside(grasp, 0.3)
+    release = plan_release(config, grasp.grip.body, MEMBERS, 0.05, obstacles=(post,))
+    assert release.violation is None
+    assert least_clearance(release.path, [post]) >= BOUND
+    near = beside(grasp, 0.03)
+    refused = plan_release(config, grasp.grip.body, MEMBERS, 0.05, obstacles=(near,))
+    assert refused.violation.requirement in ('obstacle_clearance', 'reach')
