@@ -33,14 +33,6 @@ def dent(table, force, angle):
     return [values.item() for values in Dents([table])(np.array([force]), np.array([angle]))]
 
 
-@pytest.mark.parametrize('force', [0.3, 40.0, 1e3, -5.0])
-def test_derivative_by_the_force_agrees_with_finite_differences(force):
-    table, step = disc_table(0.15), 1e-6 * force
-    ahead, behind = dent(table, force + step, 0.0)[0], dent(table, force - step, 0.0)[0]
-    assert dent(table, force, 0.0)[1] == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-6)
-    assert dent(table, -force, 0.0)[0] == -dent(table, force, 0.0)[0]
-
-
 @pytest.mark.parametrize('radius', [0.03, 0.15])
 def test_dent_of_a_rigid_tube_agrees_with_the_table(radius):
     tube = 0.5 * ROBOT.description.tube_diameter
@@ -85,18 +77,22 @@ def test_a_circular_ellipse_dents_as_a_disc(force):
 
 
 #: Angles of normals: of a smooth shape, and of a corner, also near both of its faces.
-TURNS = [(Ellipse((0.2, 0.1)), x) for x in (0.0, 0.3, 1.57, -3.1)]
+TURNS = [(Disc(0.3), 0.0), *((Ellipse((0.2, 0.1)), x) for x in (0.0, 0.3, 1.57, -3.1))]
 TURNS += [(Polygon([(0, 0), (0.3, 0), (0, 0.3)]), x) for x in (-2.4, -3.0, -3.1, -1.65, -1.58)]
 
 
-@pytest.mark.parametrize('force', [0.3, 40.0, -5.0])
+@pytest.mark.parametrize('force', [0.3, 40.0, 1e3, -5.0])
 @pytest.mark.parametrize(('shape', 'angle'), TURNS)
-def test_derivative_by_the_angle_agrees_with_finite_differences(shape, angle, force):
-    table, step = dent_table(KERNEL, shape), 1e-6
-    ahead, behind = (dent(table, force, angle + way)[0] for way in (step, -step))
-    slope = (ahead - behind) / (2.0 * step)
-    depth, _, turned = dent(table, force, angle)
-    assert turned == pytest.approx(slope, rel=1e-4, abs=1e-6 * abs(depth))
+def test_derivatives_by_force_and_angle_agree_with_finite_differences(shape, angle, force):
+    table = dent_table(KERNEL, shape)
+    depth, *derivatives = dent(table, force, angle)
+    for step, derivative in zip(1e-6 * np.diag([force, 1.0]), derivatives, strict=True):
+        ahead, behind = (
+            dent(table, force + way * step[0], angle + way * step[1])[0] for way in (1, -1)
+        )
+        slope = (ahead - behind) / (2.0 * step.sum())
+        assert derivative == pytest.approx(slope, rel=1e-4, abs=1e-6 * abs(depth))
+    assert dent(table, -force, angle)[0] == -depth
     # Angles of a rolling object are continued beyond half a turn.
     assert dent(table, force, angle + 2.0 * np.pi)[0] == pytest.approx(depth, rel=1e-9)
 

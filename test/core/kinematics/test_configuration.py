@@ -41,7 +41,14 @@ def residual(robot, travel, points):
             b, c = place[f'{name}/B'], place[f'{name}/C']
             ahead = place[f'{tube.name}/{after}/C'] - b
             back = place[f'{tube.name}/{before}/B'] - c
-            bend = -ahead * back / (0.5 * (b + c) - a) ** 2
+            rod = 0.5 * (b + c) - a
+            bend = -ahead * back / rod**2
+            # B faces the next joint, C the previous one; the rod points between the sides.
+            to_next, to_previous = place[after] - a, place[before] - a
+            to_next, to_previous = to_next / abs(to_next), to_previous / abs(to_previous)
+            assert (np.conj(b - c) * (to_next - to_previous)).real > 0.0
+            assert (np.conj(rod) * (to_next + to_previous)).real > 0.0
+            assert (np.conj(rod) * ahead).real > 0.0
             arm = np.hypot(module.rod_length, 0.5 * module.pinch_separation)
             member = robot.member_names.index(f'{name}-{after}')
             rows += [
@@ -59,8 +66,9 @@ def residual(robot, travel, points):
 
 def check_shape(robot, rng):
     config = robots.random_state(robot, rng)
-    rows = residual(robot, config.roller_positions, config.points)
-    assert np.abs(rows).max() < 1e-11
+    for each in (robot.home, config):
+        rows = residual(robot, each.roller_positions, each.points)
+        assert np.abs(rows).max() < 1e-11
     wanted = robot.home.member_lengths + roller_matrix(robot) @ config.roller_positions
     assert config.member_lengths == pytest.approx(wanted, abs=1e-11)
 

@@ -81,9 +81,13 @@ def test_utilisation_is_the_largest_moment_over_the_wrinkling_moment_of_the_wall
         ({'module_loads': {'main/W': (0.0, 0.0, 1.0)}}, "module 'main/W'.*main/L, main/R, main/T"),
         ({'tube_loads': {'main/W': [(0.1, 0.0, 0.0, 1.0)]}}, "member 'main/W'.*main/R-T"),
         ({'tube_loads': {LEG: [(LENGTH, 0.0, 0.0, 1.0)]}}, 'of member .*must be between'),
+        ({'pressure': {'west': 2e4}}, "tube 'west': robot triangle .*its tubes are main"),
+        ({'pressure': [2e4, 2e4]}, '2 values: must be one for all tubes, or one for each of main'),
+        ({'pressure': [0.0]}, 'gauge pressure of tube main .*: 0.0: must be from 1000 to 300000'),
+        ({'pressure': np.nan}, 'gauge pressure of tube main .*must be a finite number'),
     ],
 )
-def test_invalid_loads_are_refused(loads, complaint):
+def test_invalid_loads_and_pressures_are_refused(loads, complaint):
     with pytest.raises(StructureError, match=complaint):
         deform(TRIANGLE, **{'joint_loads': {}, **loads})
 

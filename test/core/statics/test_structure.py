@@ -158,21 +158,6 @@ def test_pressure_may_be_one_for_all_one_for_each_or_by_tube():
     assert sink['low'] < sink['north'] < sink['file'] < 0.0
 
 
-@pytest.mark.parametrize(
-    ('pressure', 'complaint'),
-    [
-        ({'west': 2e4}, "tube 'west': robot nine_member has no such tube; .*its tubes are south"),
-        ([2e4, 2e4], 'pressure: 2 values: must be one for all tubes, or one for each of south'),
-        ([2e4, 0.0, 2e4], 'gauge pressure of tube east .*: 0.0: must be from 1000 to 300000'),
-        (34.5, 'gauge pressure of tube south .*: 34.5: must be from 1000 to 300000'),
-        (np.nan, 'gauge pressure of tube south .*must be a finite number'),
-    ],
-)
-def test_invalid_gauge_pressures_are_refused(pressure, complaint):
-    with pytest.raises(StructureError, match=complaint):
-        deform(load_robot('nine_member').home, {}, pressure)
-
-
 def test_displacements_of_unknown_nodes_are_refused_by_name():
     deformation = deform(load_robot('triangle').home, {'T': (0.0, -1.0)})
     with pytest.raises(StructureError, match=r'main/T/b.*t/j/D'):
