@@ -37,7 +37,6 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.model.separation import separate
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -53,6 +52,9 @@ BOUND = 0.02
 #: Delay of the poses in MuJoCo [s], and standard deviations of the poses [m, rad].
 DELAY, NOISE = 0.03, (1e-3, math.radians(0.5))
 FRICTION = 0.8
+#: In MuJoCo: depth of the object between the members [m], range of the smallest clearance at the
+#: start [m], and number of twists [-].
+DEPTH, NEAREST, NEAR, TWISTS = 0.02, 0.03, 0.06, 15
 #: Robots of the random rooms, in turn.
 ROBOTS = ('nine_member', 'triangle', 'nine_member', 'ring_of_four', 'bow_tie')
 
@@ -173,7 +175,7 @@ class MujocoRun(NamedTuple):
     """Result of a run in a room in MuJoCo."""
 
     contacts: int  #: time steps in contact with an obstacle
-    lowest: float  #: smallest clearance of the object after a twist [m]
+    lowest: float  #: smallest clearance after a twist, with undeformed members [m]
     is_lost: bool  #: whether the object was lost
     statuses: Counter[Status]
 
@@ -182,10 +184,12 @@ def run_in_mujoco(seed: int) -> MujocoRun:
     """Command random twists in a room in MuJoCo, with noise and delayed poses."""
     rng, lowest = np.random.default_rng([seed, 9]), math.inf
     module = str(rng.choice(GRIPS))
-    grip = place_between(ROBOT.home, members_at(ROBOT, module), Disc(0.3), 0.0, 0.01)
+    grip = place_between(ROBOT.home, members_at(ROBOT, module), Disc(0.3), 0.0, DEPTH)
     grip = replace(grip, body=replace(grip.body, friction=FRICTION, mass=0.5))
     held = RollingGrip.attach(ROBOT.home, grip)
-    room = random_room(rng, held, 3, 2.0 * BOUND)
+    room = random_room(rng, held, 3, NEAREST)
+    while clearance(held, room) > NEAR:
+        room = random_room(rng, held, 3, NEAREST)
     options = PlantOptions(friction=FRICTION)
     plant = MujocoPlant(ROBOT, grip.body, options, obstacles=room)
     plant.hold_object(grip.body.pose)
@@ -195,10 +199,12 @@ def run_in_mujoco(seed: int) -> MujocoRun:
     squeeze = SqueezeSettings(squeeze_in(plant))
     loop = Regulated(plant, ROBOT, grip, squeeze, (*NOISE, rng), round(DELAY * RATE))
     loop.servo.apply(replace(loop.servo.settings, obstacles=tuple(room)))
-    for _ in range(5):
-        loop.run(3.0, 0.03 * rng.standard_normal(3) * (1.0, 1.0, 4.0))
-        body = grip.body.moved_to(plant.object_pose())
-        lowest = min(lowest, *(separate(o.body, body).distance for o in room))
+    for _ in range(TWISTS):
+        loop.run(2.0, 0.1 * rng.standard_normal(3) * (1.0, 1.0, 4.0))
+        config = ROBOT.home.moved_to(plant.travel)
+        lowest = min(
+            lowest, clearance(Placed(config, grip.body.moved_to(plant.object_pose())), room)
+        )
     is_lost, contacts = squeeze_in(plant) == 0.0, sum(plant.obstacle_contacts.values())
     return MujocoRun(contacts, lowest, is_lost, Counter(loop.statuses))
 
@@ -256,7 +262,7 @@ def tables() -> Iterator[Table]:
     header = ('robot', 'rooms', 'smallest clearance [mm]', 'rooms below 19.9 mm')
     header += ('cycles limited', 'cycles halted', 'cycles at rest without a name')
     yield Table('Three obstacles at rest', header, random_rooms())
-    header = ('rooms', 'time steps in contact', "object's smallest clearance [mm]")
+    header = ('rooms', 'time steps in contact', 'smallest clearance [mm]')
     header += ('cycles limited', 'cycles halted', 'objects lost')
     title = 'MuJoCo: modules of 1 kg, noise of 1 mm and 0.5 degrees, poses 30 ms late'
     yield Table(title, header, mujoco_rooms())
