@@ -96,7 +96,7 @@ UNCERTAIN = [
 ]
 
 
-@pytest.mark.parametrize(('grasp', 'uncertainty'), some_now(UNCERTAIN, 2))
+@pytest.mark.parametrize(('grasp', 'uncertainty'), some_now(UNCERTAIN))
 def test_chance_is_the_frequency_of_held_draws(grasp, uncertainty):
     settled = settle(**grasp)
     share, error = share_held(settled, uncertainty, 80)

@@ -203,7 +203,7 @@ def test_a_search_that_waits_for_an_executor_stops_on_request():
     assert all(future.cancelled() for future in futures)
 
 
-@pytest.mark.parametrize(('angle', 'is_carried'), [(0.15, True), (2.5, False)])
+@pytest.mark.parametrize(('angle', 'is_carried'), some_now([(0.15, True), (2.5, False)]))
 def test_a_grasp_carries_the_object_along_the_required_path(angle, is_carried):
     path = ((0.0, 0.0, 0.0), (0.0, 0.0, angle))
     needs = core.GraspRequirements(module='north/P', friction=0.6, count=1, carry=path)
