@@ -207,8 +207,9 @@ CASES = [(BOX, SIX, 1.0), (BOX, THREE, 0.6), (DISC, THREE, 1.5)]
 @pytest.mark.parametrize(('kind', 'names', 'stiffness'), CASES)
 def test_squeeze_with_estimated_offsets_is_the_desired_one(kind, names, stiffness):
     result = carry(kind, 2, names, stiffness)
-    # Three markers do not separate the offsets from a rotation of their frame (2 degrees).
-    squeeze, worst, joints = (0.1, 0.2, 1.5e-3) if names is SIX else (0.2, 0.25, 9e-3)
+    # Three markers do not separate the offsets from a rotation of their frame (2 degrees): in
+    # carries of six boxes, with small changes of the loop's timing, joints are off by 4 to 10 mm.
+    squeeze, worst, joints = (0.1, 0.2, 1.5e-3) if names is SIX else (0.2, 0.25, 12e-3)
     assert abs(result.squeeze) < squeeze
     assert result.worst < worst
     assert abs(result.surprise) < 3.0
