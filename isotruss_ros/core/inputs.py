@@ -132,22 +132,28 @@ def check_stamp(
     return min(stamp, now)
 
 
+def require_accepted(name: str, given: Input) -> StampedInput | None:
+    """Return an input, None before the first one; raise InputError for a rejected message."""
+    if isinstance(given, RejectedInput):
+        raise InputError(given.fault, name, given.reason)
+    return given
+
+
 def require_fresh(
     now: float, timeout: float, setting: str = 'command_timeout', **inputs: Input
 ) -> tuple[StampedInput, ...]:
     """Return the inputs, given by name; raise InputError unless all are valid and fresh [s]."""
     for name, given in inputs.items():
-        if given is None:
+        accepted = require_accepted(name, given)
+        if accepted is None:
             words = name.replace('_', ' ')
             raise InputError(InputFault.MISSING, name, f'{words}: none received yet')
-        if isinstance(given, RejectedInput):
-            raise InputError(given.fault, name, given.reason)
         try:
-            check_stamp(name, given.time, now, timeout, setting)
+            check_stamp(name, accepted.time, now, timeout, setting)
         except InputError:
-            if given.rejected is None:
+            if accepted.rejected is None:
                 raise
-            raise InputError(given.rejected.fault, name, given.rejected.reason) from None
+            raise InputError(accepted.rejected.fault, name, accepted.rejected.reason) from None
     return tuple(inputs.values())  # type: ignore[arg-type]
 
 

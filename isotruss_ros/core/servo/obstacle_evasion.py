@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.inputs import Input, InputError, InputFault, RejectedInput
+from isotruss_ros.core.inputs import Input, InputError, InputFault, require_accepted
 from isotruss_ros.core.manipulation.limit_handling import least_deviation, PROGRESS_WEIGHT
 from isotruss_ros.core.manipulation.limits import Limit, Rows, stack_rows
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
@@ -35,18 +35,17 @@ REPORTED_SHORTFALL = 1e-4
 
 def predict_obstacles(given: Input, settings: ServoSettings, now: float) -> tuple[Obstacle, ...]:
     """Return the moving obstacles at the end of the cycle; raise InputError for a silent one."""
-    if given is None:
+    received = require_accepted('obstacles', given)
+    if received is None:
         return ()
-    if isinstance(given, RejectedInput):
-        raise InputError(given.fault, 'obstacles', given.reason)
-    for obstacle in given.value:
+    for obstacle in received.value:
         age = now - obstacle.stamp
         if age > settings.obstacle_timeout:
-            rejected = '' if given.rejected is None else f': {given.rejected.reason}'
+            rejected = '' if received.rejected is None else f': {received.rejected.reason}'
             words = f'must be at most {settings.obstacle_timeout:g} s, or cleared{rejected}'
             message = f'moving obstacle {obstacle.name}: {age:.3f} s old; {words}'
             raise InputError(InputFault.STALE, 'obstacles', message)
-    return tuple(obstacle.at(now + settings.period) for obstacle in given.value)
+    return tuple(obstacle.at(now + settings.period) for obstacle in received.value)
 
 
 def evade(

@@ -17,10 +17,10 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import (
     CLOCK_SKEW,
     Input,
-    InputError,
     InputFault,
     LatestInputs,
     RejectedInput,
+    require_accepted,
     require_fresh,
     RollerState,
     StampedInput,
@@ -210,11 +210,9 @@ class Inputs(LatestInputs):
 
         :raises InputError: the obstacles are unknown.
         """
-        received = self.obstacles
+        received = require_accepted('obstacles', self.obstacles)
         if received is None:
             return ()
-        if isinstance(received, RejectedInput):
-            raise InputError(received.fault, 'obstacles', received.reason)
         oldest = self._node.values.obstacle_timeout
         fresh = (obstacle.at(now) for obstacle in received.value if now - obstacle.stamp <= oldest)
         return tuple(Obstacle(obstacle.name, obstacle.body) for obstacle in fresh)
