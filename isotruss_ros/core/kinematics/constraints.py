@@ -148,6 +148,11 @@ class Constraints:
         return np.ascontiguousarray(by_nodes.T).view(np.float64).T
 
 
+def residual_tolerance(points: Points) -> float:
+    """Return the largest residual [m, rad], not less than the rounding error of coordinates."""
+    return max(COINCIDENCE, 64.0 * EPSILON * float(np.abs(points).max()))
+
+
 def follow_branch(
     constraints: Constraints, points: Points, lengths: Array, factor: Factor | None = None
 ) -> Points | None:
@@ -157,8 +162,7 @@ def follow_branch(
     A tangent step (12) is the predictor, modified Newton steps are the corrector: they use the
     `factor` of the matrix at `points`, or at a later iterate if the residual decreases slowly.
     """
-    # Largest residual [m, rad], not less than the rounding error of the coordinates.
-    tolerance = max(COINCIDENCE, 64.0 * EPSILON * float(np.abs(points).max()))
+    tolerance = residual_tolerance(points)
     residual = constraints.residual(points, lengths)
     error = np.abs(residual).max()
     predictor = None
@@ -204,7 +208,7 @@ def follow_branches(
     The steps are those of `follow_branch` with the `factor` of the matrix at `points` alone. If
     this does not suffice, the nodes are not found.
     """
-    tolerance = max(COINCIDENCE, 64.0 * EPSILON * float(np.abs(points).max()))
+    tolerance = residual_tolerance(points)
     moved = np.tile(points, (len(lengths), 1))
     residual = constraints.residual(moved, lengths)
     error = np.abs(residual).max(axis=-1)
