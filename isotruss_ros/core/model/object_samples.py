@@ -14,6 +14,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.scaled_shape import ScaledShape
 from isotruss_ros.core.model.shapes import Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.samples import SampledValues
 import numpy as np
 
 
@@ -101,23 +102,20 @@ class ShapeSamples:
         return lengths
 
 
-#: Attributes of `ObjectSamples` that are arrays (n,).
-OBJECT_ARRAYS = 'center', 'turn', 'middle', 'angle', 'arm'
-
-
-class ObjectSamples:
+class ObjectSamples(SampledValues):
     """Objects with the attributes of `ConvexObject` as arrays (n,)."""
 
+    sampled = 'center', 'turn', 'middle', 'angle', 'arm'
+    center: Any
+    turn: Any
+    middle: Any
+    angle: Any
+    arm: Any
+
     def __init__(self, objects: Sequence[ConvexObject]) -> None:
+        super().__init__(objects)
         self._objects: Sequence[ConvexObject] | None = objects
         self._shaped = objects  # at any poses
-        self.center: Any
-        self.turn: Any
-        self.middle: Any
-        self.angle: Any
-        self.arm: Any
-        for name in OBJECT_ARRAYS:
-            setattr(self, name, np.array([getattr(body, name) for body in objects]))
 
     @cached_property
     def shape(self) -> ShapeSamples:
@@ -154,10 +152,8 @@ class ObjectSamples:
         chosen = np.arange(len(self.center))[index]
         if chosen.ndim == 0:
             return self.objects[chosen]
-        taken = copy.copy(self)
+        taken = self.chosen(chosen)
         taken.__dict__.pop('shape', None)
-        for name in OBJECT_ARRAYS:
-            setattr(taken, name, getattr(self, name)[chosen])
         taken._shaped = [self._shaped[i] for i in chosen.tolist()]
         if self._objects is not None:
             taken._objects = [self._objects[i] for i in chosen.tolist()]

@@ -13,12 +13,35 @@ with it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+import copy
+from typing import Any, ClassVar, TypeVar
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
 T = TypeVar('T')
+S = TypeVar('S', bound='SampledValues')
+
+
+class SampledValues:
+    """
+    Attributes of n values as arrays, whose first axis has the values.
+
+    :cvar sampled: names of the attributes.
+    """
+
+    sampled: ClassVar[tuple[str, ...]]
+
+    def __init__(self, values: Sequence[Any]) -> None:
+        for name in self.sampled:
+            setattr(self, name, np.array([getattr(value, name) for value in values]))
+
+    def chosen(self: S, indices: Indices) -> S:
+        """Return a copy with the attributes of some of the values, by their indices (q,)."""
+        taken = copy.copy(self)
+        for name in self.sampled:
+            setattr(taken, name, getattr(self, name)[indices])
+        return taken
 
 
 def sum_at(places: Indices, values: Array, size: int) -> Array:

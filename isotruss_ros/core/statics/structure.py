@@ -22,7 +22,7 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.samples import join, take
+from isotruss_ros.core.numerics.samples import join, SampledValues, take
 from isotruss_ros.core.statics.bisection import Bisections
 from isotruss_ros.core.statics.blocks import Condensed, Numbering
 from isotruss_ros.core.statics.equilibrium import solve_unloaded
@@ -69,28 +69,23 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     return FrameLayout(tube_stiffness(robot.description), numbering, pieces, owners)
 
 
-#: Attributes of `ConfigurationSamples` that are arrays (n, .).
-CONFIGURATION_ARRAYS = 'points', 'roller_positions', 'member_lengths', 'member_axes'
-
-
-class ConfigurationSamples:
+class ConfigurationSamples(SampledValues):
     """Configurations of one robot, whose arrays are joined along a first axis."""
 
+    sampled = 'points', 'roller_positions', 'member_lengths', 'member_axes'
+    points: Any
+    roller_positions: Any
+    member_lengths: Any
+    member_axes: Any
+
     def __init__(self, configs: Sequence[Configuration]) -> None:
+        super().__init__(configs)
         self.configs, self.robot = list(configs), configs[0].robot
-        self.points: Any
-        self.roller_positions: Any
-        self.member_lengths: Any
-        self.member_axes: Any
-        for name in CONFIGURATION_ARRAYS:
-            setattr(self, name, np.array([getattr(config, name) for config in configs]))
 
     def chosen(self, indices: Indices) -> ConfigurationSamples:
         """Return some of the configurations, by their indices (q,)."""
-        taken = copy.copy(self)
+        taken = super().chosen(indices)
         taken.configs = [self.configs[i] for i in indices.tolist()]
-        for name in CONFIGURATION_ARRAYS:
-            setattr(taken, name, getattr(self, name)[indices])
         return taken
 
 
