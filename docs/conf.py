@@ -59,4 +59,4 @@ autodoc_typehints_format = 'short'
 autodoc_type_aliases = {name: name for name in ('Array', 'ArrayLike', 'Flags', 'Indices')}
 add_module_names = False
 # Types of other packages are not linked, nor type variables; links to names of this one must hold.
-nitpick_ignore_regex = [('py:.*', r'(?!isotruss_ros\.).*'), ('py:class', r'.*\.(GripT|R|P|F|T)')]
+nitpick_ignore_regex = [('py:.*', r'(?!isotruss_ros\.).*'), ('py:class', r'.*\.(GripT|R|P|F|S|T)')]
