@@ -67,7 +67,7 @@ def attach_grip(
     pressures = tube_pressures(config.robot.description, pressure)
     wrench = np.zeros(3) if external_wrench is None else np.asarray(external_wrench)
     inputs = GraspInputs(config, body, members, wrench, pressures, stiffness)
-    (attached,) = attach_grips([inputs], quick, [starts])
+    (attached,) = attach_grips([inputs], quick, starts)
     if isinstance(attached, HeldGrip):
         return attached
     raise attached
@@ -76,10 +76,15 @@ def attach_grip(
 def attach_grips(
     inputs: Sequence[GraspInputs],
     quick: bool = False,
-    starts: Sequence[Sequence[Start]] = (),
+    starts: Sequence[Start] = (),
     accuracy: Accuracy = SETTLED,
+    samples: bool = False,
 ) -> list[Attached]:
-    """Find the equilibria of n objects, see `attach_grip`; an object without one has its error."""
+    """
+    Find the equilibria of n objects, see `attach_grip`; an object without one has its error.
+
+    For `starts` and `samples` see `ContactGroupSolver`.
+    """
     # A quick search has fewer sets of contacts, and fewer iterations for each of them, to end
     # within a control cycle.
     limit = QUICK_SETS if quick else MAX_SEARCH_STEPS
@@ -95,7 +100,7 @@ def attach_grips(
             results[i] = error
     for i, contacts in find_pressed(configs, bodies, members).items():
         searches[i] = search_contacts(contacts, limit=limit)
-    solver = ContactGroupSolver(inputs, steps, starts, accuracy)
+    solver = ContactGroupSolver(inputs, steps, starts, accuracy, samples)
     asked = {i: next(search)[0] for i, search in searches.items()}
     while asked:
         solved, asked = solver.solve(asked), {}

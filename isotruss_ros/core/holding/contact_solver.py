@@ -10,7 +10,7 @@ Objects with the same contacts, and tubes that are divided alike, are solved tog
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.holding.build_statics import (
@@ -29,8 +29,8 @@ from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.samples import take
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
-from isotruss_ros.core.statics.load_points import group_cuts
-from isotruss_ros.core.statics.structure import Structure, structures_under
+from isotruss_ros.core.statics.load_points import Cuts, group_samples
+from isotruss_ros.core.statics.structure import Structure, structure_under, structures_under
 import numpy as np
 
 #: Equilibrium, and unknowns near it (3 + 4k,) at which an iteration starts.
@@ -44,7 +44,7 @@ class _Objects(NamedTuple):
 
     numbers: Indices  #: (q,) numbers of the objects
     structure: Structure
-    bodies: ObjectSamples
+    bodies: Any  #: `ObjectSamples`; of a single object a `ConvexObject`
     wrench: Array  #: (q, 3) external wrenches, see `HeldGrip.wrench` [N]
 
 
@@ -52,19 +52,21 @@ class ContactGroupSolver:
     """
     Solver of equilibria of n objects near their measured poses, with unknown contact history.
 
-    An iteration makes at most `steps`. It begins at the first of the `starts` of its object that
-    has the same contacts, if any.
+    An iteration makes at most `steps`. That of a single object, whose arrays lack the axis of the
+    samples unless it is one of `samples`, begins at the first of the `starts` that has the same
+    contacts, if any.
     """
 
     def __init__(
         self,
         inputs: Sequence[GraspInputs],
         steps: int = MAX_SEARCH_STEPS,
-        starts: Sequence[Sequence[Start]] = (),
+        starts: Sequence[Start] = (),
         accuracy: Accuracy = SETTLED,
+        samples: bool = False,
     ) -> None:
         self._inputs, self._steps, self._starts = inputs, steps, starts
-        self._accuracy = accuracy
+        self._accuracy, self._is_single = accuracy, not samples and len(inputs) == 1
         self._wrenches = [scaled_wrench(given.wrench, given.body.arm) for given in inputs]
 
     def solve(self, asked: Mapping[int, ContactSet]) -> dict[int, Solved]:
@@ -96,10 +98,15 @@ class ContactGroupSolver:
         """Add the equilibria of objects with the same contacts."""
         columns = zip(*(self._inputs[i] for i in numbers), strict=True)
         configs, bodies, _, _, pressures, stiffness = columns
-        wrench, contacts = np.array([self._wrenches[i] for i in numbers]), chosen.contacts
+        contacts = chosen.contacts
         try:
-            structure = structures_under(configs, pressures, stiffness, is_loaded)
-            objects = _Objects(np.array(numbers), structure, ObjectSamples(bodies), wrench)
+            if self._is_single:
+                structure = structure_under(configs[0], pressures[0], stiffness[0])
+                objects = _Objects(np.zeros(1, int), structure, bodies[0], self._wrenches[0])
+            else:
+                structure = structures_under(configs, pressures, stiffness, is_loaded)
+                wrench = np.array([self._wrenches[i] for i in numbers])
+                objects = _Objects(np.array(numbers), structure, ObjectSamples(bodies), wrench)
             near = self._begin_near(objects, contacts)
             straight = [] if near else _begin_straight(objects, contacts, is_loaded)
         except StructureError as error:
@@ -111,10 +118,8 @@ class ContactGroupSolver:
             return
         conditions = least_friction_conditions(contacts, chosen.grazing)
         self._solve_from(near or straight, conditions, solved)
-        is_left = np.array([solved[i] is None for i in numbers])
-        if near and is_left.any():
-            straight = _begin_straight(take(objects, is_left), contacts, is_loaded)
-            self._solve_from(straight, conditions, solved)
+        if near and solved[0] is None:
+            self._solve_from(_begin_straight(objects, contacts, is_loaded), conditions, solved)
 
     def _solve_from(
         self,
@@ -124,33 +129,30 @@ class ContactGroupSolver:
     ) -> None:
         """Add the equilibria that iterations find."""
         for found in find_equilibria(begins, conditions, self._steps, self._accuracy):
-            wrench = np.array([self._wrenches[i] for i in found.samples.tolist()])
+            numbers, lead = found.samples.tolist(), found.state.unknowns.shape[:-1]
+            wrench = np.array([self._wrenches[i] for i in numbers]).reshape(*lead, 3)
             grips = HeldGrip.of(found.statics, found.state, wrench)
-            for k, i in enumerate(found.samples.tolist()):
+            for k, i in enumerate(numbers):
                 solved[i] = HeldGrip.sample(grips, k)
 
     def _begin_near(self, objects: _Objects, contacts: PressedContacts) -> list[Iteration]:
-        """Return the iterations that begin near other equilibria."""
-        begins = []
-        for k, i in enumerate(objects.numbers.tolist() if self._starts else ()):
-            for grip, unknowns in self._starts[i]:
-                if np.array_equal(grip.contacts.corners, contacts.corners):
-                    one = take(objects, [k])
-                    bent = grip.statics.bent_under(unknowns, take(one.structure, 0))
-                    near = statics_of(take(bent, None), one.bodies, contacts)
-                    begins.append(Iteration.of(near, one.numbers, unknowns[None], one.wrench))
-                    break
-        return begins
+        """Return the iteration of a single object that begins near another equilibrium, if any."""
+        for grip, unknowns in self._starts:
+            if np.array_equal(grip.contacts.corners, contacts.corners):
+                bent = grip.statics.bent_under(unknowns, objects.structure)
+                near = statics_of(bent, objects.bodies, contacts)
+                return [Iteration.of(near, objects.numbers, unknowns, objects.wrench)]
+        return []
 
 
 def _begin_straight(
     objects: _Objects, contacts: PressedContacts, is_loaded: bool
 ) -> list[Iteration]:
     """Return the iterations that begin with straight tubes at the measured poses."""
-    begins, count = [], len(objects.numbers)
-    feet = find_feet(objects.structure, objects.bodies, contacts)
-    for rows in group_cuts(objects.structure, contacts.members, feet) if count else ():
-        group, at = (objects, feet) if len(rows) == count else take((objects, feet), rows)
+    begins, structure = [], objects.structure
+    feet = find_feet(structure, objects.bodies, contacts)
+    for rows in group_samples(structure, Cuts.of(structure, contacts.members, feet)):
+        group, at = (objects, feet) if rows is None else take((objects, feet), rows)
         statics = build_statics(group.structure, group.bodies, contacts, at, is_loaded)
         begins.append(Iteration.of(statics, group.numbers, start_unknowns(statics), group.wrench))
     return begins

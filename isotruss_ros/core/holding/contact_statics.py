@@ -23,7 +23,7 @@ conditions of friction or rolling.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import functools
 from typing import Any, ClassVar
 
@@ -37,9 +37,8 @@ from isotruss_ros.core.holding.pressed_contacts import (
     POSE,
     PressedContacts,
 )
-from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
-from isotruss_ros.core.numerics.samples import column, take
+from isotruss_ros.core.numerics.samples import column
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.bent_updates import update_tubes
 from isotruss_ros.core.statics.structure import Structure
@@ -216,10 +215,6 @@ class ContactStatics:
         at_same_contact[..., 0, 2] += by_normal.real
         at_same_contact[..., 1, 2] += by_normal.imag
         at_same_contact[..., 2, 1] -= 1.0
-
-    def as_samples(self) -> ContactStatics:
-        """Return the equations of one object as those of one sample."""
-        return replace(take(self, None), body=ObjectSamples([self.body]))
 
 
 def object_angles(unknowns: Array, normals: Points, previous: Array | float = 0.0) -> Array:

@@ -63,7 +63,11 @@ FOLLOWED = Accuracy(FOLLOWED_MOTION, 1e2)
 
 
 class Iteration(NamedTuple):
-    """Newton's method for n samples with the same contacts and one layout of the tubes."""
+    """
+    Newton's method for n samples with the same contacts and one layout of the tubes.
+
+    The arrays of a single object may lack the axis of the samples.
+    """
 
     samples: Indices  #: (n,) numbers of the samples
     statics: ContactStatics
@@ -80,17 +84,17 @@ class Iteration(NamedTuple):
         cls, statics: ContactStatics, samples: Indices, unknowns: Array, wrench: Array
     ) -> Iteration:
         """Return the iteration that begins at given unknowns."""
-        count = len(samples)
+        lead = unknowns.shape[:-1]
         return cls(
             samples,
             statics,
             unknowns,
             statics.pushes(unknowns),
             wrench,
-            least_error=np.full(count, np.inf),
-            moves_by_rounding=np.zeros(count, dtype=bool),
+            least_error=np.full(lead, np.inf),
+            moves_by_rounding=np.zeros(lead, dtype=bool),
             crossings=np.zeros(statics.sides.shape),
-            steps=np.zeros(count, dtype=int),
+            steps=np.zeros(lead, dtype=int),
         )
 
     def relinearized(
@@ -100,25 +104,19 @@ class Iteration(NamedTuple):
         statics, indices = self.statics, self.statics.places
         bent, feet = statics.bent, self.unknowns[..., indices.feet]
         are_near = np.abs(feet - bent.places) < RING_REACH * statics.tube_radius
+        current = self._replace(
+            least_error=error, moves_by_rounding=motion <= ROUNDING, steps=0 * self.steps
+        )
         for rows, tubes in update_samples(bent, predicted):
-            group, near = (
-                (self, are_near) if len(rows) == len(feet) else take((self, are_near), rows)
-            )
+            group, near = (current, are_near) if rows is None else take((current, are_near), rows)
             pieces = group.statics.bent.cuts.pieces
             crossings = group.crossings + (near & (tubes.cuts.pieces != pieces))
-            group = group._replace(
-                least_error=error[rows],
-                moves_by_rounding=motion[rows] <= ROUNDING,
-                crossings=crossings,
-                steps=0 * group.steps,
-            )
+            group = group._replace(crossings=crossings)
             returned = (crossings > 1.0).any(axis=-1)
-            if returned.any():
-                yield from take(group, np.flatnonzero(returned))._at_rings()
-                if returned.all():
-                    continue
-                group, tubes = take((group, tubes), np.flatnonzero(~returned))
-            yield group._replace(statics=replace(group.statics, bent=tubes))
+            for at_rings in _choose(group, returned):
+                yield from at_rings._at_rings()
+            for others, of_others in _choose((group, tubes), ~returned):
+                yield others._replace(statics=replace(others.statics, bent=of_others))
 
     def _at_rings(self) -> Iterator[Iteration]:
         """Yield the samples with tubes linearised with contacts that returned at the ring."""
@@ -127,7 +125,7 @@ class Iteration(NamedTuple):
         positions = np.where(self.crossings > 1.0, rings, feet)
         predicted = bent.predict(self.pushes.loads, positions)
         for rows, tubes in update_samples(bent, predicted):
-            group = take(self, rows)
+            group = self if rows is None else take(self, rows)
             statics = replace(group.statics, bent=tubes)
             yield group._replace(statics=statics, crossings=0.0 * group.crossings)
 
@@ -190,7 +188,7 @@ def _iterate(
 
     # The end of the iteration. Tubes are not modelled beyond the ends of their members, so
     # contacts there converge slowly, and are accepted before.
-    feet = unknowns[:, indices.feet]
+    feet = unknowns[..., indices.feet]
     predicted = statics.bent.predict(pushes.loads, feet)
     motion = statics.bent.distance(predicted)
     # For NaN the comparisons are false, so NaN is not a solution.
@@ -199,7 +197,7 @@ def _iterate(
     is_beyond_end = (motion <= FOLLOWED_MOTION) & ~statics.are_on_members(feet)
     ends = is_valid & (is_beyond_end | (is_solved & is_linearised))
     if ends.any():
-        folds = np.abs(unknowns[:, indices.inclinations]).max(axis=-1) > MAX_INCLINATION
+        folds = np.abs(unknowns[..., indices.inclinations]).max(axis=-1) > MAX_INCLINATION
         normals = statics.bent.lines.axis * pushes.member_normals
         state = ContactForces(unknowns, normals, pushes.loads, state.jacobian)
         found += _choose(Equilibria(samples, statics, state), ends & ~folds)
@@ -218,7 +216,7 @@ def _iterate(
 
 def _choose(record: T, chosen: Flags) -> list[T]:
     """Return the record of chosen samples in a list, which is empty if none is chosen."""
-    flags = chosen.tolist()  # for one sample much faster than reductions of the array
+    flags = chosen.ravel().tolist()  # for one sample much faster than reductions of the array
     if all(flags):
         return [record]
     return [take(record, chosen)] if any(flags) else []
@@ -227,20 +225,22 @@ def _choose(record: T, chosen: Flags) -> list[T]:
 def _measure_error(residual: Array, state: ContactForces) -> Array:
     """Return the largest residual (n,) of each sample, in tolerances [-]."""
     sizes, squeeze = np.abs(residual), np.abs(state.normal_forces).sum(axis=-1, keepdims=True)
-    sizes[:, state.places.balance] *= LENGTH_TOLERANCE / (FORCE_TOLERANCE * squeeze)
+    sizes[..., state.places.balance] *= LENGTH_TOLERANCE / (FORCE_TOLERANCE * squeeze)
     return sizes.max(axis=-1) / LENGTH_TOLERANCE
 
 
 def _find_step(statics: ContactStatics, state: ContactForces, residual: Array) -> Array:
     """Return a bounded step (n, 3 + 4k) of Newton's method; not finite if singular."""
-    step = -solve_each(state.jacobian, residual[..., None])[..., 0]
+    size = residual.shape[-1]
+    jacobians, right = state.jacobian.reshape(-1, size, size), residual.reshape(-1, size, 1)
+    step = -solve_each(jacobians, right).reshape(residual.shape)
     # The motion of the centroid does not depend on the frame of the object.
-    centroid = np.exp(1j * state.unknowns[:, ANGLE]) * statics.body.shape.centroid
-    shift = step[:, 0] + 1j * step[:, 1] + 1j * centroid * step[:, ANGLE]
-    translations = np.abs(np.concatenate([shift[:, None], step[:, state.places.feet]], axis=-1))
-    turns = np.abs(step[:, state.places.turns])
-    largest = np.maximum(translations.max(axis=-1) / statics.body.arm, turns.max(axis=-1))
-    return step / np.maximum(largest / MAX_TURN, 1.0)[:, None]
+    centroid = np.exp(1j * state.unknowns[..., ANGLE]) * statics.body.shape.centroid
+    shift = step[..., 0] + 1j * step[..., 1] + 1j * centroid * step[..., ANGLE]
+    translations = np.maximum(np.abs(shift), np.abs(step[..., state.places.feet]).max(axis=-1))
+    turns = np.abs(step[..., state.places.turns])
+    largest = np.maximum(translations / statics.body.arm, turns.max(axis=-1))
+    return step / np.maximum(largest / MAX_TURN, 1.0)[..., None]
 
 
 def settle(
@@ -252,7 +252,7 @@ def settle(
     accuracy: Accuracy = SETTLED,
 ) -> tuple[ContactStatics, ContactForces] | None:
     """Find an equilibrium, see `find_equilibria`; return its equations and state, or None."""
-    begin = Iteration.of(statics.as_samples(), np.zeros(1, dtype=int), start[None], wrench[None])
+    begin = Iteration.of(statics, np.zeros(1, dtype=int), start, wrench)
     for found in find_equilibria([begin], conditions, steps, accuracy):
-        return take((found.statics, found.state), 0)
+        return found.statics, found.state
     return None

@@ -31,7 +31,6 @@ from isotruss_ros.core.holding.rolling_invariants import find_anchors, rolling_r
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.factorization import solve_each
-from isotruss_ros.core.numerics.samples import take
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.core.statics.structure import structure_under
@@ -76,15 +75,12 @@ def begin_roll(grip: HeldGrip, config: Configuration) -> HeldGrip | None:
     unknowns = grip.extrapolate(travel)
     statics = replace(grip.statics, bent=grip.statics.bent_under(unknowns, structure))
     conditions = rolling_conditions(grip.anchors, grip.angles, np.zeros(0, dtype=int))
-    samples = statics.as_samples()
-    residual, state = samples.equations(unknowns[None], np.zeros((1, 3)), conditions)
-    unknowns = unknowns - solve_each(state.jacobian, residual[..., None])[0, :, 0]
+    residual, state = statics.equations(unknowns, np.zeros(3), conditions)
+    unknowns = unknowns - solve_each(state.jacobian[None], residual[None, :, None])[0, :, 0]
     if not np.isfinite(unknowns).all():
         return None
     motion = travel, unknowns - grip.state.unknowns
-    state = replace(take(state, 0), unknowns=unknowns)
-    # The responses of the tubes are kept for the next step.
-    statics = replace(statics, bent=take(samples.bent, 0))
+    state = replace(state, unknowns=unknowns)
     return replace(grip, statics=statics, state=state, motion=motion)
 
 

@@ -167,7 +167,7 @@ def _settle_group(
     result = _GroupResult([None] * count, [''] * count, np.full((count, 9 + 3 * members), np.nan))
     groups: dict[tuple[int, bytes], list[int]] = {}
     held: dict[int, HeldGrip] = {}
-    for i, grip in enumerate(attach_grips(inputs, accuracy=accuracy)):
+    for i, grip in enumerate(attach_grips(inputs, accuracy=accuracy, samples=True)):
         if isinstance(grip, StructureError):
             result.reason[i] = str(grip)
         elif isinstance(grip, NotHeldError):

@@ -75,7 +75,7 @@ def column(values: Any) -> Any:
 
 def first_sample(values: Array | Indices) -> Any:
     """Return values (k,) of the first sample, or of the only one."""
-    return values.reshape(-1, values.shape[-1])[0]
+    return values if values.ndim == 1 else values[0]
 
 
 def plain(values: Any) -> Any:

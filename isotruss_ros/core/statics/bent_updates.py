@@ -10,10 +10,11 @@ stay together.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
-from isotruss_ros.core.numerics.samples import apply, first_sample, pick, take
+from isotruss_ros.core.numerics.samples import apply, column, first_sample, pick, take
 from isotruss_ros.core.statics.bent_tubes import BentState, BentTubes, Prediction
 from isotruss_ros.core.statics.blocks import Layout
 from isotruss_ros.core.statics.frame import Frame, largest_motion
@@ -52,23 +53,23 @@ def update_tubes(
     return _relinearize(bent, predicted, every, bool(_are_near(bent, cuts)), structure)
 
 
-def update_samples(bent: BentTubes, predicted: Prediction) -> list[tuple[Indices, BentTubes]]:
+def update_samples(
+    bent: BentTubes, predicted: Prediction
+) -> Iterator[tuple[Indices | None, BentTubes]]:
     """
-    Return the tubes of n samples, linearised about predicted states.
+    Yield the tubes of n samples, linearised about predicted states.
 
-    :return: indices (q,) of samples, and their tubes with one layout, for each layout.
+    They are the indices (q,) of samples, see `group_samples`, and their tubes with one layout, for
+    each layout.
     """
     layout, cuts = bent.frame.layout, predicted.cuts
-    loaded, are_near = _find_loaded(bent, predicted), _are_near(bent, cuts)
-    groups, updated = group_samples(bent.structure, cuts, loaded, are_near), []
-    for indices in groups:
-        tubes, of_group = bent, predicted
-        if len(groups) > 1:
-            tubes, of_group = take((bent, predicted), indices)
-        first = int(indices[0])
-        active, is_near = _active(layout, loaded[first]), bool(are_near[first])
-        updated.append((indices, _relinearize(tubes, of_group, active, is_near, tubes.structure)))
-    return updated
+    conditions = _find_loaded(bent, predicted), column(_are_near(bent, cuts))
+    for indices in group_samples(bent.structure, cuts, *conditions):
+        every = bent, predicted, *conditions
+        tubes, of_group, *of_samples = every if indices is None else take(every, indices)
+        loaded, is_near = map(first_sample, of_samples)
+        active = _active(layout, loaded)
+        yield indices, _relinearize(tubes, of_group, active, bool(is_near), tubes.structure)
 
 
 def group_key(bent: BentTubes) -> tuple[object, ...]:

@@ -11,6 +11,7 @@ start of the member.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -57,23 +58,22 @@ class Cuts(NamedTuple):
         return cls(pieces, inside, directions, positions + directions * (inside - within))
 
 
-def group_cuts(structure: Structure, members: Indices, positions: Array) -> list[Indices]:
-    """Return the samples of each group whose members are divided alike at positions (n, k)."""
-    if len(positions) == 1:
-        return [np.zeros(1, dtype=int)]
-    return group_samples(structure, Cuts.of(structure, members, positions))
+def group_samples(
+    structure: Structure, cuts: Cuts, *others: Array | Flags
+) -> Sequence[Indices | None]:
+    """
+    Return the samples of each group with equal layouts of cuts and equal other values.
 
-
-def group_samples(structure: Structure, cuts: Cuts, *others: Array | Flags) -> list[Indices]:
-    """Return the samples of each group with equal layouts of cuts and equal other values."""
-    if len(cuts.pieces) == 1:
-        return [np.zeros(1, dtype=int)]
+    None are all samples, or the only one.
+    """
+    if cuts.pieces.ndim == 1 or len(cuts.pieces) == 1:
+        return [None]
     order = np.lexsort((cuts.within, cuts.pieces), axis=-1)
     columns = cuts.pieces, order, are_at_rings(structure, cuts), *others
     groups = defaultdict[bytes, list[int]](list)
     for i, row in enumerate(zip(*columns, strict=True)):
         groups[b''.join(values.tobytes() for values in row)].append(i)
-    return list(map(np.array, groups.values()))
+    return [None] if len(groups) == 1 else list(map(np.array, groups.values()))
 
 
 def are_at_rings(structure: Structure, cuts: Cuts) -> Flags:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.samples import apply
 from isotruss_ros.core.numerics.tolerances import MAX_CONDITION
@@ -65,7 +66,10 @@ def find_responses(
     is_probed = not layout.kept and not tangent.unknowns.any()
     if is_probed:
         right[..., -1] = irregular_loads(frame)
-    _, unknowns = tangent.solve(right)
+    try:
+        _, unknowns = tangent.solve(right)
+    except StructureError:  # as of one of several samples
+        unknowns = np.full(right.shape, np.nan)
     if is_probed:
         condition = np.abs(unknowns[..., -1] / frame.scale).max()
         if not condition < MAX_CONDITION:
