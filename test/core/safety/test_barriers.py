@@ -190,6 +190,16 @@ def test_a_margin_beyond_its_bound_decreases_by_the_square_of_the_travel(travel)
         assert margin - left == pytest.approx(1e-9 + 0.2 * (travel / 0.05) ** 2, rel=0.01)
 
 
+def test_a_positive_margin_stays_positive_in_samples_of_large_travel():
+    law = BarrierLaw(bound=0.3, band=0.2)
+    margins = np.array([1e-3, 0.09, 0.009]) * law.safety_margin
+    for _ in range(100):
+        left = law.discrete_bound(margins, 0.01, 0.05)
+        assert (left <= margins).all()
+        margins = left
+    assert margins.min() > 0.0
+
+
 @robots.examples(50)
 @given(robots.generators())
 def test_law_leads_to_the_safety_margin_and_no_further(rng):

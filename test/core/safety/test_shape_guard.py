@@ -202,6 +202,21 @@ def test_commands_of_any_duration_cross_no_bound(duration):
     assert bool(reduced) == (duration >= 0.5)
 
 
+def test_a_command_of_a_short_sample_ends_before_a_bound_beside_it():
+    """The rollers travel by 1 mm toward the bound, without rows that limit their speeds."""
+    held, _ = commanded(9)
+    bound = walks.LEAST[2] + walks.margins(held)[2] - 1e-3
+    guard = ShapeGuard(walks.ROBOT, ShapeBounds(min_object_clearance=bound))
+    watch = guard.watch(held.config, held.grip)
+    limit = min(watch.limits, key=lambda limit: limit.margins.min())
+    toward = -limit.matrix[limit.margins.argmin()]
+    command = RollerCommand(0.1 * toward / np.abs(toward).max(), np.zeros(3), 1.0, Status.OK)
+    kept = watch.keep(command, np.zeros(len(toward)), PERIOD)
+    there = rolled(held, PERIOD * kept.roller_velocities)
+    assert walks.LEAST[2] + walks.margins(there)[2] > bound
+    assert kept.status is Status.SLOWED_OBJECT
+
+
 class Kink:
     """Barrier whose value falls by 10 per metre from a roller's home position on."""
 

@@ -68,7 +68,7 @@ def test_a_turning_twist_at_a_limit_keeps_the_acceleration(module, first, slide,
         if cycle > 20 and command.scale < 0.5:
             break
     robot.step(heading(first))
-    for turned in np.arange(0.0, 180.0, rate):
+    for turned in np.arange(0.0, 120.0, rate):
         command = robot.step(heading(first + turned))
         assert command.status < Status.HALT_NO_TWIST
         assert robot.change <= CHANGE * (1.0 + 1e-6)

@@ -109,29 +109,29 @@ def test_repeated_readings_are_used_once():
     assert other.squeeze == pytest.approx(one.squeeze, abs=1e-5)
 
 
-@pytest.mark.parametrize(('repeats', 'stopped'), [(10, False), (30, True)])
+@pytest.mark.parametrize(('repeats', 'stopped'), [(5, False), (15, True)])
 def test_a_tracker_that_repeats_its_pose_beyond_the_timeout_stops_the_object(repeats, stopped):
-    loop = SqueezeLoop(CONFIG, HELD, pose_gain=None, load=0.0)
+    loop = SqueezeLoop(CONFIG, HELD, period=0.04, pose_gain=None, load=0.0)
     start = loop.plant.object_pose
-    for number in range(75):
-        if number % repeats == 0 and number < 60:
+    for number in range(38):
+        if number % repeats == 0 and number < 30:
             pose = loop.plant.object_pose
         loop.cycle((0.05, 0.0, 0.0), pose=StampedInput(pose, loop.now))
-    assert (Status.HALT_STALE_OBJECT_POSE in loop.statuses[:60]) is stopped
+    assert (Status.HALT_STALE_OBJECT_POSE in loop.statuses[:30]) is stopped
     assert loop.statuses[-1] is Status.HALT_STALE_OBJECT_POSE
     # A new pose resumes the motion.
     if stopped:
-        assert loop.statuses[29] is Status.HALT_STALE_OBJECT_POSE
-        assert loop.statuses[31] < Status.HALT_NO_TWIST
+        assert loop.statuses[14] is Status.HALT_STALE_OBJECT_POSE
+        assert loop.statuses[16] < Status.HALT_NO_TWIST
     assert loop.plant.object_pose.x - start.x > 0.01
 
 
 def test_a_late_pose_of_an_object_that_begins_to_move_is_not_repeated():
     loop = SqueezeLoop(CONFIG, HELD, period=0.05, pose_gain=None, load=0.0)
     poses = 4 * [loop.plant.object_pose]
-    for number in range(40):
+    for number in range(26):
         pose = StampedInput(poses[number], loop.now - 0.19)
-        decision = loop.cycle((0.1 * (number > 30), 0.0, 0.0), pose=pose)
+        decision = loop.cycle((0.1 * (number > 18), 0.0, 0.0), pose=pose)
         poses.append(loop.plant.object_pose)
         assert decision.command.status < Status.HALT_NO_TWIST, decision.message
     assert poses[-1].x - poses[0].x > 0.01
@@ -139,14 +139,14 @@ def test_a_late_pose_of_an_object_that_begins_to_move_is_not_repeated():
 
 @pytest.mark.parametrize(
     ('rollers_late', 'pose_late', 'every'),
-    some_now([(5, 0, 1), (0, 5, 1), (0, 1, 2), (0, 0, 1), (1, 0, 1)], 2),
+    some_now([(5, 0, 1), (0, 5, 1), (0, 1, 2), (0, 0, 1), (1, 0, 1)]),
 )
 def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, every):
     loop = SqueezeLoop(CONFIG, HELD, period=0.01, servo={'timeout': 1.0})
     states, poses, first = [], [], loop.now
-    for number in range(0, 60, every):
+    for number in range(0, 48, every):
         # A busy machine: the rollers keep their last command, and nothing is measured.
-        loop.sends = not 20 <= number < 45
+        loop.sends = not 15 <= number < 40
         if loop.sends:
             velocities = loop.plant.roller_velocities
             state = RollerState(loop.plant.roller_positions, velocities)
@@ -162,13 +162,13 @@ def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, 
     assert decision.pose_delay < 5e-3
 
 
-def test_half_of_the_delay_of_a_tracker_is_estimated_within_two_swings():
-    loop, late, poses = SqueezeLoop(CONFIG, HELD), 2, []
-    for number in range(60):
+def test_a_third_of_the_delay_of_a_tracker_is_estimated_within_three_half_swings():
+    loop, late, poses = SqueezeLoop(CONFIG, HELD, period=0.03), 2, []
+    for number in range(30):
         poses.append(loop.plant.object_pose)
-        twist = (0.05 * np.sin(2.0 * np.pi * number / 30), 0.0, 0.0)
+        twist = (0.05 * np.sin(2.0 * np.pi * number / 20), 0.0, 0.0)
         pose = StampedInput(poses[-1 - late :][0], loop.now)  # noqa: E203
         decision = loop.cycle(twist, pose=pose)
         assert decision.command.status < Status.HALT_NO_TWIST
     delay = late * loop.period
-    assert 0.5 * delay < decision.pose_delay < delay
+    assert delay / 3.0 < decision.pose_delay < delay

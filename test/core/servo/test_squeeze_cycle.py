@@ -40,18 +40,18 @@ def repeat(loop, twist, count, **inputs):
 def test_the_pose_error_takes_the_shorter_way_across_half_a_turn():
     x, y, _ = MODEL.pose
     loop = loop_of(body=CYLINDER.moved_to(Pose(x, y, math.pi - 0.01)))
-    for _ in range(30):
+    for _ in range(15):
         decision = loop.cycle((0.0, 0.0, 0.1))
         assert abs(decision.command.achieved_twist[2]) < 0.15
     turn = loop.plant.object_pose.angle - (math.pi - 0.01)
-    assert math.remainder(turn, 2.0 * math.pi) == pytest.approx(0.06, abs=5e-3)
+    assert math.remainder(turn, 2.0 * math.pi) == pytest.approx(0.03, abs=3e-3)
 
 
 def test_a_pose_error_in_an_unreachable_direction_decays():
     """The desired pose follows the object there, and the twist is executed elsewhere."""
     loop = loop_of()
     loop.servo.receive(failed=['south/P', 'south/Q', 'east/R'])
-    decision = repeat(loop, (0.02, -0.02, 0.1), 40)[-1]
+    decision = repeat(loop, (0.02, -0.02, 0.1), 25)[-1]
     assert decision.command.status is Status.UNREACHABLE
     assert decision.desired_pose[:2] == pytest.approx(loop.plant.object_pose[:2], abs=2e-3)
     # At rest, a correction that the contacts do not admit is no fault.
@@ -73,7 +73,7 @@ def test_limits_of_rollers_slow_the_twist_and_not_the_squeeze():
 def test_a_limit_below_the_closing_speed_stops_the_twist_and_not_the_squeeze():
     loop = loop_of(config=limited(max_speed=0.001), force=30.0)
     first = loop.squeeze
-    command = repeat(loop, (0.05, 0.0, 0.0), 15)[-1].command
+    command = repeat(loop, (0.05, 0.0, 0.0), 8)[-1].command
     assert (command.scale, command.status) == (0.0, Status.SLOWED_ROLLER_SPEED)
     assert command.limiting
     assert loop.squeeze > first
@@ -82,7 +82,7 @@ def test_a_limit_below_the_closing_speed_stops_the_twist_and_not_the_squeeze():
 def test_a_low_slip_margin_slows_the_twist_and_not_the_correction_of_the_pose():
     """A hundredth of the squeeze remains."""
     loop, at_rest = loop_of(0.38), loop_of(0.38)
-    for _ in range(12):
+    for _ in range(9):
         command = loop.cycle((-0.03, 0.0, 0.0)).command
         at_rest.cycle()
     assert command.status is Status.SLOWED_SLIP_MARGIN
@@ -104,7 +104,7 @@ def test_the_slip_margin_does_not_rely_on_an_estimated_load(friction, load, slow
     """The load changes the true margin by 0.5 N upward, or by 0.7 N downward."""
     loop = loop_of(friction)
     loop.object.external_wrench = (0.0, load, 0.0)
-    scales = [decision.command.scale for decision in repeat(loop, (-0.03, 0.0, 0.0), 12)]
+    scales = [decision.command.scale for decision in repeat(loop, (-0.03, 0.0, 0.0), 9)]
     assert (min(scales) == 0.0) is slowed
 
 
@@ -126,11 +126,11 @@ def test_members_without_contact_are_a_loss_only_of_an_object_that_was_held(was_
 
 
 @pytest.mark.parametrize(
-    ('twist', 'min_length'), [((0.0, 0.0, 0.3), 0.74), ((0.02, 0.02, 0.0), 0.25)]
+    ('twist', 'min_length'), some_now([((0.0, 0.0, 0.3), 0.74), ((0.02, 0.02, 0.0), 0.25)])
 )
 def test_object_is_at_the_desired_pose_while_it_slides_along_a_limit(twist, min_length):
     loop = loop_of(config=limited(min_length=min_length))
-    for _ in range(60):
+    for _ in range(36):
         loop.cycle(twist)
     distance, angle = loop.largest_error()
     assert distance < 3e-4
@@ -139,7 +139,7 @@ def test_object_is_at_the_desired_pose_while_it_slides_along_a_limit(twist, min_
     desired = np.array([decision.desired_pose for decision in loop.decisions])
     scales = sum(decision.command.scale for decision in loop.decisions)
     apart = math.dist(loop.period * scales * np.array(twist)[:2], (desired[-1] - desired[0])[:2])
-    assert (apart > 3e-3) == (min_length > 0.5)
+    assert (apart > 1.5e-3) == (min_length > 0.5)
     at_rest = loop.cycle(twist=None)
     assert at_rest.desired_pose is None
     assert at_rest.squeeze is not None
@@ -187,7 +187,7 @@ def test_a_box_that_lies_on_a_face_stays_held(noise):
     """Its rows are not those of the corner on which it would be between straight members."""
     loop = loop_between(SMALL_BOX, 2.1, CORNER, 1.05, noise=noise)
     assert len(loop.object.grasp.contacts.members) == 3
-    loop.run((0.01, 0.01, 0.05), 0.5)
+    loop.run((0.01, 0.01, 0.05), 0.3)
     assert loop.squeeze == pytest.approx(loop.target, rel=0.03 + 10.0 * noise)
     assert loop.final_error() < 1e-3 + noise
 
@@ -197,7 +197,7 @@ def test_a_box_that_lies_on_a_face_stays_held(noise):
     some_now([(Disc(0.83), 0.0, AROUND, OBLIQUE, 1.1, 0.9), (BOX, 0.2, APART, HOME, 1.2, 1.3)]),
 )
 def test_a_rising_target_closes_in_place(shape, angle, members, config, more, duration):
-    loop = loop_between(shape, angle, members, more, config)
+    loop = loop_between(shape, angle, members, more, config, period=0.05)
     loop.run((0.0, 0.0, 0.0), duration)
     assert loop.squeeze == pytest.approx(loop.target, rel=5e-3)
     assert loop.final_error() < 1e-3
@@ -205,14 +205,14 @@ def test_a_rising_target_closes_in_place(shape, angle, members, config, more, du
 
 def test_an_object_at_rest_on_a_face_is_not_told_as_unreachable():
     loop = loop_between(SMALL_BOX, 0.5, CORNER)
-    loop.run((0.0, 0.0, 0.0), 5 * loop.period)
+    loop.run((0.0, 0.0, 0.0), 3 * loop.period)
     assert set(loop.statuses) <= {Status.OK, Status.IDLE}
 
 
 @pytest.mark.parametrize('twist', some_now([((0.02, 0.0, -0.2),), ((0.0, 0.02, -0.1),)]))
 def test_the_velocity_does_not_jump_where_a_face_comes_to_lie_on_a_member(twist):
     loop, poses = loop_between(LOW_BOX, 0.62, CORNER), []
-    for share in np.linspace(0.0, 1.0, 12).tolist() + 18 * [1.0]:
+    for share in np.linspace(0.0, 1.0, 12).tolist() + 12 * [1.0]:
         loop.cycle(share * np.array(twist))
         poses.append(loop.plant.object_pose[:2])
     velocities = np.diff(poses, axis=0) / loop.period
