@@ -19,7 +19,8 @@ from weakref import WeakKeyDictionary
 
 from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import Twist
-from isotruss_ros.core import IsotrussError, Status
+from isotruss_ros.core import IsotrussError, load_robot, Robot, Status
+from isotruss_ros.nodes.framework import managed
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from probe import Manager, manipulation, Probe, Watched
 import pytest
@@ -35,6 +36,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.subscription import Subscription
 from rclpy.time import Time
 from rclpy.timer import Timer
+from robots import preset, PRESETS
 
 #: In which everything here comes about [s of the test's clock].
 DEADLINE = 20.0
@@ -66,6 +68,11 @@ def call_at_once(_pool: ThreadPoolExecutor, call: Callable[..., Any], *arguments
     except Exception as error:  # noqa: BLE001 - kept for `result`, as a pool does
         done.set_exception(error)
     return done
+
+
+def read_once(name: str) -> Robot:
+    """Stand in for `load_robot`: a preset is read once, other files each time."""
+    return preset(name) if name in PRESETS else load_robot(name)
 
 
 class Goal:
@@ -135,6 +142,8 @@ class World(Watched):
         self._latched: dict[tuple[Publisher, str], tuple[str, Any, QoSProfile, int]] = {}
         self._numbers: WeakKeyDictionary[Publisher, Iterator[int]] = WeakKeyDictionary()
         self._served: set[Subscription] = set()
+        self._present: list[Subscription] = []
+        self._receivers: dict[tuple[Any, ...], list[Subscription]] = {}
         self._due: dict[Timer, float] = {}
         self._goals: list[Goal] = []
         self._topics = WeakKeyDictionary[Publisher | Subscription, str]()
@@ -164,13 +173,16 @@ class World(Watched):
         """Take a publication; it is delivered in the next turn."""
         if not isinstance(message, publisher.msg_type | bytes):
             raise TypeError(f'{message!r} is no {publisher.msg_type}')
+        topic, offered = self._resolve(publisher), publisher.qos_profile
+        is_latched = offered.durability == TRANSIENT
+        if not is_latched and not self._subscribers(topic, publisher.msg_type, offered):
+            return
         data = message if isinstance(message, bytes) else serialize_message(message)
         copied = deserialize_message(data, publisher.msg_type)
-        topic = self._resolve(publisher)
         number = next(self._numbers.setdefault(publisher, itertools.count(1)))
-        sent = (topic, copied, publisher.qos_profile, number)
+        sent = (topic, copied, offered, number)
         self._queue.append(sent)
-        if publisher.qos_profile.durability == TRANSIENT:
+        if is_latched:
             self._latched[publisher, topic] = sent
 
     def count_subscriptions(self, publisher: Publisher) -> int:
@@ -227,14 +239,20 @@ class World(Watched):
             goal.advance()
 
     def _subscribers(self, topic: str, kind: type, offered: QoSProfile) -> list[Subscription]:
-        return [
-            subscription
-            for node in self.nodes
-            for subscription in node.subscriptions
-            if self._resolve(subscription) == topic
-            and subscription.msg_type is kind
-            and match(offered, subscription.qos_profile)
-        ]
+        present = [subscription for node in self.nodes for subscription in node.subscriptions]
+        if present != self._present:
+            self._present = present
+            self._receivers.clear()
+        key = topic, kind, offered.durability, offered.reliability
+        if key not in self._receivers:
+            self._receivers[key] = [
+                subscription
+                for subscription in present
+                if self._resolve(subscription) == topic
+                and subscription.msg_type is kind
+                and match(offered, subscription.qos_profile)
+            ]
+        return self._receivers[key]
 
     def _serve_late_joiners(self) -> None:
         """Deliver what was latched before a subscription was made."""
@@ -336,6 +354,7 @@ def world(
         patch.setattr(ThreadPoolExecutor, 'submit', call_at_once)
         patch.setattr(Publisher, 'publish', lambda pub, message: w.publish(pub, message))
         patch.setattr(Publisher, 'get_subscription_count', lambda pub: w.count_subscriptions(pub))
+        patch.setattr(managed, 'load_robot', read_once)
         try:
             enter(w)
             w.begin(makers, twist_type, sim_time)

@@ -132,12 +132,13 @@ def seconds(duration):
 
 def test_the_result_has_the_planned_grasps_and_trajectories():
     body = core.ConvexObject.disc(CENTER, DIAMETER)
-    plan = core.plan_grasps(ROBOT.home, body, thorough=False, uncertainty=core.Uncertainty())
+    two, random = core.GraspRequirements(count=2), core.Uncertainty()
+    plan = core.plan_grasps(ROBOT.home, body, two, thorough=False, uncertainty=random)
     result = to_result_message(Answer(SearchOutcome.FOUND, 'found', plan), ROBOT)
     assert (result.code, result.message) == (Result.FOUND, 'found')
     for name in ('evaluations', 'analyses', 'computing_time'):
         assert getattr(result, name) == getattr(plan, name) > 0, name
-    assert len(result.grasps) == len(plan.grasps) > 0
+    assert len(result.grasps) == len(plan.grasps) == 2
     for grasp, expected in zip(result.grasps, plan.grasps, strict=True):
         assert (grasp.module, tuple(grasp.members)) == (expected.module or '', expected.members)
         assert grasp.chance == expected.chance.probability

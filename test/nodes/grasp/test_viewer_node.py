@@ -28,7 +28,9 @@ from isotruss_ros.nodes.conversions.obstacle_messages import (  # noqa: E402,I10
     to_obstacles_message,
 )
 from isotruss_ros.nodes.viewer.node import Viewer  # noqa: E402
-from isotruss_ros.viewer.drag import LEVER_LENGTH  # noqa: E402
+from isotruss_ros.viewer import drag  # noqa: E402
+
+LEVER = drag.LEVER_LENGTH
 
 
 @contextlib.contextmanager
@@ -68,12 +70,12 @@ def pulls(w):
 @pytest.mark.parametrize(
     ('handle', 'grabbed', 'pointer', 'twist', 'left'),
     [
-        ('turner', (LEVER_LENGTH, 0.0), (0.0, LEVER_LENGTH), (0.0, 0.2), '90° left'),
+        ('turner', (LEVER, 0.0), (0.0, LEVER), (0.0, 0.2), '90° left'),
         ('handle', (0.0, 0.0), (0.1, 0.0), (0.07, 0.0), '100 mm left'),
     ],
 )
 def test_a_drag_is_commanded_at_its_largest_speed_until_it_is_aborted_with_the_way_left(
-    handle, grabbed, pointer, twist, left
+    monkeypatch, handle, grabbed, pointer, twist, left
 ):
     center = tuple(map(float, CENTER))
     there = pytest.approx(center)
@@ -88,6 +90,7 @@ def test_a_drag_is_commanded_at_its_largest_speed_until_it_is_aborted_with_the_w
         sent = w.probe.last('twist')
         assert (sent.linear.x, sent.angular.z) == pytest.approx(twist)
         assert sent.linear.y == pytest.approx(0.0, abs=1e-6)
+        monkeypatch.setattr(drag, 'PROGRESS_TIME', 0.1)
         w.until(lambda: 'aborted' in node.picture.goal_report, w.probe.send_pose)
         assert f'object: no progress for 2 s, {left}' in node.picture.goal_report
 
@@ -141,8 +144,8 @@ def test_a_drag_moves_nothing_from_a_stop_to_its_release(is_in_status):
         w.until(lambda: pulls(w), lambda: send(True))
         assert w.probe.last('pull').header.frame_id == 'truss_object_aligned'
         assert len(w.probe.seen['twist']) == count
-        drag = partial(browser.drag, 'handle', 'start', 0.6, 0.5)
-        w.until(lambda: moves(w), lambda: (send(False), drag()), 0.1)
+        grab = partial(browser.drag, 'handle', 'start', 0.6, 0.5)
+        w.until(lambda: moves(w), lambda: (send(False), grab()), 0.1)
 
 
 def test_a_viewer_goes_on_after_messages_that_cannot_be_shown():

@@ -22,6 +22,7 @@ from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
 import pytest
+import robots
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Header
 
@@ -138,6 +139,7 @@ def test_invalid_messages_are_rejected_with_the_faulty_field(name):
         assert len(str(error.value)) < 1000
 
 
+@robots.examples(100)
 @given(
     st.permutations(range(N)),
     st.lists(numbers, min_size=N, max_size=N),
@@ -159,12 +161,14 @@ def test_velocities_that_are_not_measured_are_zero(velocity):
     assert result == dict.fromkeys(range(N), (0.0, 0.0))
 
 
+@robots.examples(100)
 @given(st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3))
 def test_twists_survive_a_round_trip(twist):
     assert messages.read_twist(messages.to_twist_message(twist)) == twist
     assert messages.read_twist(messages.to_twist_message(np.array(twist))) == twist
 
 
+@robots.examples(100)
 @given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))
 def test_stamps_survive_a_round_trip(sec, nanosec):
     when = messages.read_stamp(Header(stamp=Time(sec=sec, nanosec=nanosec)))

@@ -16,6 +16,7 @@ from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import moving_world, world
+from nightly import some_now
 import numpy as np
 import probe
 from probe import maker, manipulation, N, ROBOT
@@ -64,7 +65,7 @@ def test_joint_states_of_two_broadcasters_are_one_input(parts):
                 w.probe.send_joints(name=names, position=[0.0] * len(names))
 
         w.until_code(Status.OK, send)
-        w.spin(1.0, send)
+        w.spin(0.4, send)
         assert codes(w) == {Status.OK}
 
 
@@ -103,7 +104,7 @@ UNUSABLE = {
 @pytest.mark.parametrize('name', UNUSABLE)
 def test_unusable_messages_among_valid_ones_do_not_stop_the_rollers(name):
     with moving_world() as w:
-        w.spin(1.0, lambda: (w.probe.send_all(), UNUSABLE[name](w)))
+        w.spin(0.4, lambda: (w.probe.send_all(), UNUSABLE[name](w)))
         assert codes(w) <= {*MOVING}
 
 
@@ -226,12 +227,12 @@ def hear_transforms(monkeypatch):
     return install
 
 
-@pytest.mark.parametrize('late', [0.005, 0.03, 0.1])
+@pytest.mark.parametrize('late', some_now([0.1, 0.005, 0.03]))
 def test_a_pose_waits_for_its_transform(late, hear_transforms):
     hear_transforms(late)
     with world(manipulation()) as w:
         w.until_code(Status.IDLE, lambda: send_in_camera(w))
-        w.spin(0.7, lambda: send_in_camera(w))
+        w.spin(0.4, lambda: send_in_camera(w))
         assert codes(w, Status.IDLE) == {Status.IDLE}
 
 

@@ -26,6 +26,7 @@ import numpy as np
 from probe import ROBOT
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
+import robots
 from shapes import random_shape
 
 CORNERS = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
@@ -49,6 +50,7 @@ def read(message, pose=None):
     return read_described(message, Pose() if pose is None else pose, 'diameter', 0.0)
 
 
+@robots.examples(100)
 @given(
     st.integers(0, 2**32 - 1),
     st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-3.0, 3.0)),
@@ -137,6 +139,7 @@ def test_grips_that_are_not_usable_are_refused(changes):
         read_grip(changed, NINE)
 
 
+@robots.examples(100)
 @given(
     st.integers(0, 2**32 - 1), st.tuples(places, places, angles), st.tuples(rates, rates, rates)
 )

@@ -14,6 +14,7 @@ from isotruss_ros.nodes.framework.cycle import PacedExecutor
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import moving_world, world
+from nightly import some_now
 from probe import begin_context, CENTER, DEADLINE, maker, manipulation, N, ROBOT
 import pytest
 import rclpy
@@ -38,7 +39,7 @@ def second_tracker(w, beside, ahead=0):
     return send
 
 
-@pytest.mark.parametrize(('beside', 'ahead'), [(0.005, 1000), (0.05, 0)])
+@pytest.mark.parametrize(('beside', 'ahead'), some_now([(0.005, 1000), (0.05, 0)]))
 def test_two_trackers_are_named_with_their_values_and_halt_the_robot(beside, ahead):
     with moving_world() as w:
         send = second_tracker(w, beside, ahead)
@@ -71,8 +72,8 @@ def test_pose_of_another_tracker_is_never_used():
 def test_publisher_that_takes_over_is_accepted():
     with moving_world() as w:
         take_over = second_tracker(w, 0.0)
-        w.spin(1.0, lambda: (w.probe.send_joints(), w.probe.send_twist(), take_over()))
-        codes = {message.code for _, message in w.probe.seen['status'][-100:]}
+        w.spin(0.5, lambda: (w.probe.send_joints(), w.probe.send_twist(), take_over()))
+        codes = {message.code for _, message in w.probe.seen['status'][-50:]}
         assert codes <= {*MOVING}
 
 

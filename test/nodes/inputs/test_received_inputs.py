@@ -14,6 +14,7 @@ from isotruss_ros.nodes.framework.gate import Gate, Topic
 from isotruss_ros.nodes.framework.received_inputs import keep_latest, RollerParts
 import numpy as np
 import pytest
+import robots
 
 NOW, TIMEOUT = 100.0, 0.2
 NEW, LATE = inputs.StampedInput('new', NOW), inputs.StampedInput('late', NOW - 0.1)
@@ -48,6 +49,7 @@ def part(rollers, time, speed):
     return {number: (speed[number] * time, speed[number]) for number in rollers}
 
 
+@robots.examples(100)
 @given(
     st.lists(st.tuples(st.sets(st.integers(0, 2), min_size=1), moments), max_size=20),
     st.tuples(*3 * [st.floats(-0.1, 0.1)]),

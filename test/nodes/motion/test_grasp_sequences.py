@@ -18,6 +18,7 @@ from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
 from isotruss_ros.nodes.pick_and_place.object_watch import AveragePose, ObjectWatch
 from manual_actions import connect, MotionClient, replace_clients
 from manual_world import world
+from nightly import some_now
 import numpy as np
 from probe import CENTER, DIAMETER, maker, manipulation, MODULE, ROBOT
 import pytest
@@ -61,7 +62,7 @@ def correct(monkeypatch):
     return run
 
 
-@pytest.mark.parametrize('seed', range(2))
+@pytest.mark.parametrize('seed', some_now(range(2)))
 def test_a_path_from_the_mean_admits_noisy_readings(correct, seed):
     _, goal = correct(DISPLACEMENT, NOISE, seed)
     begin = read_pose('begin', goal.path.poses[0].pose)

@@ -29,7 +29,7 @@ FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
 TWIST, FORWARD = (0.01, 0.01, 0.0), (0.02, 0.0, 0.0)
 #: The robot holds the box between two sides.
 BOX_HELD = {'object': BOX_FILE, 'grip': list(APART)}
-plant = maker(Simulator, plant='elastic', friction=FRICTION, indentation=0.025, rate=RATE)()
+plant = maker(Simulator, plant='elastic', friction=FRICTION, indentation=0.02, rate=RATE)()
 holding = maker(Manipulation, failure_time=0.0, command_timeout=5.0, **BOX_HELD)
 squeezing = maker(Manipulation, squeeze_force=FORCE, friction=FRICTION, rate=RATE)
 observers = [
@@ -80,7 +80,7 @@ def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
             return np.mean([m.wrench.force.x for _, m in w.probe.seen['forces'][-2:]])
 
         assert squeeze() != pytest.approx(FORCE, rel=0.05)
-        w.until(lambda: squeeze() == pytest.approx(FORCE, rel=0.01), still(w))
+        w.until(lambda: squeeze() == pytest.approx(FORCE, rel=0.02), still(w))
         assert w.probe.last('status').code == Status.OK
         assert w.place()[:2] == pytest.approx(start[:2], abs=3e-3)
         w.until(lambda: w.place()[0] > start[0] + 0.01, lambda: w.probe.send_twist(FORWARD))
@@ -137,7 +137,7 @@ def test_a_slipped_object_halts_until_a_client_resumes_the_grip_or_moves_the_rol
 def test_analysis_and_estimator_agree_with_the_loop_about_the_held_object():
     with world(plant, squeezing(), *observers) as w:
         w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
-        w.spin(1.0, lambda: w.probe.send_twist(FORWARD))
+        w.spin(0.6, lambda: w.probe.send_twist(FORWARD))
         state, estimate, status = map(w.probe.last, ('state', 'estimate', 'status'))
         desired = read_pose('desired pose', status.desired_pose)
         assert desired[:2] == pytest.approx(w.place()[:2], abs=2e-3)
@@ -157,7 +157,7 @@ def test_loop_without_squeeze_control_reports_neither_hold_nor_desired_pose():
 
 
 def test_pressures_that_are_old_or_invalid_halt_until_valid_ones_arrive():
-    with world(plant, squeezing(pressure_timeout=0.5)) as w:
+    with world(plant, squeezing(pressure_timeout=0.3)) as w:
 
         def send(pressure=30e3):
             still(w)()
@@ -178,9 +178,9 @@ def test_published_records_decide_again_as_the_node_did():
             String, 'manipulation/cycle', lambda message: texts.append(message.data), LATCHED
         )
         texts, move = [], lambda: w.probe.send_twist(FORWARD)
-        w.spin(0.5, move)
+        w.spin(0.3, move)
         w.nodes[2].set_parameters(overrides(squeeze_force=1.2 * FORCE))
-        w.spin(0.5, move)
+        w.spin(0.3, move)
         here = w.travel()
         path = trajectory(here, here + 0.01 * AWAY)
         goal = w.send_goal(FollowRollerTrajectory.Goal(trajectory=path))
