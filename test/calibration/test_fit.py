@@ -1,8 +1,10 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The fit of stiffness laws: constants, output and refusals."""
+"""The fit of stiffness laws and of pressed cylinders: constants, output and refusals."""
 
+import csv
+from functools import cache
 from pathlib import Path
 import re
 
@@ -11,22 +13,16 @@ from hypothesis import strategies as st
 from isotruss_ros.calibration import measurements
 from isotruss_ros.calibration.beam_fit import fit_beam
 from isotruss_ros.calibration.law import fit_law
+from isotruss_ros.calibration.local_fit import fit_local_stiffness
+from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.cli.fit_tube_stiffness import main
+from isotruss_ros.core.contact.flattening import Flattening, flattening_of
+from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import Law
 from isotruss_ros.core.statics.section import InflatableBeam
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
-from measured_points import (
-    CONSTANTS,
-    LENGTHS,
-    points,
-    PRESSURES,
-    RADIUS,
-    RANGES,
-    stiffness,
-    TUBE,
-    write,
-)
+from nightly import some_now
 import numpy as np
 import pytest
 import robots
@@ -34,7 +30,49 @@ from ruamel.yaml import YAML
 from scipy.optimize import curve_fit
 from scipy.stats import t as t_distribution
 
+PRESSURES = (17.2e3, 34.5e3, 51.7e3)
+LENGTHS = (0.254, 0.508, 0.762)
+RADIUS = 0.051
+CONSTANTS = {'membrane_modulus': 4e4, 'membrane_shear_modulus': 1.5e4, 'end_softening': 5.0}
+TUBE = InflatableBeam(RADIUS, **CONSTANTS)
+RANGES = {'axial': 0.03, 'transverse': 0.08, 'rotary': 0.35}
+HEADER = ['mode', 'pressure', 'length', 'displacement', 'load']
 LAW = Law(0.5, 0.9, -0.2)
+
+
+def stiffness(mode, length, pressure, tube=TUBE):
+    """Return the end stiffness of a tube, by the closed forms of clamped beams."""
+    EA, EI, GA = (float(value[0]) for value in tube.section_stiffness([length], pressure))
+    transverse = 1.0 / (length**3 / (12.0 * EI) + length / GA)
+    rotary = EI / length + 0.25 * length**2 * transverse
+    return {'axial': EA / length, 'transverse': transverse, 'rotary': rotary}[mode]
+
+
+def points(tube=TUBE, noise=0.0, trials=1, count=12, bend=1.0, softer=1.0, seed=0):
+    """Return the rows of a CSV file, times `softer` beyond a share `bend` of the range."""
+    rng = np.random.default_rng(seed)
+    rows = [[*HEADER, 'trial']]
+    for mode in measurements.MODES:
+        for pressure in PRESSURES:
+            for length in LENGTHS:
+                for trial in range(trials):
+                    k = stiffness(mode, length, pressure, tube)
+                    x = np.linspace(0.0, RANGES[mode], count)
+                    corner = bend * RANGES[mode]
+                    load = k * (np.minimum(x, corner) + softer * np.maximum(x - corner, 0.0))
+                    load += noise * k * RANGES[mode] * (rng.normal(size=count) + rng.normal())
+                    rows += [
+                        [mode, pressure, length, float(a), float(b), trial]
+                        for a, b in zip(x, load, strict=True)
+                    ]
+    return rows
+
+
+def write(folder, rows):
+    path = folder / 'points.csv'
+    with path.open('w', newline='', encoding='utf-8') as file:
+        csv.writer(file).writerows(rows)
+    return path
 
 
 def run(capsys, path, *options):
@@ -251,3 +289,81 @@ def test_invalid_file_gives_an_error_of_one_sentence(case, tmp_path, capsys):
 def test_file_that_never_ends_is_refused():
     with pytest.raises(measurements.MeasurementError, match=f'{measurements.MAX_FILE_SIZE} bytes'):
         measurements.read_measurements(Path('/dev/zero'))
+
+
+CASES = [
+    (pressure, length, cylinder, depth)
+    for pressure in (2e4, 5e4)
+    for length in (0.5, 0.8)
+    for cylinder, depth in ((0.0254, 0.01), (0.2, 0.004))
+]
+
+
+@cache
+def loads(factor):
+    """Return the loads of all cases, of a tube that is so many times as stiff as the theory."""
+    return np.array(
+        [
+            d * press(ClampedTube(TUBE, RADIUS, length, factor), p, 0.5 * length, c, d).stiffness
+            for p, length, c, d in CASES
+        ]
+    )
+
+
+def presses(values, cases=CASES):
+    return measurements.Presses(*np.array(cases).T, values)
+
+
+@pytest.mark.parametrize('factor', some_now([1.7, 0.4]))
+def test_fit_of_loads_without_noise_returns_the_true_factor(factor):
+    result = fit_local_stiffness(presses(loads(factor)), TUBE)
+    assert result.value == pytest.approx(factor, rel=1e-6)
+    assert result.count == len(CASES)
+
+
+def test_loads_beyond_wrinkling_are_refused():
+    # By hand: the wrinkling moment p pi R^3 / 2 is 4.17 N m at 20 kPa, and that is F L / 8.
+    values = loads(1.7).copy()
+    values[0] = 1.01 * 8.0 * (2e4 * np.pi * RADIUS**3 / 2.0) / 0.5
+    with pytest.raises(measurements.MeasurementError, match=r'wrinkled at 1 of 8 .* at 66\.7 N'):
+        fit_local_stiffness(presses(values), TUBE)
+
+
+def file_rows(values):
+    """Return the rows of all four modes."""
+    header, *others = points(TUBE)
+    rows = [[*header, 'diameter'], *([*row, ''] for row in others)]
+    for (pressure, length, cylinder, depth), load in zip(CASES, values, strict=True):
+        rows.append(['interference', pressure, length, depth, float(load), 0, cylinder])
+    return rows
+
+
+def test_fitted_local_stiffness_scales_the_kernel_of_a_robot(tmp_path, capsys):
+    path = write(tmp_path, file_rows(loads(1.7)))
+    assert main([str(path), '--block', str(tmp_path / 'block.yaml')]) == 0
+    assert 'local_stiffness: 1.7 of the theory' in capsys.readouterr().out
+    document = robots.example()
+    printed = (tmp_path / 'block.yaml').read_text(encoding='utf-8')
+    document['tube'] |= YAML(typ='safe', pure=True).load(printed)
+    description = read_robot_file(robots.write(document))
+    assert description.local_stiffness == pytest.approx(1.7, rel=1e-5)
+    robot = Robot(description)
+    pressure, fabric = 34.5e3, InflatableBeam(RADIUS, 4e4, 1.5e4, 5.0).fabric
+    theory = Flattening(0.5 * description.tube_diameter, pressure, fabric)
+    result = flattening_of(robot, pressure).stiffness
+    assert result == pytest.approx(1.7 * theory.stiffness, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ('row', 'complaint'),
+    [
+        (['interference', 3e4, 0.5, -0.01, 1.0, 0.1], "displacement '-0.01': must be positive"),
+        (['interference', 3e4, 0.5, 0.01, 0, 0.1], "load '0': must be positive"),
+        (['interference', 3e4, 0.5, 0.01, 1.0, ''], "diameter '': must be a number"),
+    ],
+)
+def test_invalid_rows_are_named(row, complaint, tmp_path):
+    result = measurements.read_measurements(write(tmp_path, [[*HEADER, 'diameter'], row]))
+    assert len(result.presses.loads) == 0
+    (reason,) = result.unused
+    assert complaint in reason

@@ -179,15 +179,18 @@ def spin_as_run(spin_once, node, timeout_sec):
         node.fail(error)
 
 
-def test_an_error_of_drawing_ends_the_drag_but_not_the_stop_button():
+def test_an_error_of_drawing_ends_the_drag_but_neither_the_stop_button_nor_obstacles():
     with viewed() as (w, node, browser):
         w.executor.spin_once = partial(spin_as_run, w.executor.spin_once, node)
         w.probe.listen(Bool, 'stop', 'emergency_stop')
+        place_obstacle(w, browser)
         browser.drag('handle', 'start', 0.5, 0.5)
         w.until(lambda: moves(w), w.probe.send_pose)
         node.picture.shape = BrokenShape(0.15)
         w.until(lambda: w.probe.last('twist') == Twist(), w.probe.send_pose)
         w.until(lambda: browser.shows('ZeroDivisionError: the outline of a user'))
+        count = count_obstacles(w)
+        w.until(lambda: count_obstacles(w) > count + 1)
         browser.set('stop', True)
         w.until(lambda: w.probe.last('stop') == Bool(data=True))
         node.picture.shape = None
@@ -229,16 +232,6 @@ def test_a_placed_obstacle_is_published_without_control_until_it_is_cleared():
         count = count_obstacles(w)
         w.spin(0.2)
         assert count_obstacles(w) == count
-
-
-def test_a_placed_obstacle_is_published_while_the_drawing_fails():
-    with viewed() as (w, node, browser):
-        w.executor.spin_once = partial(spin_as_run, w.executor.spin_once, node)
-        place_obstacle(w, browser)
-        node.picture.shape = BrokenShape(0.15)
-        w.until(lambda: browser.shows('ZeroDivisionError: the outline of a user'))
-        count = count_obstacles(w)
-        w.until(lambda: count_obstacles(w) > count + 1)
 
 
 def test_obstacles_of_file_and_topic_are_shown_and_invalid_ones_are_not():
