@@ -99,8 +99,9 @@ def start_unknowns(statics: ContactStatics) -> Array:
     heights = statics.sides * (bent.lines.axis.conj() * from_start).imag
     depths = np.maximum(statics.tube_radius + heights, PLANNED_DEPTH * statics.tube_radius)
     # The depth is that of the tube's displacement across the member and of the dent. The
-    # diagonal of the compliance (k, 3, k, 3) is each contact's response to its own load.
-    tube_compliance = np.einsum('...kaka->...ka', bent.compliance.matrix)[..., 1]
+    # displacement is each contact's response to its own load.
+    by_across = slice(1, 3 * len(bent.members), 3)
+    tube_compliance = np.einsum('...kk->...k', bent.at_points[..., 1, by_across])
     _, dent_compliance, _ = statics.dents(depths / tube_compliance, np.angle(in_object))
     unknowns[..., indices.normal] = depths / (tube_compliance + dent_compliance)
     return unknowns

@@ -38,7 +38,7 @@ from isotruss_ros.core.holding.pressed_contacts import (
     PressedContacts,
 )
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
-from isotruss_ros.core.numerics.samples import column
+from isotruss_ros.core.numerics.samples import apply, column
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.bent_updates import update_tubes
 from isotruss_ros.core.statics.structure import Structure
@@ -142,16 +142,16 @@ class ContactStatics:
         to_contacts = axis.conj() * turn * points
         contacts_by_angle = 1j * (to_contacts - radii * pushes.member_normals)
 
-        # Touch and balance without the terms that do not depend on the loads.
+        # Responses of the tubes, and balance without the external wrench.
         by_loads = np.zeros((*lead, affine.stop, count, 3))
-        matrix = self.bent.compliance.matrix
-        by_loads[..., :-3, :, :] = matrix.reshape(*lead, 3 * count, count, 3)
+        compliance = self.bent.at_points[..., : 3 * count]
+        by_loads[..., :-3, :, :] = compliance.reshape(*lead, 3 * count, count, 3)
         # The forces on the object are opposite to those on the tubes.
         by_loads[..., -3:-1, :, :] = -self.bent.lines.turns[..., :2, :].swapaxes(-3, -2)
         by_loads[..., -1, :, 0], by_loads[..., -1, :, 1] = to_contacts.imag, -to_contacts.real
         by_loads[..., -1, :, :] /= arm[..., None]
-        flat_loads = pushes.loads.reshape(*lead, -1, 1)
-        residual[..., affine] = (by_loads.reshape(*lead, affine.stop, -1) @ flat_loads)[..., 0]
+        on_object = by_loads[..., -3:, :, :].reshape(*lead, 3, -1)
+        residual[..., indices.balance] = apply(on_object, pushes.loads.reshape(*lead, -1)) + wrench
         # Axes: equation, cause as in `Pushes.rates`, contact.
         by_cause = (by_loads.swapaxes(-3, -2) @ pushes.rates).swapaxes(-3, -1).swapaxes(-3, -2)
         causes = by_cause[..., :3, :].reshape(*lead, affine.stop, -1)
@@ -161,8 +161,7 @@ class ContactStatics:
         # Touch: gaps between the object and the tubes.
         self._add_gaps(residual, jacobian, unknowns, pushes, to_contacts, contacts_by_angle, radii)
 
-        # Balance: external wrench; the arms of the forces turn with the normals and the object.
-        residual[..., indices.balance] += wrench
+        # Balance: the arms of the forces turn with the normals and the object.
         by_inclination = radii * unknowns[..., indices.normal] / arm
         jacobian[..., moment_row, indices.inclinations] += by_inclination
         turned = (contacts_by_angle.conj() * pushes.member_forces).imag.sum(axis=-1)
@@ -182,8 +181,8 @@ class ContactStatics:
         contacts_by_angle: Points,
         radii: Array,
     ) -> None:
-        """Add the gaps between object and tubes, without loads, to the equations of touch."""
-        indices, lines, compliance = self.places, self.bent.lines, self.bent.compliance
+        """Set the gaps between object and tubes, and add their derivatives."""
+        indices, bent, lines = self.places, self.bent, self.bent.lines
         (*lead, count), feet = self.sides.shape, unknowns[..., indices.feet]
         # Axes: contact, equation of touch (along, across, inclination), unknown. They are views.
         touch = residual[..., : 3 * count].reshape(*lead, count, 3)
@@ -192,7 +191,7 @@ class ContactStatics:
         center = unknowns[..., 0, None] + 1j * unknowns[..., 1, None]
         to_starts = lines.axis.conj() * (lines.start - center)
         gaps = to_starts - to_contacts + feet - pushes.skin * pushes.member_normals
-        touch += compliance.constant + (compliance.rates @ feet[..., None, :, None])[..., 0]
+        touch[...] = bent.respond(pushes.loads, feet)
         touch[..., 0] += gaps.real
         touch[..., 1] += gaps.imag
         touch[..., 2] -= unknowns[..., indices.inclinations]
@@ -202,7 +201,7 @@ class ContactStatics:
         gaps_by_angle = contacts_by_angle + dents_by_angle
         touch_rows[..., 0, ANGLE] -= gaps_by_angle.real
         touch_rows[..., 1, ANGLE] -= gaps_by_angle.imag
-        touch_rows[..., indices.feet] += compliance.rates
+        touch_rows[..., indices.feet] = bent.at_points[..., bent.motion_columns]
         # Derivatives by position, inclination and normal force of the same contact. Axes: contact
         # k, equation a of touch, and kind n of unknown: position, inclination, normal, friction.
         by_kind = touch_rows[..., POSE:].reshape(*lead, count, 3, 4, count)

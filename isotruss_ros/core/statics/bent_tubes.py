@@ -19,7 +19,7 @@ from isotruss_ros.core.numerics.samples import apply, first_sample
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.frame import Frame, largest_motion
 from isotruss_ros.core.statics.load_points import Cuts, Lines
-from isotruss_ros.core.statics.load_responses import Compliance, find_responses, LoadResponses
+from isotruss_ros.core.statics.load_responses import find_responses, LoadResponses
 from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import linearize, Tangent
 from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
@@ -161,14 +161,6 @@ class BentTubes:
     def at_points(self) -> Array:
         """Return the responses at the load points, see `LoadResponses`."""
         return self.responses.at_points if self.received is None else self.received
-
-    @cached_property
-    def compliance(self) -> Compliance:
-        """Return the responses at the load points as a function of loads and places."""
-        at_points, count = self.at_points, len(self.members)
-        constant = self.respond(np.zeros(self.state.loads.shape), np.zeros(self.places.shape))
-        matrix = at_points[..., : 3 * count].reshape(*at_points.shape[:-1], count, 3)
-        return Compliance(matrix, at_points[..., self.motion_columns], constant)
 
     @property
     def motion_columns(self) -> slice:

@@ -161,6 +161,10 @@ class Layout:
         # Weights of the inclinations at the ends of both parts beside a cut: their mean.
         self.mean_weights = 0.5 * np.tile(np.eye(len(piece)), 2)
         self.no_weights = np.zeros_like(self.mean_weights)
+        #: (c, 3, 1) rows and (c, 1, 3) columns of unit loads on the nodes at the cuts, see
+        #: `LoadResponses`
+        columns = np.arange(3 * len(piece)).reshape(-1, 1, 3)
+        self.unit_loads = columns.swapaxes(1, 2) - 3 * len(piece), columns
         part = np.arange(len(self.whole))[:, None]
         self.length_by_motions = np.subtract(part == self.before, part == self.behind, dtype=float)
         #: (u,) unknowns with the same scale in a frame without cuts: at cuts those of the start

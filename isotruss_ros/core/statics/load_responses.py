@@ -36,14 +36,6 @@ class LoadResponses(NamedTuple):
     at_points: Array
 
 
-class Compliance(NamedTuple):
-    """Responses (k, 3) at the load points as a linear function of loads and places."""
-
-    matrix: Array  #: (k, 3, k, 3) responses to unit loads
-    rates: Array  #: (k, 3, k) derivatives by the places [-, -, rad/m]
-    constant: Array  #: (k, 3) responses, extrapolated to zero loads and zero places
-
-
 def find_slopes(structure: Structure, tangent: Tangent) -> tuple[InclinationWeights, Slopes]:
     """Return the weights of the inclinations, and the inclinations that they weight."""
     ends = InclinationWeights.of(structure, tangent.frame)
@@ -104,9 +96,8 @@ def _right_sides(tangent: Tangent, turns: Array, loads: Array, length_by_motions
     parts, count = tangent.frame.layout.parts, turns.shape[-3]
     right = np.zeros((*tangent.unknowns.shape, 4 * count + 1))
     # Unit loads on the nodes at the load points, which are the last ones; from member axes.
-    node_rows = np.arange(-3 * count, 0).reshape(-1, 3)
-    load_columns = np.arange(3 * count).reshape(count, 1, 3)
-    right[..., node_rows[:, :, None], load_columns] = turns
+    node_rows, load_columns = tangent.frame.layout.unit_loads
+    right[..., node_rows, load_columns] = turns
     # Forces of lengthened parts.
     by_motions = length_by_motions[parts, None]
     forces = tangent.length_rates.take(parts, axis=-2)[..., None] * by_motions
