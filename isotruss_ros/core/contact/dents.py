@@ -115,13 +115,18 @@ class Dents:
         of_tables, abscissae = self._angles.T, np.abs(forces) ** DEPTH_EXPONENT
         piece_abscissae, piece_angles = self._polynomials_at or (abscissae, angles)
         bases, (weights, _) = weigh_samples(angles, piece_angles, of_tables)
-        at, rates = np.column_stack([abscissae, piece_abscissae]).tolist(), []
-        for table, base, weight, x in zip(self.tables, bases.tolist(), weights, at, strict=True):
-            samples = [
-                sample.inflated for sample in table.samples_near(0 if table.is_round else base)
-            ]
-            by_sample = [(higher(*x) - lower(*x)) / change for higher, lower, change in samples]
-            rates.append(by_sample[0] if table.is_round else float(weight @ by_sample))
+        numbers, owners, factors = [], list[int](), list[float]()
+        for i, (table, base) in enumerate(zip(self.tables, bases.tolist(), strict=True)):
+            near, of_samples = table.samples_near(base), weights[i].tolist()
+            if table.is_round:
+                near, of_samples = table.samples_near(0)[:1], [1.0]
+            for sample, weight in zip(near, of_samples, strict=True):
+                higher, lower, change = sample.inflated
+                numbers.append((higher.numbers, lower.numbers))
+                owners.append(i)
+                factors.append(weight / change)
+        depths, _ = evaluate_splines(np.array(numbers), abscissae[owners], piece_abscissae[owners])
+        rates = np.bincount(owners, factors * (depths[:, 0] - depths[:, 1]), len(forces))
         return np.copysign(1.0, forces) * rates
 
     def take_samples(self, index: Any) -> Dents:

@@ -97,7 +97,8 @@ class LoadedTubes(NamedTuple):
         if bent.distance(bent.predict(loads, feet)) > reach:
             bent = update_tubes(bent, loads, feet)
         bent = activate_tubes(bent)
-        grip = replace(grip, statics=replace(grip.statics, bent=bent))
+        if bent is not grip.statics.bent:  # otherwise results that are known already are kept
+            grip = replace(grip, statics=replace(grip.statics, bent=bent))
         topology, members = grip.config.robot.topology, grip.contacts.members
         # Motions of the nodes, x + iy, by the rollers (r columns) and along the directions.
         by_rollers = grip.config.node_jacobian.T.copy().view(np.complex128).T
