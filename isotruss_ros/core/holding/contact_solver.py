@@ -151,7 +151,10 @@ def _begin_straight(
     """Return the iterations that begin with straight tubes at the measured poses."""
     begins, structure = [], objects.structure
     feet = find_feet(structure, objects.bodies, contacts)
-    for rows in group_samples(structure, Cuts.of(structure, contacts.members, feet)):
+    groups: Sequence[Indices | None] = [None]
+    if feet.ndim > 1:
+        groups = group_samples(structure, Cuts.of(structure, contacts.members, feet))
+    for rows in groups:
         group, at = (objects, feet) if rows is None else take((objects, feet), rows)
         statics = build_statics(group.structure, group.bodies, contacts, at, is_loaded)
         begins.append(Iteration.of(statics, group.numbers, start_unknowns(statics), group.wrench))

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import functools
 import itertools
 from typing import Any, NamedTuple
 
@@ -54,6 +55,7 @@ class Corners(NamedTuple):
     behind: Points  #: (c,) normals of the faces behind the corners
 
     @classmethod
+    @functools.lru_cache(maxsize=64)
     def of(cls, shape: Shape) -> Corners:
         """Return the corners of a shape; a smooth shape has none."""
         positions, normals, corner = [0.0], [], 0
@@ -122,6 +124,8 @@ def _find_similar(
     """Return the corners of each sample whose shape is `factor` times one with given corners."""
     lead, every = grip.state.normals.shape[:-1], np.arange(len(outline.positions))
     found: list[list[FreeCorner]] = [[] for _ in range(lead[0] if lead else 1)]
+    if not len(every):
+        return found
     radius, turn = grip.statics.tube_radius, column(grip.body.turn)
     tolerance = skin_tolerance(grip)
 
@@ -131,7 +135,7 @@ def _find_similar(
         points, _ = grip.body.shape.surface_at(corners, outline.facing(corners, facing))
         return (points * facing.conj()).real
 
-    for contacts in grip.contacts.by_member if len(every) else ():
+    for contacts in grip.contacts.by_member:
         touching, first = grip.contacts.corners[contacts], int(contacts[0])
         # Corners that the tube can reach when it bends.
         normal = grip.statics.straight_normals[..., first, None]

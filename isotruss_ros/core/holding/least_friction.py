@@ -5,13 +5,15 @@
 
 from __future__ import annotations
 
+import functools
+
 from isotruss_ros.core.holding.contact_statics import (
     ContactConditions,
     ContactStatics,
     FRICTION_COMPLIANCE,
 )
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, Places, PressedContacts
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
 
@@ -32,13 +34,19 @@ def least_friction_conditions(
     - If an end of a face grazes (its index is `grazing`), its N is zero. This takes the place of
       the measured angle; apart from that, the conditions are those without a face contact.
     """
-    owners = contacts.owners
+    return _conditions_of(tuple(contacts.owners.tolist()), grazing)
+
+
+@functools.lru_cache(maxsize=64)
+def _conditions_of(owner_of_contact: tuple[int, ...], grazing: int | None) -> ContactConditions:
+    """Return the conditions of contacts by their `PressedContacts.owners`, cached."""
+    owners = np.array(owner_of_contact)
     count, indices = len(owners), Places.of(len(owners))
     member_count = int(owners[-1]) + 1
     has_two_members = member_count == 2
     has_faces = count > member_count
     is_face_pressed = has_faces and grazing is None
-    ratio_forms = _ratio_forms(contacts, is_face_pressed and has_two_members)
+    ratio_forms = _ratio_forms(owners, is_face_pressed and has_two_members)
     # Rows: equal ratios, then the position between two members, then linear conditions.
     position_row = len(ratio_forms)
     linear_row = position_row + has_two_members
@@ -99,7 +107,7 @@ def least_friction_conditions(
     return conditions
 
 
-def _ratio_forms(contacts: PressedContacts, compares_members: bool) -> Array:
+def _ratio_forms(owners: Indices, compares_members: bool) -> Array:
     """
     Return quadratic forms Q (q, 2k, 2k) of contact forces f that are zero if |T| / N are equal.
 
@@ -107,10 +115,11 @@ def _ratio_forms(contacts: PressedContacts, compares_members: bool) -> Array:
     f / 2 is the sum of T_one N_other + sign T_other N_one over pairs of contacts, with f = (N, T).
     """
     # Two groups of contacts; the sign is -1 if T / N has the same sign in both, else 1.
-    pairs = [(ends[:1], ends[1:], -1.0) for ends in contacts.by_member if len(ends) == 2]
+    by_member = [np.flatnonzero(owners == member) for member in range(owners[-1] + 1)]
+    pairs = [(ends[:1], ends[1:], -1.0) for ends in by_member if len(ends) == 2]
     if compares_members:
-        pairs.append((contacts.by_member[0], contacts.by_member[1], 1.0))
-    count = len(contacts.members)
+        pairs.append((by_member[0], by_member[1], 1.0))
+    count = len(owners)
     forms = np.zeros((len(pairs), 2 * count, 2 * count))
     for form, (one, other, sign) in zip(forms, pairs, strict=True):
         form[np.ix_(count + one, other)] = 1.0

@@ -36,17 +36,20 @@ class PressedContacts:
     @functools.cached_property
     def owners(self) -> Indices:
         """Return the grasping member (k,) of each contact, numbered 0, 1 or 2 within the grip."""
-        return np.cumsum(np.diff(self.members, prepend=self.members[0]) > 0)
+        members = self.members.tolist()  # for few contacts, lists are faster
+        distinct = list(dict.fromkeys(members))
+        return np.array([distinct.index(member) for member in members])
 
     @functools.cached_property
     def by_member(self) -> list[Indices]:
         """Return the contacts of each grasping member: one, or two at the ends of a face."""
-        return np.split(np.arange(len(self.members)), self.member_starts[1:])
+        return [np.flatnonzero(self.owners == i) for i in range(len(self.member_starts))]
 
     @functools.cached_property
     def member_starts(self) -> Indices:
         """Return the index (m,) of the first contact of each grasping member."""
-        return np.flatnonzero(np.diff(self.members, prepend=-1))
+        members = self.members.tolist()
+        return np.array([members.index(member) for member in dict.fromkeys(members)])
 
     @property
     def at_faces(self) -> Flags:

@@ -151,7 +151,7 @@ def judge(grip: HeldGrip, given: Sequence[Pose], friction: Array) -> list[tuple[
     with np.errstate(divide='ignore', invalid='ignore'):
         required = np.atleast_1d(grip.required_friction)
     response, used = grip.response, np.atleast_2d(grip.sections.used)
-    stable = np.zeros(1, dtype=bool) if response is None else np.atleast_1d(response.stable)
+    stable = np.zeros(1, dtype=bool) if response is None else response.stable
     violations = {
         HoldStatus.NO_CONTACT: grip.normal_forces.min(axis=-1) <= 0.0,
         HoldStatus.OFF_MEMBER: ~grip.statics.are_on_members(state.feet),
@@ -179,7 +179,7 @@ def judge(grip: HeldGrip, given: Sequence[Pose], friction: Array) -> list[tuple[
 
     verdicts = []
     # Columns: conditions in the order in which they are stated.
-    columns = [np.atleast_1d(rows).tolist() for rows in violations.values()]
+    columns = [rows.ravel().tolist() for rows in violations.values()]
     for i, row in enumerate(zip(*columns, strict=True)):
         hold = next((hold for hold, wrong in zip(violations, row, strict=True) if wrong), None)
         reason = '' if hold is None else ': '.join(filter(None, (hold.value, detail(hold, i))))

@@ -46,21 +46,20 @@ class SampledValues:
 
 def sum_at(places: Indices, values: Array, size: int) -> Array:
     """Return the sums (..., size) of values (..., q) that have the same places (q,)."""
+    if values.ndim == 1:
+        return np.bincount(places, values, size)
     lead = values.shape[:-1]
-    if values.size == len(places):  # one sample
-        return np.bincount(places, values.ravel(), size).reshape(*lead, size)
     count = values.size // len(places)
     indices = places + size * np.arange(count)[:, None]
     return np.bincount(indices.ravel(), values.ravel(), size * count).reshape(*lead, size)
 
 
 def pick(values: Array, indices: Indices) -> Array:
-    """Return the entries (..., q) of values (..., p) at indices (..., q) of each sample."""
-    if values.ndim == 1:
-        return values[indices]
-    if len(values) == 1:
-        return values[0][indices[0]][None]
-    return np.take_along_axis(values, indices, -1)
+    """Return the entries (..., q) of values (..., p) at indices (q,), or (n, q) of n samples."""
+    if indices.ndim == 1 or len(indices) == 1:
+        return values[..., indices.ravel()]
+    shape = (1,) * (values.ndim - indices.ndim) + indices.shape
+    return np.take_along_axis(values, indices.reshape(shape), -1)
 
 
 def apply(matrices: Array, vectors: Array) -> Array:

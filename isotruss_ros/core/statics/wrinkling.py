@@ -12,9 +12,11 @@ not valid.
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.samples import pick
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
@@ -59,15 +61,13 @@ def find_utilisation(
     within = np.array([np.zeros(length.shape), length, inner_positions])
     positions = ((starts - start) * to_member).real + directions * within
     # The last point of each member in this order is the most used one. Last axis: points.
-    of_points, owner = np.concatenate(used, axis=-1), np.tile(member, 3)
+    of_points, (members, owner, last) = np.concatenate(used, axis=-1), _sort(member.tobytes())
     order = np.lexsort((of_points, np.broadcast_to(owner, of_points.shape)), axis=-1)
-    most_used = order[..., np.flatnonzero(np.diff(np.sort(owner), append=-1))]
-    members, (kind, number) = np.unique(member), np.divmod(most_used, len(parts))
+    most_used = order[..., last]
+    kind, number = np.divmod(most_used, len(parts))
     # Rows: utilisation and position; then the part, its kind of place, loads and sections.
-    of_maxima = np.take_along_axis(
-        np.array([of_points, np.concatenate(positions, axis=-1)]), most_used[None], -1
-    )
-    of_parts = np.take_along_axis(inputs, number[None], -1)
+    of_maxima = pick(np.array([of_points, np.concatenate(positions, axis=-1)]), most_used)
+    of_parts = pick(inputs, number)
     values = np.concatenate([of_maxima, [parts[number], kind], of_parts])
     filled = np.zeros((*values.shape[:-1], structure.owners.shape[1]))
     filled[..., members] = values
@@ -75,6 +75,20 @@ def find_utilisation(
     loads, sections = filled[4:8].swapaxes(0, -2), filled[8:].swapaxes(0, -2)
     indices = piece.astype(np.intp), kind.astype(np.intp)
     return Utilisation(used, place, *indices, loads, sections)
+
+
+@functools.lru_cache(maxsize=64)
+def _sort(member: bytes) -> tuple[Indices, Indices, Indices]:
+    """
+    Return the members (m,) of parts, sorted, and those (3 p,) of three points on each part.
+
+    The third value (m,) are the last points of the members, if the points are sorted by them. The
+    argument are the bytes of the members (p,) of the parts. Cached.
+    """
+    of_parts = np.frombuffer(member, dtype=np.intp)
+    of_points = np.tile(of_parts, 3)
+    last = np.flatnonzero(np.diff(np.sort(of_points), append=-1))
+    return np.unique(of_parts), of_points, last
 
 
 def evaluate_utilisation(loads: Array, sections: Array, radius: float) -> tuple[Array, Array]:
