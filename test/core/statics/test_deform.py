@@ -46,11 +46,21 @@ def test_a_state_beyond_a_limit_load_that_small_steps_do_not_reach_is_refused(se
         assert bent == pytest.approx(path.tangents[-1].displacements, abs=1e-7)
 
 
-def test_a_force_on_a_module_acts_in_the_middle_of_its_pinch_points():
-    load = (0.3, -1.0, 0.5)
-    bent = deform(TRIANGLE, {}, module_loads={'main/T': load}, paper_model=True)
-    nodes = dict(zip(TRIANGLE.robot.node_names, TRIANGLE.points, strict=True))
+@pytest.mark.parametrize('on_tube', [False, True])
+def test_a_force_acts_at_its_place_on_a_tube_or_in_the_middle_of_a_module(on_tube):
+    load, nodes = (
+        (0.3, -1.0, 0.5),
+        dict(zip(TRIANGLE.robot.node_names, TRIANGLE.points, strict=True)),
+    )
+    place = 0.3 * LENGTH
+    loads = (
+        {'tube_loads': {LEG: [(place, *load)]}} if on_tube else {'module_loads': {'main/T': load}}
+    )
+    bent = deform(TRIANGLE, {}, **loads, paper_model=True)
     middle = 0.5 * (nodes['main/T/B'] + nodes['main/T/C'])
+    if on_tube:
+        start, end = robots.member_ends(TRIANGLE, LEG)
+        middle = start + 0.3 * (end - start)
     # The supports bear the force and its moment about the origin.
     forces = {joint: complex(*reaction) for joint, reaction in bent.reactions.items()}
     assert sum(forces.values()) == pytest.approx(-complex(*load[:2]), abs=1e-9)
