@@ -24,24 +24,6 @@ CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
 FRICTION = 0.5
 
 
-def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
-    settled = core.settle_grasp(CONFIG, CYLINDER, FRICTION)
-    assert settled.held
-    assert settled.reason == ''
-    assert set(settled.normal_forces) == {'north/P-Z', 'north/Z-R'}
-    assert min(settled.normal_forces.values()) > 10.0
-    # Without a load both members press alike, and rub against each other.
-    one, other = settled.normal_forces.values()
-    assert one == pytest.approx(other, rel=1e-8)
-    assert sum(settled.friction_forces.values()) == pytest.approx(0.0, abs=1e-8)
-    # A little more than the tangent of half of the wedge: pressed apart, it is wider.
-    assert 1.0 < settled.required_friction / np.tan(np.radians(17.5)) < 1.25
-    assert settled.slip_margin > 1.0
-    assert np.linalg.eigvalsh(0.5 * (settled.stiffness + settled.stiffness.T)).min() > 0.0
-    expected = np.subtract(settled.pose[:2], CYLINDER.pose[:2])
-    assert settled.displacement[:2] == pytest.approx(expected)
-
-
 @pytest.mark.parametrize(
     ('degrees', 'squeeze'),
     some_now(

@@ -3,8 +3,6 @@
 
 """The robot at home: names, modules that bisect, and rigidity with locked rollers."""
 
-from hypothesis import given
-from hypothesis import strategies as st
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
@@ -12,35 +10,6 @@ import numpy as np
 import pytest
 import robots
 from robots import refusal
-
-SEEDS = st.integers(0, 2**32 - 1)
-
-
-def modules_of(document):
-    """Return (tube, joint, next joint, driven) in the order of the file."""
-    return [
-        (tube, joint, after, joint != block['passive'])
-        for tube, block in document['tubes'].items()
-        for joint, after in zip(block['joints'], np.roll(block['joints'], -1), strict=True)
-    ]
-
-
-@robots.examples(60)
-@given(SEEDS, st.sampled_from(robots.KINDS))
-def test_home_has_the_names_and_joints_of_the_file(seed, kind):
-    document = robots.random_document(seed, kind)
-    robot, modules = robots.load(document), modules_of(document)
-    names = [f'{tube}/{joint}' for tube, joint, *_ in modules]
-    assert robot.module_names == tuple(names)
-    pinch = [f'{name}/{node}' for name in names for node in 'BC']
-    assert robot.node_names == (*document['joints'], *pinch)
-    assert robot.member_names == tuple(f'{t}/{j}-{after}' for t, j, after, _ in modules)
-    assert robot.roller_names == tuple(f'{t}/{j}' for t, j, _, driven in modules if driven)
-    assert robot.home.nodes.shape == (len(robot.node_names), 2)
-    assert robot.home.nodes[: len(document['joints'])].tolist() == [*document['joints'].values()]
-    assert robot.home.member_lengths.shape == (len(robot.member_names),)
-    assert robot.home.roller_positions.tolist() == [0.0] * len(robot.roller_names)
-    assert np.abs(robot.constraints.residual(robot.home.points, robot.home_lengths)).max() < 1e-12
 
 
 def pinched(opening, module):

@@ -33,15 +33,6 @@ def test_friction_of_a_grip_takes_precedence_over_that_of_its_object():
     assert core.Grip(members, core.ConvexObject(core.Disc(0.3), friction=0.2)).friction == 0.2
 
 
-@pytest.mark.parametrize('module', ROBOT.module_names)
-def test_a_grip_at_a_module_has_its_two_members(module):
-    tube, joint = module.split('/')
-    ahead, back = core.Grip.at_module(ROBOT, module, DISC).members
-    assert ahead.startswith(f'{module}-')
-    assert back.startswith(f'{tube}/')
-    assert back.endswith(f'-{joint}')
-
-
 # The second member, which is checked after the first, does not touch.
 @pytest.mark.parametrize(
     ('share', 'height', 'message'),

@@ -98,24 +98,6 @@ def test_invalid_shapes_and_objects_are_refused_with_the_number(make, words):
         make()
 
 
-@robots.examples(100)
-@given(SEEDS)
-def test_an_object_moves_with_its_pose(seed):
-    generator = np.random.default_rng(seed)
-    shape = random_shape(generator)
-    pose = tuple(generator.uniform(-1.0, 1.0, 3))
-    held = ConvexObject(shape).moved_to(pose)
-    turn = np.exp(1j * pose[2])
-    points = 0.3 * directions(generator)
-    own, moved = shape.nearest(points), held.nearest(complex(*pose[:2]) + turn * points)
-    assert moved.gaps == pytest.approx(own.gaps, abs=1e-12)
-    assert moved.normals == pytest.approx(turn * own.normals, abs=1e-9)
-    assert held.nearest(held.outline()).gaps == pytest.approx(0.0, abs=1e-12)
-    assert held.nearest(np.array([held.middle])).gaps[0] < 0.0
-    normals = directions(generator)
-    assert held.support(normals) == pytest.approx(shape.support(normals / turn), abs=1e-12)
-
-
 @pytest.mark.parametrize('shape', [*SHAPES, BEAM, Ellipse((0.3, 0.08))])
 def test_gaps_of_segments_are_those_of_their_points(shape):
     rng = np.random.default_rng(1)
@@ -158,16 +140,6 @@ def test_points_and_radii_are_those_of_the_ellipse(ellipse, count, place, radius
     assert np.abs(radii / exact - 1.0).max() < radius
     assert curve.support_points(NORMALS) == pytest.approx(points, abs=1e-15)
     assert curve.perimeter == pytest.approx(ellipse.perimeter, rel=1e-6)
-
-
-@pytest.mark.parametrize('ellipse', ELLIPSES)
-def test_nearest_point_is_at_the_largest_distance_from_a_tangent(ellipse):
-    random = np.random.default_rng(1)
-    points = random.uniform(-0.3, 0.3, (300, 2)) @ [1.0, 1.0j]
-    actual, wanted = curve_of(ellipse, 96).nearest(points), ellipse.nearest(points)
-    assert actual.gaps == pytest.approx(wanted.gaps, abs=1e-8)
-    outside = wanted.gaps > 0.0
-    assert actual.normals[outside] == pytest.approx(wanted.normals[outside], abs=1e-6)
 
 
 def test_polygons_with_few_or_sharp_corners_or_long_faces_stay_polygons():

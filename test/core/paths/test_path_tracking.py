@@ -133,17 +133,6 @@ def test_a_robot_that_is_slowed_by_its_limits_gets_more_time():
     assert PathPhase.SLOWED in {tracking.phase for tracking in steps}
 
 
-def test_a_robot_that_does_not_move_is_stuck_not_off_the_path():
-    settings = TrackingSettings(progress_timeout=1.5)
-    tracker, steps = follow(LINE, Object((0, 0, 0), most=0.0, tells=False), settings)
-    assert steps[-1].phase is PathPhase.STUCK
-    assert not steps[-1].twist.any()
-    assert 'no progress for 1.5' in steps[-1].message
-    assert tracker.max_position_error < tracker.settings.position_tolerance
-    standing = [tracking.progress for tracking in steps[-100:]]
-    assert standing[0] == pytest.approx(standing[-1], abs=1e-3)
-
-
 def test_an_object_off_the_path_ends_it_at_rest():
     for wrong in ((0.011, 0.0, 0.0), (0.0, 0.0, 0.21), (0.0, 0.0, -0.21)):
         tracker = PathTracker(LINE, TrackingSettings(), PERIOD)
@@ -151,21 +140,6 @@ def test_an_object_off_the_path_ends_it_at_rest():
         assert tracking.phase is PathPhase.OFF_PATH
         assert not tracking.twist.any()
         assert 'off the path' in tracking.message
-
-
-def test_holds_while_the_robot_is_stopped_and_goes_on_gently():
-    def held(time):
-        return 4.0 <= time < 6.0
-
-    tracker, steps = follow(LINE, Object((0, 0, 0)), held=held)
-    assert steps[-1].phase is PathPhase.REACHED
-    stopped = steps[400:600]
-    assert {tracking.phase for tracking in stopped} == {PathPhase.HELD}
-    assert not any(tracking.twist.any() for tracking in stopped)
-    assert len({tracking.progress for tracking in stopped}) == 1
-    after = [tracking.twist[0] for tracking in steps[600:620]]
-    assert max(np.abs(np.diff([0.0, *after]))) < 0.1 * SPEED
-    assert tracker.max_position_error < 1e-3
 
 
 def test_an_object_that_stays_off_the_end_is_off_the_path():
