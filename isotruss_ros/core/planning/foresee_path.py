@@ -28,6 +28,7 @@ from isotruss_ros.core.holding.held_grip import (
 )
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling, LOOP_SOFT_RANK
 from isotruss_ros.core.manipulation.limits import default_limits
@@ -163,12 +164,17 @@ def foresee_path(
         return Foresight(held.pose, 1.0, held.slip_margin(friction), '', [held])
     step_time = min(STEP / max(speed, turn_rate * held.arm), MAX_STEP_TIME)
     step_time = max(step_time, path.duration / MAX_PATH_STEPS)
-    robot, bounds = held.config.robot, ShapeBounds()
+    guard = guard_steps(held.config.robot, step_time, obstacles)
+    return _follow(held, friction, PathTracker(path, settings, step_time), step_time, guard)
+
+
+def guard_steps(robot: Mechanism, step_time: float, obstacles: Sequence[Obstacle]) -> ShapeGuard:
+    """Return the guard of the control loop for steps of a time [s]."""
+    bounds = ShapeBounds()
     # The loop bounds the rate of a margin in short cycles; the longer step has the same decay.
     rate = min(bounds.rate, robot.description.braking_rate)
     bounds = replace(bounds, rate=-math.expm1(-rate * step_time) / step_time)
-    guard = ShapeGuard(robot, bounds, obstacles=obstacles)
-    return _follow(held, friction, PathTracker(path, settings, step_time), step_time, guard)
+    return ShapeGuard(robot, bounds, obstacles=obstacles)
 
 
 def _split_turns(poses: Array) -> Array:
@@ -229,13 +235,24 @@ def find_command(
 ) -> RollerCommand:
     """Return the command of the control loop for a twist (3,) in a step [s], at a squeeze [N]."""
     opening = (squeeze - held.squeeze) / (held.squeeze_stiffness() * SQUEEZE_TIME)
+    return guard_twist(guard, held.config, measure_gaps(held, friction), twist, duration, opening)
+
+
+def guard_twist(
+    guard: ShapeGuard,
+    config: Configuration,
+    grip: Grip,
+    twist: Array,
+    duration: float,
+    opening: float = 0.0,
+) -> RollerCommand:
+    """Return the command of the control loop for a twist (3,) in a step [s]; see `solve_twist`."""
 
     def solve(config: Configuration, grip: Grip) -> tuple[Watch, RollerCommand]:
         watch = guard.watch(config, grip)
         limits = (*default_limits(config.robot), *watch.limits)
         return watch, solve_twist(config, grip, twist, (), limits, LOOP_HANDLING, opening)
 
-    config, grip = held.config, measure_gaps(held, friction)
     _, command = solve(config, grip)
     if command.scale == 1.0:
         return command

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Tree of straight motions of a held object, a rapidly exploring random tree (LaValle and Kuffner).
+Tree of motions of a held object, a rapidly exploring random tree (LaValle and Kuffner).
 
 The configuration at a pose depends on the path to it, because there are more rollers than
 coordinates of the pose. So the tree grows from the start only. Contacts roll without slip on
-undeformed members, and rollers move by `solve_twist` within the limits of the control loop. The
-bounds are stricter than those of the loop, because the steps are long.
+undeformed members. The rollers move by the commands of the control loop, by which the object
+slides along limits and obstacles; the poses of a path are those of this motion.
 """
 
 from __future__ import annotations
@@ -16,34 +16,42 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 import itertools
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
+from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
-from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.model.separation import separate
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.foresee_path import LOOP_HANDLING, OUT_OF_REACH
-from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
+from isotruss_ros.core.planning.foresee_path import (
+    guard_steps,
+    guard_twist,
+    OUT_OF_REACH,
+    TRACKING,
+)
 import numpy as np
 
-#: Length of a step, with rotations times the characteristic radius [m], and distance of the nodes
-#: along a motion, in steps [-].
-STEP, NODE_STEPS = 0.02, 4
-#: Distance of a pose that is reached, in steps [-].
-REACHED_SHARE = 0.05
-#: Time of a step [s], and the largest share of a small margin that it may use [-].
-STEP_TIME, DECAY = 1.0, 0.8
-#: Bounds of the search; clearances exceed the default bounds of a motion by a tenth.
-BOUNDS = ShapeBounds(0.21, 0.022, 0.022, rate=DECAY / STEP_TIME, min_obstacle_clearance=0.022)
+#: Length [m], with rotations times the characteristic radius, and time [s] of a step.
+STEP, STEP_TIME = 0.02, 0.7
+#: Distance of the nodes along a motion, in steps, and smallest approach to its end by a step, as a
+#: share of the step [-].
+NODE_STEPS, MIN_APPROACH = 4, 0.1
+#: Distance at which a motion ends, and of poses from the lines that replace them [m].
+MOTION_END, LINE_TOLERANCE = 0.001, 0.002
+#: Largest error of a pose that is reached, relative to the tolerances of a path [-]. A path ends
+#: within 0.5; elastic members bend.
+MAX_END_ERROR = 0.4
+#: Smallest clearance of the object from obstacles, a tenth above that of the loop [m].
+MIN_CLEARANCE = 0.022
 #: Standard deviations of random poses from the straight line, in lengths of the line [-], and the
 #: smallest such length [m].
 SPREADS, MIN_LENGTH = (0.3, 1.0), 0.3
-#: Largest deviation of a step from its direction, relative to its length [-], and smallest factor
-#: by which limits may shorten a step [-].
-MAX_DEVIATION, MIN_SCALE = 0.15, 0.3
+#: Fraction of random poses around the goal [-], and their standard deviation [m]. Motions to them
+#: end in other configurations near the goal, some of which admit it.
+GOAL_SHARE, GOAL_SPREAD = 0.5, 0.15
 
 
 class Node(NamedTuple):
@@ -56,13 +64,13 @@ class Node(NamedTuple):
 @dataclass(eq=False)
 class PathTree:
     """
-    Tree of straight motions from the start.
+    Tree of motions from the start.
 
     :ivar start: grip at the start.
     :ivar goal: (3,) desired pose, its angle at most half a turn from that of the start [m, rad].
     :ivar root: node at the start.
     :ivar steps: number of steps so far.
-    :ivar blocking: numbers of the motions that each obstacle or limit has ended.
+    :ivar blocking: numbers of the steps that each obstacle or limit has reduced.
     """
 
     start: RollingGrip
@@ -77,11 +85,9 @@ class PathTree:
         self.root = Node(self.start, (np.array(self.start.grip.body.pose),))
         self._nodes = [self.root]
         self._weights = np.array([1.0, 1.0, self.start.grip.body.arm])
-        self._guard = ShapeGuard(self.start.config.robot, BOUNDS, obstacles=self.obstacles)
+        self._guard = guard_steps(self.start.config.robot, STEP_TIME, self.obstacles)
 
-    def find_collision(
-        self, *poses: Array, clearance: float = BOUNDS.min_obstacle_clearance
-    ) -> str:
+    def find_collision(self, *poses: Array, clearance: float = MIN_CLEARANCE) -> str:
         """Return the name of an obstacle to which the object at poses is too near, or no name."""
         bodies = [self.start.grip.body.moved_to(pose) for pose in poses]
         pairs = itertools.product(self.obstacles, bodies)
@@ -98,15 +104,32 @@ class PathTree:
 
     def propose(self, rng: np.random.Generator) -> Iterator[Array | None]:
         """Yield paths (n, 3) to the goal, and None after motions that do not lead to it."""
-        begin = self.root.poses[0]
-        span = self.goal - begin
-        length = max(self._distance(span), MIN_LENGTH) / (self._weights * (1.0, 1.0, 2.0))
-        while True:
-            spread = rng.choice(SPREADS) * length * rng.standard_normal(3)
-            sample = begin + rng.random() * span + spread
+        for sample in self._sample(rng):
             near = self._nearest(sample)
             end = near if self.find_collision(sample) else self.move(near, sample)
             yield None if end is near else self._connect(end)
+
+    def _sample(self, rng: np.random.Generator) -> Iterator[Array]:
+        """Yield the pose of the object with its members at home, then random poses."""
+        begin = self.root.poses[0]
+        yield self._find_home()
+        span = self.goal - begin
+        length = max(self._distance(span), MIN_LENGTH) / (self._weights * (1.0, 1.0, 2.0))
+        while True:
+            deviation = rng.standard_normal(3)
+            if rng.random() < GOAL_SHARE:
+                yield self.goal + GOAL_SPREAD / self._weights * deviation
+            else:
+                yield begin + rng.random() * span + rng.choice(SPREADS) * length * deviation
+
+    def _find_home(self) -> Array:
+        """Return the pose after the rigid motion that moves the grip's members nearest to home."""
+        config, grip = self.start.config, self.start.grip
+        nodes = find_members(config.robot.topology, grip.members).lines.ravel()
+        start, home = config.points[nodes], config.robot.home.points[nodes]
+        angle = float(np.angle(np.vdot(start - start.mean(), home - home.mean())))
+        center = home.mean() + np.exp(1j * angle) * (grip.body.center - start.mean())
+        return np.array([center.real, center.imag, grip.body.pose.angle + angle])
 
     def _nearest(self, pose: Array) -> Node:
         """Return the node nearest to a pose."""
@@ -119,59 +142,72 @@ class PathTree:
 
     def _connect(self, node: Node) -> Array | None:
         """Return a short path (n, 3) to the goal through a node; None if there is none."""
-        if self.find_collision(*np.linspace(node.poses[-1], self.goal, 10)[1:-1]):
-            return None
-        if not self.reaches(self.move(node, self.goal), self.goal):
+        end = self.move(node, self.goal)
+        if not self.reaches(end, self.goal):
             return None
         # Poses that can be left out, the farthest ones first.
-        poses, short = [*node.poses, self.goal], self.root
+        path = poses = [*end.poses[:-1], self.goal]
+        short = self.root
         while len(poses) > 1:
             for following in sorted({1, len(poses) // 2, len(poses) - 1}, reverse=True):
                 end = self.move(short, poses[following])
                 if self.reaches(end, poses[following]):
                     break
             else:  # the shorter path ends at limits
-                return np.array([*node.poses, self.goal])
+                return self._straighten(np.array(path))
             short, poses = end, poses[following:]
-        return np.array([*short.poses[:-1], self.goal])
+        return self._straighten(np.array([*short.poses[:-1], self.goal]))
+
+    def _straighten(self, poses: Array) -> Array:
+        """Return a path without poses near its straight lines (Douglas and Peucker)."""
+        points = poses * self._weights
+        line = points[-1] - points[0]
+        shares = ((points - points[0]) @ line / max(line @ line, LINE_TOLERANCE**2)).clip(0.0, 1.0)
+        errors = np.linalg.norm(points - points[0] - np.outer(shares, line), axis=1)
+        place = int(errors.argmax())
+        if errors[place] < LINE_TOLERANCE:
+            return poses[[0, -1]]
+        parts = self._straighten(poses[: place + 1]), self._straighten(poses[place:])
+        return np.concatenate([parts[0][:-1], parts[1]])
 
     def reaches(self, node: Node, pose: Array) -> bool:
-        """Return whether a node is at a pose."""
-        return self._distance(pose - node.poses[-1]) < REACHED_SHARE * STEP
+        """Return whether a node is at a pose, within the tolerances of the end of a path."""
+        x, y, angle = (pose - node.poses[-1]).tolist()
+        error = math.hypot(x, y) / TRACKING.position_tolerance
+        return max(error, abs(angle) / TRACKING.angle_tolerance) < MAX_END_ERROR
 
     def move(self, node: Node, target: Array) -> Node:
-        """Return the end of a straight motion from a node toward a pose; add nodes on the way."""
+        """Return the end of a motion from a node toward a pose; add nodes on the way."""
         rolling, last = node.rolling, node
-        for number in range(1, 3 * int(self._distance(target - node.poses[-1]) / STEP) + 4):
-            remaining = target - np.array(rolling.grip.body.pose)
-            distance = self._distance(remaining)
-            if distance < REACHED_SHARE * STEP:
+        remaining = target - node.poses[-1]
+        distance = self._distance(remaining)
+        for number in itertools.count(1):
+            if distance < MOTION_END:
                 break
             self.steps += 1
             moved = self._take_step(rolling, min(1.0, STEP / distance) * remaining / STEP_TIME)
             if moved is None:
                 break
+            pose = np.array(moved.grip.body.pose)
+            remaining = target - pose
+            before, distance = distance, self._distance(remaining)
+            if before - distance < MIN_APPROACH * min(STEP, before):
+                break
             rolling = moved
             if number % NODE_STEPS == 0:
-                last = Node(rolling, (*node.poses, np.array(rolling.grip.body.pose)))
+                last = Node(rolling, (*last.poses, pose))
                 self._nodes.append(last)
         if rolling is last.rolling:
             return last
-        self._nodes.append(Node(rolling, (*node.poses, np.array(rolling.grip.body.pose))))
+        self._nodes.append(Node(rolling, (*last.poses, np.array(rolling.grip.body.pose))))
         return self._nodes[-1]
 
     def _take_step(self, rolling: RollingGrip, twist: Array) -> RollingGrip | None:
-        """Return the grip after a step; None if obstacles or limits end the motion."""
-        config, grip = rolling.config, rolling.grip
+        """Return the grip after a step by the control loop; None if there is none."""
+        config = rolling.config
         try:
-            limits = self._guard.limits(config, grip)
-            command = solve_twist(config, grip, twist, (), limits, LOOP_HANDLING)
-            wanted, achieved = self._weights * twist, self._weights * command.achieved_twist
-            scale = float(achieved @ wanted / (wanted @ wanted))
-            deviation = float(np.linalg.norm(achieved - scale * wanted))
-            if scale < MIN_SCALE or deviation > MAX_DEVIATION * scale * np.linalg.norm(wanted):
-                self.blocking.update(command.limiting or [OUT_OF_REACH])
-                return None
+            command = guard_twist(self._guard, config, rolling.grip, twist, STEP_TIME)
+            self.blocking.update(command.limiting)
             travel = STEP_TIME * command.roller_velocities
             return rolling.moved_to(config.moved_to(config.roller_positions + travel))
         except (ConfigurationError, GraspError, SolverError):

@@ -33,9 +33,9 @@ NAMED = 3
 #: clearance at which the deviation from the line would exceed the tolerance of a path [m].
 LINE_POSES, LINE_CLEARANCE = 50, 0.01
 #: Steps of the search in the time of one step of `foresee_path` [-].
-FORESIGHT_STEPS = 10
-#: Largest number of steps of a search by default [-], of about 1 ms each.
-MAX_SEARCH_STEPS = 6000
+FORESIGHT_STEPS = 4
+#: Largest number of steps of a search by default [-], of about 3 ms each.
+MAX_SEARCH_STEPS = 4000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,7 +86,7 @@ def plan_path(
     :param goal: desired pose (x, y, angle), reached by the shorter rotation [m, rad].
     :param obstacles: obstacles at rest.
     :param seed: seed of the random number generator.
-    :param max_steps: largest number of steps of the search, about 1 ms each.
+    :param max_steps: largest number of steps of the search, about 3 ms each.
     :param on_progress: callback with the share of `max_steps` that was used, 0 to 1.
     :param should_stop: function that is called after each motion; if it returns true, the search
         ends.
