@@ -4,9 +4,9 @@
 """
 Last equilibrium of the held object, with the changes of pose and squeeze since then.
 
-- `predicted` is the change by roller travel to first order, because computing an equilibrium in
-  each cycle would take too long. The next one is due if the error of the prediction may exceed a
-  bound, see `travel_limit`.
+- `predicted` is the change by roller travel, because computing an equilibrium in each cycle would
+  take too long. The next one is due if the error of the prediction may exceed a bound, see
+  `travel_limit`.
 - `drift` is the rate of the part of this change that (19) neglects, because commands that follow
   from (19) must compensate it: the bending that (19) neglects is up to a tenth of the motion.
 - The work of an equilibrium is spread over cycles if no bound is exceeded thereby: steps of
@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 from isotruss_ros.core.estimation.grip_model import (
     OffsetRates,
+    output_change,
     output_scale,
     Pressures,
     shift_rates,
@@ -33,6 +34,7 @@ from isotruss_ros.core.estimation.grip_model import (
     state_rates,
     TRACKED,
 )
+from isotruss_ros.core.estimation.travel_prediction import TravelPrediction
 from isotruss_ros.core.holding.contact_search import measure_gaps
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip
@@ -90,7 +92,8 @@ class EquilibriumCache:
     :ivar by_shifts: derivatives of its unknowns by the members' shifts, see `shift_rates`.
     :ivar scale: (4,) factors on the outputs in the following derivatives, see `output_scale`.
     :ivar rates: (4, n) derivatives of the outputs by the state.
-    :ivar by_offsets: derivatives by roller offsets and travel, also at an equilibrium nearby.
+    :ivar by_offsets: derivatives by roller offsets, also at an equilibrium nearby.
+    :ivar by_travel: changes of the unknowns by roller travel.
     :ivar outputs: (4,) pose [m, m, rad] and squeeze [N] without a load, corrected by poses.
     :ivar predicted: (4,) predicted changes of the outputs by roller travel.
     :ivar anchors: (k,) rolling invariants of the contacts, corrected by poses [m].
@@ -115,6 +118,7 @@ class EquilibriumCache:
     scale: Array
     rates: Array
     by_offsets: OffsetRates
+    by_travel: TravelPrediction
     outputs: Array
     predicted: Array
     anchors: Array
@@ -131,8 +135,10 @@ class EquilibriumCache:
     @classmethod
     def of(cls, held: HeldGrip, friction: float) -> EquilibriumCache:
         """Return an equilibrium that a search has found."""
+        by_offsets = OffsetRates.of(held)
         return cls(
-            by_offsets=OffsetRates.of(held),
+            by_offsets=by_offsets,
+            by_travel=TravelPrediction.of(by_offsets.by_travel),
             corrections_since_search=np.zeros(len(held.config.roller_positions)),
             usage=UsageLimits.of(held),
             drift=np.zeros(4),
@@ -145,14 +151,21 @@ class EquilibriumCache:
 
         For the errors of the prediction there see `usage_errors_at`.
         """
-        nearby, has_all = self.by_offsets.held, self.is_complete
-        travel = held.config.roller_positions - nearby.config.roller_positions
-        is_near = has_all or np.abs(travel).max() <= MAX_FIRST_ORDER_TRAVEL
+        start, nearby, has_all = self.held, self.by_offsets.held, self.is_complete
+        positions, by_travel = held.config.roller_positions, self.by_travel
+        from_rates = np.abs(positions - nearby.config.roller_positions).max()
+        is_near = has_all or from_rates <= MAX_FIRST_ORDER_TRAVEL
+        travel = positions - start.config.roller_positions
+        is_by_travel = held.pressures == start.pressures and not self.zero_corrections.any()
+        if held.contacts is nearby.contacts and is_by_travel:
+            change = held.state.unknowns - start.state.unknowns - self.shift_changes
+            by_travel = by_travel.continued(travel, change)
         # Derivatives by offsets take longest; they and the utilisation follow in a later cycle.
         cache = replace(
             self,
             usage_errors=errors or UsageErrors(self.usage, 0.0, 0.0 * travel),
-            drift=self.drift if held.contacts is self.held.contacts else np.zeros(4),
+            drift=self.drift if held.contacts is start.contacts else np.zeros(4),
+            by_travel=by_travel,
             **_at_equilibrium(held, self.friction),
         )
         if not is_near or nearby.contacts is not held.contacts:
@@ -166,7 +179,12 @@ class EquilibriumCache:
 
     def completed(self) -> EquilibriumCache:
         """Return the equilibrium with its utilisation and the derivatives by offsets at it."""
-        return replace(self.with_own_usage(), by_offsets=OffsetRates.of(self.held))
+        by_offsets, by_travel = OffsetRates.of(self.held), self.by_travel
+        if self.held.contacts is self.by_offsets.held.contacts:
+            by_travel = by_travel.with_rates(by_offsets.by_travel)
+        else:
+            by_travel = TravelPrediction.of(by_offsets.by_travel)
+        return replace(self.with_own_usage(), by_offsets=by_offsets, by_travel=by_travel)
 
     def with_own_usage(self) -> EquilibriumCache:
         """Return the equilibrium with `usage` at it, learned from the errors of its prediction."""
@@ -177,8 +195,8 @@ class EquilibriumCache:
         return replace(self, usage=usage, usage_errors=None)
 
     def motion(self, travel: Array) -> Array:
-        """Return the change (4,) of the outputs by roller travel (r,) [m], to first order."""
-        return self.by_offsets.by_travel @ travel / self.scale
+        """Return the change (4,) of the outputs by travel (r,) since the equilibrium [m]."""
+        return output_change(self.held, self.by_travel.change(travel))
 
     def predict(self, config: Configuration, elapsed: float) -> EquilibriumCache:
         """
@@ -189,9 +207,9 @@ class EquilibriumCache:
         start = self.held.config.roller_positions + self.zero_corrections
         travel = config.roller_positions - start
         step, drift = travel - self.travel, self.drift
+        usage, predicted = self.usage.rolled(step), self.motion(travel)
         if elapsed > 0.0:
             drift = (self.motion(step) - self.travel_rates @ step) / elapsed
-        usage, predicted = self.usage.rolled(step), self.motion(travel)
         changes = {'predicted': predicted, 'travel': travel, 'step': step, 'drift': drift}
         return replace(self, usage=usage, **changes)
 
@@ -273,9 +291,9 @@ class EquilibriumCache:
 
     def _start(self, pressures: Pressures, travel: Array, shifts: Array | float = 0.0) -> HeldGrip:
         """Return the last equilibrium with all shifts, and with the motion predicted by travel."""
-        inflated, rates, motion = with_pressures(self.held, pressures), self.by_offsets, None
-        if rates.held.contacts is self.held.contacts:
-            motion = travel, rates.unknowns @ travel + self.shift_changes
+        inflated, motion = with_pressures(self.held, pressures), None
+        if self.by_offsets.held.contacts is self.held.contacts:
+            motion = travel, self.by_travel.change(travel) + self.shift_changes
         return dataclasses.replace(inflated, anchors=self.anchors + shifts, motion=motion)
 
     def shifted(self, shifts: Array) -> EquilibriumCache:

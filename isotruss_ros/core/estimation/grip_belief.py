@@ -244,7 +244,8 @@ class GripBelief:
         cache = self.cache.predict(config, elapsed)
         belief = replace(self, lag=lag, cache=cache)
         measured, age = rollers or (config.roller_positions, 0.0)
-        motion_since_reading = cache.motion(config.roller_positions - measured)[:3]
+        measured_travel = cache.travel - (config.roller_positions - measured)
+        motion_since_reading = (cache.predicted - cache.motion(measured_travel))[:3]
         motion_in_step = self.scale * cache.motion(cache.step)[:3]
         pose, hold = lag.pose_at_equilibrium + cache.predicted[:3], HoldStatus.HELD
         limit = cache.travel_limit(pressures, belief.slip_margin)

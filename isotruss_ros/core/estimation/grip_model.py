@@ -77,6 +77,12 @@ def output_scale(held: HeldGrip) -> Array:
     return np.array([1.0, 1.0, held.arm, 1.0])
 
 
+def output_change(held: HeldGrip, unknowns: Array) -> Array:
+    """Return changes (4, ...) of pose and squeeze by those of the unknowns (3 + 4k, ...)."""
+    squeeze = unknowns[held.state.places.normal].sum(axis=0) / len(held.members)
+    return np.concatenate([unknowns[:3], squeeze[None]])
+
+
 def shift_rates(held: HeldGrip) -> Array:
     """Return derivatives (3 + 4k, m) of pose, contact points and forces by the members' shifts."""
     places, owners = held.state.places, held.contacts.owners
@@ -88,11 +94,9 @@ def shift_rates(held: HeldGrip) -> Array:
 
 def state_rates(held: HeldGrip, by_shifts: Array) -> Array:
     """Return derivatives (4, n) of scaled pose and squeeze by the state; see `shift_rates`."""
-    members = len(held.members)
     # Columns: derivatives of pose and contact forces by the load, and by the members' shifts.
     unknowns = np.hstack([held.response.change, by_shifts])
-    squeeze = unknowns[held.state.places.normal].sum(axis=0) / members
-    outputs = output_scale(held)[:, None] * np.vstack([unknowns[:3], squeeze])
+    outputs = output_scale(held)[:, None] * output_change(held, unknowns)
     # Columns: derivatives by load, unexplained pose, delay, and shifts.
     return np.column_stack([outputs[:, :3], np.eye(4, 3), np.zeros(4), outputs[:, 3:]])
 
@@ -103,8 +107,7 @@ class OffsetRates:
 
     held: HeldGrip  #: equilibrium of the object
     outputs: Array  #: (4, r) derivatives of the scaled outputs
-    by_travel: Array  #: (4, r) derivatives of the scaled outputs by travel of rolling contacts
-    unknowns: Array  #: (3 + 4k, r) derivatives of the unknowns by travel of rolling contacts
+    by_travel: Array  #: (3 + 4k, r) derivatives of the unknowns by travel of rolling contacts
     joints: Array  #: (2j, r) derivatives of the joint positions (x0, y0, x1, y1, ...)
     joints_by_shifts: Array  #: (2j, m) derivatives of the joint positions by the members' shifts
 
@@ -120,7 +123,6 @@ class OffsetRates:
         return cls(
             held,
             by_offsets[:4],
-            by_rollers[:4],
             gradient.unknowns[:, :rollers],
             by_offsets[4:],
             by_anchors[4:] @ shifts_of_contacts,
