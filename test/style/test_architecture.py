@@ -9,6 +9,8 @@ import re
 import subprocess
 import sys
 
+from isotruss_ros import core
+
 ROOT = Path(__file__).parents[2]
 CONTRIBUTING = (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
 (LISTED,) = re.findall(r'### Order of packages\n.*?```text\n(.*?)```', CONTRIBUTING, re.DOTALL)
@@ -148,3 +150,7 @@ def test_core_works_without_ros_and_is_imported_without_slow_modules():
 def test_twist_servo_has_loaded_its_solver_before_the_first_cycle():
     (loaded,) = printed_names(LOADING)
     assert 'scipy.optimize' in loaded
+
+
+def test_public_api_has_at_most_40_names():
+    assert len(core.__all__) <= 40, 'import a special name from its package instead'
