@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.numerics.arrays import Array
+import functools
+
+from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 import scipy
 
@@ -31,13 +33,18 @@ def evaluate_splines(numbers: Array, x: Array, x_of_piece: Array) -> tuple[Array
 
     They are those of the polynomial piece that contains `x_of_piece` (c,).
     """
-    size, x, x_of_piece = numbers.shape[-1], x[:, None], x_of_piece[:, None]
-    count = size // 6
+    count, x, x_of_piece = numbers.shape[-1] // 6, x[:, None], x_of_piece[:, None]
     ends = numbers[..., count - 1]
     piece = (numbers[..., : count - 1] <= x_of_piece[..., None]).sum(axis=-1)
-    begins = (count + size * np.arange(piece.size)).reshape(piece.shape) + 5 * piece
-    a, b, c, d, begin = numbers.take(begins + np.arange(5).reshape(-1, *[1] * piece.ndim))
+    a, b, c, d, begin = numbers.take(_places_of_first_piece(*numbers.shape) + 5 * piece)
     inside = np.where(x_of_piece < ends, x, ends)
     s = inside - begin
     slope = (3.0 * a * s + 2.0 * b) * s + c
     return ((a * s + b) * s + c) * s + d + slope * (x - inside), slope
+
+
+@functools.lru_cache(maxsize=64)
+def _places_of_first_piece(count: int, splines: int, size: int) -> Indices:
+    """Return the places (5, c, m) of the numbers of the first pieces of (c, m, q), cached."""
+    begins = size // 6 + size * np.arange(count * splines).reshape(count, splines)
+    return begins + np.arange(5)[:, None, None]

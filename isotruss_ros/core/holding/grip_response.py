@@ -20,7 +20,7 @@ from isotruss_ros.core.holding.pressed_contacts import ContactForces, POSE
 from isotruss_ros.core.holding.rolling_invariants import rolling_rows
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.object_samples import ObjectSamples
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, identity, Indices, Points
 from isotruss_ros.core.numerics.factorization import solve_each
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
@@ -128,7 +128,7 @@ def find_response(
     # Columns: 0 to 2 the wrench, 3 the opening of the grip, then a gap at each end of a face.
     lead = axes.shape[:-1]
     residuals = np.zeros((*lead, indices.size, 4 + len(ends)))
-    residuals[..., indices.balance, :3] = np.eye(3)
+    residuals[..., indices.balance, :3] = identity(3)
     # Axes: contact; touch along the member, across it and in inclination; column.
     touch = residuals[..., : 3 * len(owners), :].reshape(*lead, len(owners), 3, -1)
     opening = axes.conj() * _opening(statics, state)
@@ -143,7 +143,7 @@ def find_response(
     determinant = np.linalg.det(change[..., :3, :3])
     middle = (body.middle - body.center) / body.arm
     about_middle = np.zeros((*lead, 3, 3))
-    about_middle[..., :, :] = np.eye(3)
+    about_middle[...] = identity(3)
     about_middle[..., 2, 0], about_middle[..., 2, 1] = -np.imag(middle), np.real(middle)
     return GripResponse(
         state=state,

@@ -20,6 +20,10 @@ import numpy as np
 VECTORS = np.array([[-1.0, 0.5, 0.5, 0, 0], [0, -1.0, 0, 1.0, 0], [0, 0, -1.0, 0, 1.0]])
 #: Factors of the rotations of rod and arms in a constraint.
 WEIGHTS = np.array([2.0, -1.0, -1.0])
+#: The combinations by nodes, and the products of their factors for pairs of nodes. They are
+#: complex, because products of real and complex matrices take longer.
+BY_NODES = VECTORS.T.astype(np.complex128)
+BY_PAIRS = (VECTORS[:, :, None] * VECTORS[:, None]).reshape(3, -1).astype(np.complex128)
 
 
 class Bisections(NamedTuple):
@@ -46,15 +50,15 @@ class Bisections(NamedTuple):
         q) [rad], and the geometric stiffness (..., q, 10, 10) due to the multipliers (..., c).
         """
         nodes = self.nodes[chosen]
-        vectors = points.take(nodes, axis=-1) @ VECTORS.T
+        vectors = points.take(nodes, axis=-1) @ BY_NODES
         shifts = displacements[..., 0] + 1j * displacements[..., 1]
-        displaced = vectors + shifts.take(nodes, axis=-1) @ VECTORS.T
+        displaced = vectors + shifts.take(nodes, axis=-1) @ BY_NODES
         rotations = displaced * vectors.conj()
         gaps = np.arctan2(rotations.imag, rotations.real) @ WEIGHTS
         # With z = x + iy, the second derivatives xx, yy and xy of arg z are Im(-1/z^2), Im(1/z^2)
         # and Re(-1/z^2).
         curvatures = -WEIGHTS * multipliers[..., chosen, None] / displaced**2
-        of_nodes = VECTORS.T @ (curvatures[..., None] * VECTORS)
+        of_nodes = (curvatures @ BY_PAIRS).reshape(*gaps.shape, 5, 5)
         # Axes: sample, constraint, node, x or y, node, x or y.
         stiffness = np.empty((*gaps.shape, 5, 2, 5, 2))
         stiffness[..., 0, :, 0], stiffness[..., 1, :, 1] = of_nodes.imag, -of_nodes.imag
