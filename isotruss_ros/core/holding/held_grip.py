@@ -309,7 +309,8 @@ class HeldGrip:
     def nonlinearity(self) -> float:
         """Return the relative increase of the contact forces by the bending of the tubes [-]."""
         bent, loads, feet = self.statics.bent, self.state.loads, self.state.feet
-        straight = BentTubes.of(bent.structure, bent.members, feet)
+        every = not bent.frame.layout.kept
+        straight = BentTubes.of(bent.structure, bent.members, feet, deforms=every)
         # Linear tubes would leave gaps, which changes of forces and pose close.
         gaps = bent.respond(loads, feet) - straight.respond(loads, feet)
         residual = np.zeros(self.state.places.size)
