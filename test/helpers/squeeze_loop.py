@@ -3,6 +3,8 @@
 
 """Twist servo and elastic plant, in step."""
 
+from copy import deepcopy
+from functools import cache
 import math
 
 from grips import MASSLESS
@@ -12,6 +14,15 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSetting
 import numpy as np
 
 TIMEOUT = 0.2
+
+
+@cache
+def started_plant(config, body, friction, scale):
+    """Return a plant that holds an object, and the object, for copies."""
+    held = ElasticObject(body, friction, stiffness_scale=scale)
+    plant = SimulatedRobot(config, held, RollerFaults())
+    plant.advance(0.0)
+    return plant, held
 
 
 class SqueezeLoop:
@@ -32,9 +43,8 @@ class SqueezeLoop:
         **settings,
     ):
         self.period, self.noise, self.follows, self.now = period, noise, follows, 100.0
-        self.object = ElasticObject(grip.body, friction or grip.friction, stiffness_scale=scale)
-        self.plant = SimulatedRobot(config, self.object, RollerFaults())
-        self.plant.advance(0.0)
+        started = started_plant(config, grip.body, friction or grip.friction, scale)
+        self.plant, self.object = deepcopy(started)
         self.target = more * self.squeeze / scale if force is None else force
         limits = {'max_utilisation': math.inf} | MASSLESS | settings
         squeeze = SqueezeSettings(self.target, **limits)
