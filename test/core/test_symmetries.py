@@ -111,19 +111,14 @@ def _placed(case, move, sense=1.0, turned=0.0, **changes):
     return replace(case, document=document, pose=pose, **changes)
 
 
-def shifted(case, rng):
-    away = complex(*rng.uniform(-10.0, 10.0, 2))
-    return _placed(case, lambda z: z + away)
-
-
-def turned(case, rng):
-    """Return a grasp turned by one to three quarters: supports are along the axes."""
-    quarters = int(rng.integers(1, 4))
+def moved(case, rng):
+    """Return a grasp shifted and turned by one to three quarters: supports are along the axes."""
+    quarters, away = int(rng.integers(1, 4)), complex(*rng.uniform(-10.0, 10.0, 2))
     turn = 1j**quarters
     force, moment = case.wrench
     case_then = _placed(
         case,
-        lambda z: z * turn,
+        lambda z: z * turn + away,
         turned=0.5 * np.pi * quarters,
         wrench=(force * turn, moment),
         turn=case.turn * turn,
@@ -203,17 +198,11 @@ def reordered(case, rng):
     )
 
 
-def stiffened(case, rng):
-    """Return a grasp whose stiffness, pressures and loads are larger by one factor."""
-    factor = 10.0 ** rng.uniform(-0.5, 0.5)
-    return _scaled_forces(case, factor, 1.0)
-
-
 def enlarged(case, rng):
-    """Return a grasp in other lengths, down to tubes of 5 mm, at the same pressure."""
-    factor = 10.0 ** rng.uniform(-1.3, 0.3)
+    """Return a grasp in other lengths, down to tubes of 5 mm, at another pressure."""
+    factor, pressures = 10.0 ** rng.uniform((-1.3, -0.5), (0.3, 0.5))
     larger = _placed(
-        _scaled_forces(case, factor**2, factor),
+        _scaled_forces(case, pressures * factor**2, factor),
         lambda z: factor * z,
         shape=random_grips.scaled(case.shape, factor),
         travel={name: factor * value for name, value in case.travel.items()},
@@ -254,7 +243,7 @@ def _scaled_forces(case, force, length):
     )
 
 
-CHANGES = (shifted, turned, mirrored, reframed, reordered, stiffened, enlarged)
+CHANGES = (moved, mirrored, reframed, reordered, enlarged)
 FRICTION = 0.8
 #: Sizes of which errors are shares where values are smaller [N, m]: the rest is rounding.
 FLOORS = dict.fromkeys(('forces', 'friction', 'margin'), 1.0)

@@ -69,29 +69,6 @@ def follow_to_equilibrium():
     return beliefs
 
 
-def test_utilisation_and_then_derivatives_by_offsets_follow_in_the_cycles_after_an_equilibrium():
-    *_, predicted, belief = beliefs = follow_to_equilibrium()
-    usage, cache = predicted.cache.usage, belief.cache
-    step = cache.usage_errors.travel + cache.travel - predicted.cache.travel
-    assert cache.usage.used == pytest.approx(usage.rolled(step).used)
-    assert belief.cache.by_offsets is predicted.cache.by_offsets
-    with_usage = follow(belief, 0.01 * len(beliefs), 0.01)
-    at_equilibrium = with_usage.cache.usage.rolled(-with_usage.cache.travel).used
-    assert at_equilibrium == pytest.approx(belief.held.sections.used.max())
-    complete = follow(with_usage, 0.01 * (len(beliefs) + 1), 0.01)
-    assert complete.held is belief.held
-    assert complete.cache.by_offsets.held is belief.held
-
-
-def test_the_first_step_to_an_equilibrium_is_taken_before_it_is_due():
-    *_, predicted, belief = follow_to_equilibrium()
-    assert predicted.cache.begun is not None
-    without_step = roll_grip(predicted.held, belief.held.config)
-    np.testing.assert_allclose(
-        belief.held.state.unknowns, without_step.state.unknowns, rtol=1e-6, atol=1e-9
-    )
-
-
 @pytest.mark.parametrize('turned', [-SPEED, SPEED[::-1], 0.1 * SPEED])
 def test_a_motion_may_turn_after_the_first_step_to_an_equilibrium(turned):
     *_, belief, _ = beliefs = follow_to_equilibrium()

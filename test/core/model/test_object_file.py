@@ -92,18 +92,12 @@ def test_all_presets_are_tested():
 
 
 @pytest.mark.parametrize('name', PRESETS)
-def test_a_preset_is_rigid_and_each_roller_moves_it(name):
+def test_a_preset_is_rigid_and_moves_an_object_by_each_roller(name):
     robot = core.load_robot(name)
-    rollers, _, _ = PRESETS[name]
+    rollers, module, directions = PRESETS[name]
     assert np.linalg.matrix_rank(robot.home.node_jacobian) == len(robot.roller_names) == rollers
     top = robot.topology.joint_names[-1]
     assert np.isfinite(core.deform(robot.home, {top: (1.0, -1.0)}).displacement(top)).all()
-
-
-@pytest.mark.parametrize('name', PRESETS)
-def test_a_preset_moves_an_object(name):
-    robot = core.load_robot(name)
-    _, module, directions = PRESETS[name]
     body = core.ConvexObject.disc(core.tangent_center(robot.home, module, 0.3), 0.3)
     grip = core.Grip.at_module(robot, module, body)
     twists = core.reachable_twists(robot.home, grip)

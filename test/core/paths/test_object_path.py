@@ -123,23 +123,6 @@ def test_infeasible_paths_are_refused(case, smooth):
         ObjectPath(*arguments, smooth=smooth)
 
 
-@robots.examples(150)
-@given(
-    st.lists(st.tuples(*[st.floats() | st.sampled_from([0.0, 5e-10, 1e9])] * 3), max_size=5),
-    st.floats(),
-    st.floats(),
-    st.booleans(),
-)
-def test_any_numbers_are_a_path_or_are_refused(poses, speed, turn_rate, smooth):
-    try:
-        path = ObjectPath(poses, speed, turn_rate, smooth)
-    except PathError:
-        return
-    assert 0.0 < path.duration < math.inf
-    for time in np.linspace(0.0, path.duration, 9):
-        assert np.isfinite(path.pose(time)).all()
-
-
 ROBOT = load_robot('nine_member')
 N = len(ROBOT.roller_names)
 MAX_SPEED = ROBOT.description.max_speed
