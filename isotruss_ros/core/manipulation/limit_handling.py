@@ -121,9 +121,11 @@ def _limit_speeds(
 
     # Scaling: largest progress under the limits along which the twist cannot slide.
     scaling_bounds = Rows(*(part[~slides] for part in bounds))
-    solution, progress = maximize_progress(
-        working.cost, reach.rows, direction, max_progress, scaling_bounds, free_cost, penalty
-    )
+    solution, progress = max_progress * free, max_progress
+    if (scaling_bounds.slack(solution) < 0.0).any():
+        solution, progress = maximize_progress(
+            working.cost, reach.rows, direction, max_progress, scaling_bounds, free_cost, penalty
+        )
     slack = bounds.slack(solution)
 
     # Sliding: least deviation from these speeds under all limits. Its component along the unit

@@ -258,21 +258,31 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     depths, across = gaps[crossing], normals[crossing]
     # Where the nearest point of the line is beyond an end of the segment, this end is nearest.
     beyond = np.nonzero((shares < 0.0) | (shares > 1.0) | ~has_length)
-    if beyond[0].size:
-        before_start = shares[beyond] < 0.0
-        nearest = body.nearest(np.where(before_start, starts[beyond], ends[beyond]), *beyond[:-1])
-        gaps[beyond], normals[beyond] = nearest.gaps, nearest.normals
-        shares[beyond] = np.where(before_start, 0.0, 1.0)
+    if not (beyond[0].size or crossing[0].size):
+        return SegmentGaps(gaps, normals, shares)
+    before_start = shares[beyond] < 0.0
+    nearer_ends = np.where(before_start, starts[beyond], ends[beyond])
+    points = np.concatenate([nearer_ends, starts[crossing], ends[crossing]])
+    owners = (
+        np.concatenate([of, of_line, of_line])
+        for of, of_line in zip(beyond[:-1], crossing[:-1], strict=True)
+    )
+    nearest = body.nearest(points, *owners)
+    first = beyond[0].size
+    gaps[beyond], normals[beyond] = nearest.gaps[:first], nearest.normals[:first]
+    shares[beyond] = np.where(before_start, 0.0, 1.0)
     if crossing[0].size:
         # An end is nearest if the distance grows from there on; else the segment is in the object.
         is_outside = gaps[crossing] > 0.0
         gaps[crossing] = np.where(is_outside, depths, gaps[crossing])
         normals[crossing] = np.where(is_outside, across, normals[crossing])
-        for share, (points, inward) in enumerate(((starts, axes), (ends, -axes))):
-            at_end = body.nearest(points[crossing], *crossing[:-1])
-            slopes = (at_end.normals * inward[crossing].conj()).real
-            chosen = (at_end.gaps > 0.0) & (slopes >= 0.0)
+        at_ends = (part.reshape(2, -1) for part in (nearest.gaps[first:], nearest.normals[first:]))
+        for share, (end_gaps, end_normals, inward) in enumerate(
+            zip(*at_ends, (axes, -axes), strict=True)
+        ):
+            slopes = (end_normals * inward[crossing].conj()).real
+            chosen = (end_gaps > 0.0) & (slopes >= 0.0)
             segments = tuple(index[chosen] for index in crossing)
-            gaps[segments], normals[segments] = (part[chosen] for part in at_end)
+            gaps[segments], normals[segments] = end_gaps[chosen], end_normals[chosen]
             shares[segments] = share
     return SegmentGaps(gaps, normals, shares)

@@ -218,12 +218,18 @@ class Shape(ABC):
         """
 
     @cached_property
-    def _sampled_tangents(self) -> tuple[Array, Array]:
-        """Return angles (k,) of normals around the surface [rad], and the support there [m]."""
+    def _sampled_tangents(self) -> tuple[Array, Array, Array]:
+        """
+        Return angles (k + 2,) of normals around the surface [rad], the first and last ones twice.
+
+        Also return cosines and sines (2, k) of the angles, and the support (k,) there [m].
+        """
         samples = self.outline(self.perimeter / NORMAL_SAMPLES)
         chords = np.roll(samples, -1) - np.roll(samples, 1)
         angles = np.unwrap(np.angle(-1j * chords))
-        return angles, self.support(np.exp(1j * angles))
+        padded = np.concatenate([angles[-1:] - 2.0 * np.pi, angles, angles[:1] + 2.0 * np.pi])
+        axes = np.array([np.cos(angles), np.sin(angles)])
+        return padded, axes, self.support(np.exp(1j * angles))
 
     def nearest(self, points: Points) -> SurfacePoints:
         """
@@ -233,12 +239,11 @@ class Shape(ABC):
         """
         # The tangent at the nearest point has the largest signed distance of all tangents. Axes of
         # the search among sampled tangents: point, sample.
-        sampled, support = self._sampled_tangents
+        padded, (cosines, sines), support = self._sampled_tangents
         x, y = points.real[:, None], points.imag[:, None]
-        best = (x * np.cos(sampled) + y * np.sin(sampled) - support).argmax(axis=1)
+        best = (x * cosines + y * sines - support).argmax(axis=1)
         # The angle of its normal is between the samples before and after the best sample.
-        padded = np.concatenate([sampled[-1:] - 2.0 * np.pi, sampled, sampled[:1] + 2.0 * np.pi])
-        angles, low, high = sampled[best], padded[best], padded[best + 2]
+        low, angles, high = padded[best], padded[best + 1], padded[best + 2]
         # Maximisation by Newton's method, or by bisection where a step leaves the bounds.
         corners = np.zeros(len(points), dtype=np.intp)
         for _ in range(MAX_NEWTON_ITERATIONS):
@@ -246,13 +251,15 @@ class Shape(ABC):
             feet, radii = self.surface_at(corners, normals)
             # The distance from the tangent, and as imaginary part its derivative by the angle.
             distances = (points - feet) * normals.conj()
-            low, high = np.where(distances.imag > 0.0, [angles, high], [low, angles])
-            newton = angles + distances.imag / np.maximum(distances.real + radii, COINCIDENCE)
+            gaps, slopes = distances.real, distances.imag
+            is_before = slopes > 0.0
+            low, high = np.where(is_before, angles, low), np.where(is_before, high, angles)
+            newton = angles + slopes / np.maximum(gaps + radii, COINCIDENCE)
             is_bounded = (newton >= low) & (newton <= high)
             previous, angles = angles, np.where(is_bounded, newton, 0.5 * (low + high))
-            if (np.abs(angles - previous) <= COINCIDENCE).all():
+            if np.abs(angles - previous).max(initial=0.0) <= COINCIDENCE:
                 break
-        return SurfacePoints(distances.real, normals)
+        return SurfacePoints(gaps, normals)
 
     def smoothed(self, length: float) -> Shape:
         """

@@ -63,8 +63,9 @@ class BarrierLaw:
     def class_k_bound(self, margins: Array) -> Array:
         """Return the largest rates of decrease (k,) at margins (k,), infinite beyond the band."""
         excess = np.maximum(margins - self.safety_margin, 0.0)
-        with np.errstate(divide='ignore'):
-            return self.rate * excess / (1.0 - np.minimum(excess / self.band, 1.0))
+        share = 1.0 - excess / self.band
+        bounds = np.full(len(excess), np.inf)
+        return np.divide(self.rate * excess, share, out=bounds, where=share > 0.0)
 
     def discrete_bound(self, margins: Array, duration: float, travel: float) -> Array:
         """

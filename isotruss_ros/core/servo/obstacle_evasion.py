@@ -66,9 +66,10 @@ def evade(
     speeds, names = command.roller_velocities, list[str]()
     for limit in obstacles:
         # The command fulfils the bounds that are not positive.
-        rates, required = limit.matrix @ speeds, limit.required
-        is_short = (required > 0.0) & (rates < required - ROUNDING)
-        names += limit.barrier.names(limit.indices[is_short]) if is_short.any() else []
+        required = limit.required
+        if required.max() > 0.0:
+            is_short = (required > 0.0) & (limit.matrix @ speeds < required - ROUNDING)
+            names += limit.barrier.names(limit.indices[is_short])
     if not names:
         return command, note
     # Rows of all limits; rates of distances are bounded with the velocities of the obstacles.
