@@ -105,7 +105,10 @@ class Iteration(NamedTuple):
         bent, feet = statics.bent, self.unknowns[..., indices.feet]
         are_near = np.abs(feet - bent.places) < RING_REACH * statics.tube_radius
         current = self._replace(
-            least_error=error, moves_by_rounding=motion <= ROUNDING, steps=0 * self.steps
+            statics=replace(statics, bent=replace(bent)),  # without results, which are replaced
+            least_error=error,
+            moves_by_rounding=motion <= ROUNDING,
+            steps=0 * self.steps,
         )
         for rows, tubes in update_samples(bent, predicted):
             group, near = (current, are_near) if rows is None else take((current, are_near), rows)
@@ -219,7 +222,7 @@ def _choose(record: T, chosen: Flags) -> list[T]:
     flags = chosen.ravel().tolist()  # for one sample much faster than reductions of the array
     if all(flags):
         return [record]
-    return [take(record, chosen)] if any(flags) else []
+    return [take(record, np.flatnonzero(chosen))] if any(flags) else []
 
 
 def _measure_error(residual: Array, state: ContactForces) -> Array:

@@ -117,11 +117,13 @@ def _map_arrays(
     if not hasattr(kind, 'shared'):
         return first
     mapped: Any = object.__new__(kind)
+    records, copied = list(map(vars, values)), vars(mapped)
+    in_all = set(records[0]).intersection(*records[1:])
     # Cached properties are fields of the copy, too.
-    for name, value in vars(first).items():
+    for name, value in records[0].items():
         if name in kind.shared:
-            mapped.__dict__[name] = value
-        elif all(name in vars(other) for other in values):
-            items = [vars(other)[name] for other in values]
-            mapped.__dict__[name] = _map_arrays(items, of_arrays, of_others)
+            copied[name] = value
+        elif name in in_all:
+            items = [record[name] for record in records]
+            copied[name] = _map_arrays(items, of_arrays, of_others)
     return mapped
