@@ -266,14 +266,15 @@ REFUSED = {
 
 
 @contextlib.contextmanager
-def refusing(name, rollers=True):
-    """Yield a world with a path that cannot be executed, and its inputs."""
+def refusing(name, silence=0.0):
+    """Yield a world with a path that cannot be executed, and its inputs; rollers may be silent."""
     described, step, _ = REFUSED[name]
     members, shape = members_at(ROBOT, 'north/Z'), read_object(described).shape
     body = place_between(ROBOT.home, members, shape, indentation=0.02).body
-    with listening(node(object=described)) as w:
-        send = fake(w, body.pose, rollers)
-        w.spin(0.2, send)
+    with listening(node(object=described, command_timeout=0.5)) as w:
+        w.spin(0.2, fake(w, body.pose))
+        send = fake(w, body.pose, rollers=not silence)
+        w.spin(silence, send)
         yield w, w.send_goal(goal(step, begin=body.pose)), send
 
 
@@ -287,7 +288,7 @@ def test_a_path_that_cannot_be_executed_is_refused_with_the_pose_of_its_end(name
 
 
 def test_a_path_is_not_predicted_without_the_positions_of_the_rollers():
-    with refusing('box', rollers=False) as (w, _, send):
+    with refusing('box', silence=0.6) as (w, _, send):
         w.until(lambda: moves(w), send)
 
 
