@@ -109,7 +109,7 @@ UNUSABLE = {
 @pytest.mark.parametrize('name', UNUSABLE)
 def test_unusable_messages_among_valid_ones_do_not_stop_the_rollers(name):
     with moving_world() as w:
-        w.spin(0.4, lambda: (w.probe.send_all(), UNUSABLE[name](w)))
+        w.spin(0.3, lambda: (w.probe.send_all(), UNUSABLE[name](w)))
         assert codes(w) <= {*MOVING}
 
 

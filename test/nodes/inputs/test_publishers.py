@@ -4,6 +4,7 @@
 """Messages of other publishers, and faults between the simulated robot and the loop."""
 
 import copy
+from functools import partial
 from unittest.mock import Mock
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -54,8 +55,8 @@ def test_two_trackers_are_named_with_their_values_and_halt_the_robot(beside, ahe
         assert 'object_pose has 2 publishers (/probe, /probe), of which two send' in words
         for x in (CENTER[0], CENTER[0] + beside):
             assert f'({x:.4g}, {CENTER[1]:.4g})' in words
-        w.spin(1.0, lambda: (w.probe.send_all(), send()))
-        assert '2 publishers' in w.detail('conflicting publishers')
+        conflict = partial(w.detail, 'conflicting publishers')
+        w.until(lambda: '2 publishers' in conflict(), lambda: (w.probe.send_all(), send()))
         assert w.report('manipulation').level == DiagnosticStatus.ERROR
         w.until_code(Status.OK, w.probe.send_all)
 
