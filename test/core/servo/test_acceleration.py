@@ -121,10 +121,10 @@ def test_commands_of_rollers_change_by_the_elapsed_time_or_a_period_or_halt(elap
 
 
 def test_a_robot_of_little_acceleration_stops_before_its_limits():
-    near = ROBOT.home.member_lengths.max() + 0.03
+    near = ROBOT.home.member_lengths.max() + 0.015
     slow = Robot(replace(ROBOT.description, max_acceleration=0.05, max_length=near))
     robot, file = driven('north/R', slow), slow.description
-    for _ in range(110):
+    for _ in range(75):
         robot.step(heading(30.0), 4.0 * PERIOD)
         assert robot.change <= 0.05 * 4.0 * PERIOD * (1.0 + 1e-6)
         lengths = robot.held.config.member_lengths

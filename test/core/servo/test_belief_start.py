@@ -70,7 +70,7 @@ def test_an_assumed_squeeze_is_within_two_model_errors_of_the_setting(force):
     assert start(loop, OUTSIDE[0]).squeeze[0] == pytest.approx(loop.target, rel=error)
 
 
-@pytest.mark.parametrize('force', [0.0, 40.0])
+@pytest.mark.parametrize('force', some_now([0.0, 40.0]))
 def test_no_equilibrium_is_assumed_for_a_squeeze_of_zero_or_beyond_wrong_offsets(force):
     """Offsets explain indentations of up to 40 mm."""
     decision = start(at_rest(force), OUTSIDE[0])
