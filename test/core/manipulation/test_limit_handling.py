@@ -96,19 +96,6 @@ def test_sliding_projects_the_twist_on_the_admissible_ones(robot, rng, number):
     assert command.scale == pytest.approx(along @ got / np.linalg.norm(wanted), abs=1e-6)
 
 
-@robots.examples(20)
-@given(robots.robots(('arch', 'ring')), robots.generators(), st.integers(0, 10**6))
-def test_speed_limits_keep_the_direction_of_a_twist(robot, rng, number):
-    config, grasp, _ = robots.random_grasp(robot, rng, number)
-    limits = [RollerSpeedLimit(0.1), MemberLengthLimit(0.01, 100.0)]
-    twist = 10.0 * rng.standard_normal(3)
-    scaled = solve_twist(config, grasp, twist, (), limits)
-    slid = solve_twist(config, grasp, twist, (), limits, handling=SLIDE)
-    assert slid.status is scaled.status
-    assert slid.scale == pytest.approx(scaled.scale, rel=1e-6)
-    assert slid.roller_velocities == pytest.approx(scaled.roller_velocities, abs=1e-6)
-
-
 @robots.examples(30)
 @given(robots.robots(), robots.generators(), st.integers(0, 10**6))
 def test_regularization_keeps_the_direction_and_nearly_the_progress(robot, rng, number):

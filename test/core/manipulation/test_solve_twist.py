@@ -206,14 +206,6 @@ def test_an_opening_rate_that_limits_exclude_is_zero():
         assert jacobian[3] @ command.roller_velocities == pytest.approx(opened, abs=1e-9)
 
 
-def test_rollers_stop_if_limits_block_the_twist():
-    twist = np.array([0.02, -0.05, 0.1])
-    along = Wall(-(twist @ grip_jacobian(HOME, GRIP)[:3])[None], np.zeros(1))
-    command = solve_twist(HOME, GRIP, twist, limits=(along, RollerSpeedLimit(0.1)))
-    assert command.scale == 0.0
-    assert not command.roller_velocities.any()
-
-
 TWIST = 'the twist \\(vx, vy .* must be 3 finite numbers'
 ROLLERS = 'no such rollers; .*its rollers are main/R, main/T'
 #: Words of refusals and calls; main/L is a module without a motor that could fail.
