@@ -13,7 +13,6 @@ from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.numerics.factorization import factorize
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.qp import (
-    find_nearest,
     QuadraticProgram,
     solve_least_squares,
     solve_qp,
@@ -205,14 +204,6 @@ def test_exceeding_the_iteration_cap_gives_no_solution(monkeypatch):
 
     monkeypatch.setattr(optimize, 'nnls', endless)
     assert solve_qp(random_program(np.random.default_rng(3), 6)) is None
-
-
-@pytest.mark.parametrize('perturbation', [0.0, 1e-9])
-def test_corner_of_two_planes_and_the_numbers_of_both(perturbation):
-    columns = np.array([[1.0, 0.0, 1.0], [0.0, 2.0, 1.0]])
-    nearest = find_nearest(columns, np.array([-1.0, -4.0, 3.0]), 1.0, perturbation)
-    assert nearest.point == pytest.approx([-1.0, -2.0], abs=1e-15)
-    assert nearest.active.tolist() == [0, 1]
 
 
 @robots.examples(100)
