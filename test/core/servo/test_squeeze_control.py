@@ -103,7 +103,7 @@ def test_pose_corrections_pass_two_low_pass_filters_with_the_time_constant_of_th
 
 @pytest.mark.parametrize('sign', some_now([1.0, -1.0]))
 def test_an_unknown_load_changes_the_squeeze_little_and_not_the_pose(sign):
-    loop = Loop(period=0.04)
+    loop = Loop()
     loop.object.external_wrench = (1.8, 2.4 * sign, 0.0)
     loop.run((0.02, 0.02, 0.0), 0.6)
     assert loop.squeeze == pytest.approx(loop.target, rel=0.04)
