@@ -107,8 +107,8 @@ def turning(bars, n):
     return turns
 
 
-def member_stiffness(span, axial, flexural, shear):
-    """Return the (6, 6) stiffness in the plane of a member fixed at both ends, and its turn."""
+def member_stiffness(span, axial, flexural, shear, pinned):
+    """Return the (6, 6) stiffness in the plane of a member between nodes, and its turn."""
     length, unit = abs(span), span / abs(span)
     give = np.diag([length / axial, length**3 / (3.0 * flexural) + length / shear, 0.0])
     give[1, 2] = give[2, 1] = length**2 / (2.0 * flexural)
@@ -117,41 +117,32 @@ def member_stiffness(span, axial, flexural, shear):
     block = np.array([[unit.real, unit.imag, 0], [-unit.imag, unit.real, 0], [0, 0, 1]])
     turn = np.kron(np.eye(2), block)
     local = carry.T @ np.linalg.inv(give) @ carry
+    if pinned:  # the start turns so that it has no moment
+        local -= np.outer(local[:, 2], local[2]) / local[2, 2]
     return turn.T @ local @ turn, turn
 
 
 def _assembled(points, bars):
-    """Return the stiffness with rotations of their own for pinned ends, and who uses which."""
-    n, k = len(points), len(bars.start)
-    places, free_rotation = [], 3 * n
-    for i in range(k):
-        start, end = int(bars.start[i]), int(bars.end[i])
-        place = [3 * start, 3 * start + 1, 3 * start + 2, 3 * end, 3 * end + 1, 3 * end + 2]
-        if bars.pinned[i]:
-            place[2] = free_rotation
-            free_rotation += 1
-        places.append(place)
-    matrix = np.zeros((free_rotation, free_rotation))
-    parts = []
-    for i, place in enumerate(places):
-        span = points[bars.end[i]] - points[bars.start[i]]
-        part, turn = member_stiffness(span, *bars.section[:, i])
+    """Return the stiffness of all nodes, and place, stiffness and turn of each member."""
+    matrix, parts = np.zeros((3 * len(points), 3 * len(points))), []
+    for start, end, section, pinned in zip(*bars[:2], bars.section.T, bars.pinned, strict=True):
+        place = [*range(3 * start, 3 * start + 3), *range(3 * end, 3 * end + 3)]
+        part, turn = member_stiffness(points[end] - points[start], *section, pinned)
         matrix[np.ix_(place, place)] += part
         parts.append((place, part, turn))
     return matrix, parts
 
 
-def _free(matrix, bars, held):
-    free = np.ones(len(matrix), dtype=bool)
-    free[np.arange(held.size)] = ~held.ravel()
-    free[np.arange(2, held.size, 3)] &= turning(bars, len(held))
+def _free(bars, held):
+    free = ~held
+    free[:, 2] &= turning(bars, len(held))
     return np.flatnonzero(free)
 
 
 def stands(points, bars, held):
     """Tell whether a frame is no mechanism, and far from being one."""
     matrix, _ = _assembled(points, bars)
-    free = _free(matrix, bars, held)
+    free = _free(bars, held)
     part = matrix[np.ix_(free, free)]
     diagonal = np.diagonal(part)
     if not len(free) or diagonal.min() <= 0.0:
@@ -163,20 +154,16 @@ def stands(points, bars, held):
 def reference(points, bars, held, loads, rows):
     """Return displacements (n, 3), reactions (n, 3) and end forces (k, 6)."""
     matrix, parts = _assembled(points, bars)
-    free, size = _free(matrix, bars, held), held.size
-    pushed = np.zeros(len(matrix))
-    pushed[:size] = loads.ravel()
-    bound = np.pad(rows, ((0, 0), (0, len(matrix) - size)))
+    free, pushed, moved = _free(bars, held), loads.ravel(), np.zeros(held.size)
     scale = 1.0 / np.sqrt(np.diagonal(matrix)[free])
-    basis = null_space(bound[:, free] * scale)
+    basis = null_space(rows[:, free] * scale)
     part = scale[:, None] * matrix[np.ix_(free, free)] * scale
-    moved = np.zeros(len(matrix))
     moved[free] = scale * (
         basis @ np.linalg.solve(basis.T @ part @ basis, basis.T @ (scale * pushed[free]))
     )
     rest = matrix @ moved - pushed
-    tied = scale[:, None] * bound[:, free].T
-    rest += bound.T @ np.linalg.lstsq(tied, -scale * rest[free], rcond=None)[0]
-    reactions = np.where(held, rest[:size].reshape(-1, 3), 0.0)
+    tied = scale[:, None] * rows[:, free].T
+    rest += rows.T @ np.linalg.lstsq(tied, -scale * rest[free], rcond=None)[0]
+    reactions = np.where(held, rest.reshape(-1, 3), 0.0)
     forces = np.array([turn @ part @ moved[place] for place, part, turn in parts])
-    return moved[:size].reshape(-1, 3), reactions, forces
+    return moved.reshape(-1, 3), reactions, forces
