@@ -215,17 +215,20 @@ def test_a_wrong_unit_of_a_column_is_named_and_no_block_is_printed(unit, tmp_pat
 @pytest.mark.parametrize(
     ('row', 'reason'),
     [
-        (['axal', 3e4, 0.5, 0.01, 1.0], "mode 'axal': must be one of axial, transverse, rotary,"),
-        (['axial', 3e4, 0.5, 0.01], '4 values for 5 columns'),
-        (['axial', 3e4, 0.5, 'nan', 1.0], "displacement 'nan': must be finite, at most 1e+12"),
-        (['axial', 3e4, 0.5, '0,01', 1.0], "displacement '0,01': must be a number"),
-        (['axal', 0, 0.5, 0.01, 1.0], "pressure '0': must be positive, at least 1e-12"),
+        (['axal', 3e4, 0.5, 0.01, 1, ''], "mode 'axal': must be one of axial, transverse, "),
+        (['axial', 3e4, 0.5, 0.01], '4 values for 6 columns'),
+        (['axial', 3e4, 0.5, 'nan', 1, ''], "displacement 'nan': must be finite, at most 1e+12"),
+        (['axial', 3e4, 0.5, '0,01', 1, ''], "displacement '0,01': must be a number"),
+        (['axal', 0, 0.5, 0.01, 1, ''], "pressure '0': must be positive, at least 1e-12"),
+        (['interference', 3e4, 0.5, -0.01, 1, 0.1], "displacement '-0.01': must be positive"),
+        (['interference', 3e4, 0.5, 0.01, 0, 0.1], "load '0': must be positive"),
+        (['interference', 3e4, 0.5, 0.01, 1, ''], "diameter '': must be a number"),
     ],
 )
 def test_invalid_rows_are_named_and_counted(row, reason, tmp_path, capsys):
-    rows = [line[:5] for line in points()]
-    rows[5:5] = [row, row]
-    code, out, _ = run(capsys, write(tmp_path, rows))
+    rows = [[*line[:5], ''] for line in points()[1:]]
+    rows[4:4] = [row, row]
+    code, out, _ = run(capsys, write(tmp_path, [[*HEADER, 'diameter'], *rows]))
     assert code == 0
     assert '2 of 326 rows not used' in out
     assert re.search(f'{re.escape(reason)}.*: 2, line 6-7', out)
@@ -352,18 +355,3 @@ def test_fitted_local_stiffness_scales_the_kernel_of_a_robot(tmp_path, capsys):
     theory = Flattening(0.5 * description.tube_diameter, pressure, fabric)
     result = flattening_of(robot, pressure).stiffness
     assert result == pytest.approx(1.7 * theory.stiffness, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ('row', 'complaint'),
-    [
-        (['interference', 3e4, 0.5, -0.01, 1.0, 0.1], "displacement '-0.01': must be positive"),
-        (['interference', 3e4, 0.5, 0.01, 0, 0.1], "load '0': must be positive"),
-        (['interference', 3e4, 0.5, 0.01, 1.0, ''], "diameter '': must be a number"),
-    ],
-)
-def test_invalid_rows_are_named(row, complaint, tmp_path):
-    result = measurements.read_measurements(write(tmp_path, [[*HEADER, 'diameter'], row]))
-    assert len(result.presses.loads) == 0
-    (reason,) = result.unused
-    assert complaint in reason
