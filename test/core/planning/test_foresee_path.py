@@ -46,9 +46,9 @@ def foresee(grip, displacement):
 
 def test_a_disc_is_carried_to_the_end():
     grip = held('disc 0.2 m')
-    foresight = foresee(grip, (0.2, -0.1, 0.5))
+    foresight = foresee(grip, (0.1, -0.05, 0.25))
     assert (foresight.share, foresight.why) == (1.0, '')
-    assert foresight.pose == pytest.approx(np.add(grip.pose, (0.2, -0.1, 0.5)), abs=1e-3)
+    assert foresight.pose == pytest.approx(np.add(grip.pose, (0.1, -0.05, 0.25)), abs=1e-3)
     assert 3.0 < foresight.slip_margin <= grip.slip_margin(FRICTION)
 
 

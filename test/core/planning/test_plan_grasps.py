@@ -21,7 +21,6 @@ from robots import preset
 ROBOT = preset('nine_member')
 OBJECTS = {
     'north': core.ConvexObject.disc((0.716, 0.5), 0.3),
-    'east': core.ConvexObject.disc((1.4, -0.85), 0.35),
     'south': core.ConvexObject.disc((0.05, -0.8), 0.3),
 }
 BRICK = core.ConvexObject(

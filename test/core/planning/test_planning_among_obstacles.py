@@ -48,18 +48,17 @@ def test_path_is_straight_where_the_straight_line_is_accepted():
 
 
 def test_path_leads_around_an_obstacle_on_the_straight_line():
-    straight = foresee_path(HELD, 0.8, np.array([HELD.pose, BEHIND]), obstacles=[POST])
-    assert straight.why.startswith('out of reach: limits of ')
-    assert 'obstacle post' in straight.why
-
     plan = plan_path(ROBOT.home, GRIP, BEHIND, [POST])
+    assert len(plan) > 2
     assert plan.poses[0] == pytest.approx(np.array(HELD.pose))
     assert plan.poses[-1] == pytest.approx(BEHIND)
     foresight = foresee_path(HELD, 0.8, plan.poses, obstacles=[POST])
     assert foresight.why == ''
-    assert min(clearance(grip, [POST]) for grip in foresight.grips) > 0.0199
+    # The loop keeps its bound of 20 mm and a safety margin of 1 mm.
+    assert min(clearance(grip, [POST]) for grip in foresight.grips) > 0.0209
 
 
+@pytest.mark.nightly
 def test_clearance_on_a_path_along_an_obstacle_is_foreseen_as_the_loop_keeps_it():
     """The loop keeps 21 mm, its bound and its safety margin, while it slides by over 0.3 m."""
     post = Obstacle('post', ConvexObject.disc((0.7382, 0.5276), 0.1113))
@@ -96,9 +95,9 @@ def test_search_ends_when_it_is_told_to():
 
 
 def test_search_is_bounded_and_names_the_obstacles_in_the_way():
-    plan = plan_path(ROBOT, GRIP, BEYOND, POSTS, max_steps=200)
+    plan = plan_path(ROBOT, GRIP, BEYOND, POSTS, max_steps=50)
     assert plan.poses.shape == (0, 3)
-    assert 200 <= plan.steps < 3000
+    assert 50 <= plan.steps < 750
     assert 'obstacle post' in plan.why
 
 

@@ -76,7 +76,7 @@ def numbers(decision):
     )
 
 
-CYCLES = 40
+CYCLES = 25
 
 
 def recorded_loop(name='wedge', **settings):

@@ -105,7 +105,7 @@ def test_pose_corrections_pass_two_low_pass_filters_with_the_time_constant_of_th
 def test_an_unknown_load_changes_the_squeeze_little_and_not_the_pose(sign):
     loop = Loop()
     loop.object.external_wrench = (1.8, 2.4 * sign, 0.0)
-    loop.run((0.02, 0.02, 0.0), 0.6)
+    loop.run((0.02, 0.02, 0.0), 0.4)
     assert loop.squeeze == pytest.approx(loop.target, rel=0.04)
     assert loop.final_error() < 2e-4
 
