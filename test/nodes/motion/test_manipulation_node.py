@@ -47,7 +47,7 @@ UNIT = np.eye(N)
 def test_a_slow_loop_is_stated_first_in_the_status():
     with moving_world() as w:
         w.busy = lambda: 0.03
-        w.spin(2.5, w.probe.send_all)
+        w.spin(1.5, w.probe.send_all)
         slow = r'the loop reaches [23]\d(\.\d)? of 100 Hz'
         assert re.fullmatch(slow, w.probe.last('status').message)
         send = lambda: (w.probe.send_pose(), w.probe.send_twist())  # noqa: E731
@@ -264,7 +264,7 @@ def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
         w.until(lambda: squeeze() == pytest.approx(FORCE, rel=0.02), still(w))
         assert w.probe.last('status').code == Status.OK
         assert w.place()[:2] == pytest.approx(start[:2], abs=3e-3)
-        w.until(lambda: w.place()[0] > start[0] + 0.01, lambda: w.probe.send_twist(FORWARD))
+        w.until(lambda: w.place()[0] > start[0] + 0.005, lambda: w.probe.send_twist(FORWARD))
         assert squeeze() == pytest.approx(FORCE, rel=0.02)
         assert w.place()[1] == pytest.approx(start[1], abs=3e-3)
 
@@ -303,7 +303,7 @@ def test_a_slipped_object_halts_until_a_client_resumes_the_grip_or_moves_the_rol
         errors.append(0.0)
         assert 'next step: ' in status.message
         assert 'resume_grip' in status.message
-        w.spin(0.5, still(w))
+        w.spin(0.2, still(w))
         assert w.code() == Status.HALT_SLIPPED
         if by == 'service':
             assert 'resumed' in w.call('resume_grip', Trigger.Request()).message
@@ -359,14 +359,14 @@ def test_published_records_decide_again_as_the_node_did():
             String, 'manipulation/cycle', lambda message: texts.append(message.data), LATCHED
         )
         texts, move = [], lambda: w.probe.send_twist(FORWARD)
-        w.spin(0.3, move)
+        w.spin(0.2, move)
         w.nodes[2].set_parameters(overrides(squeeze_force=1.2 * FORCE))
-        w.spin(0.3, move)
+        w.spin(0.2, move)
         here = w.travel()
         path = trajectory(here, here + 0.01 * AWAY)
         goal = w.send_goal(FollowRollerTrajectory.Goal(trajectory=path))
         w.until(lambda: goal.ended, still(w))
-        w.spin(0.5)
+        w.spin(0.3)
     cycles = [read_cycle(text) for text in texts]
     again = list(decide_again(cycles, read_robot(cycles[0])))
     # A late subscriber receives the first cycles, too.

@@ -240,7 +240,7 @@ def test_a_supervised_goal_ends_with_its_client():
     with simulated(command_timeout=0.5) as w:
         supervision = w.probe.create_publisher(GoalInfo, 'supervised_goal', 1)
         handle = w.send_goal(goal((0.0, 0.2, 0.0), speed=0.01))
-        w.spin(1.0, lambda: supervision.publish(handle.info))
+        w.spin(0.7, lambda: supervision.publish(handle.info))
         assert moves(w)
         silent = w.now
         status, code, result = until_ended(w, handle)
@@ -256,12 +256,12 @@ BOX = (
 )
 #: Object, step of its path and reason why the path cannot be executed.
 REFUSED = {
+    'box': (BOX, (0.3, 0.2, 0.0), r'would end after \d+ cm.*, at \(0\.\d+, 0\.\d+\): the slip'),
     'disc': (
         '{shape: disc, diameter: 0.3, friction: 0.8}',
         (0.2, 0.5, 0.1),
         r'out of reach after \d+ cm and \+\d+°.*, at \(\d\.\d{3}, \d\.\d{3}\)',
     ),
-    'box': (BOX, (0.3, 0.2, 0.0), r'would end after \d+ cm.*, at \(0\.\d+, 0\.\d+\): the slip'),
 }
 
 
