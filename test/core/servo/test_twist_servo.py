@@ -1,14 +1,18 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The servo decides from samples alone: no middleware, no clock but the one it is told."""
+"""Decisions of the servo, which moves an object or a joint, from samples alone."""
 
 import dataclasses
 
 from isotruss_ros import core
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
+from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.servo_settings import ServoSettings
+from nightly import some_now
 import numpy as np
 import pytest
 
@@ -236,3 +240,82 @@ def test_commands_older_than_the_timeout_predict_nothing():
         made = servo()
         made.command(speeds, NOW - age)
         assert close(made.decide(NOW).command.roller_velocities, expected) == forgotten
+
+
+#: Velocity (vx, vy) of a joint [m/s].
+VELOCITY = (0.01, -0.02)
+
+
+def joint_servo(joint, **settings):
+    """Return a servo that moves a joint, without a pose of the object."""
+    twist = StampedInput((*VELOCITY, 0.0), NOW)
+    return servo({'joint': joint} | settings, twist=twist, pose=None)
+
+
+def drive(made, twist, cycles):
+    """Return the last command of a loop with perfect rollers, and where it ends."""
+    config, velocities, period = ROBOT.home, HOME, made.settings.period
+    for now in NOW + period * np.arange(cycles):
+        made.receive(
+            rollers=StampedInput(at(config.roller_positions, velocities), now),
+            twist=StampedInput(twist, now),
+        )
+        command = made.decide(now).command
+        velocities = command.roller_velocities
+        config = config.moved_to(config.roller_positions + period * velocities)
+    return command, config
+
+
+@pytest.mark.parametrize('joint', ['Z', 'Q'])
+def test_the_joint_moves_as_solved_and_no_pose_is_needed(joint):
+    decision = joint_servo(joint).decide(NOW)
+    expected = core.solve_joint_velocity(ROBOT.home, {joint: VELOCITY})
+    assert decision.command.status is core.Status.OK
+    assert decision.command.roller_velocities == pytest.approx(expected.roller_velocities)
+    assert decision.command.achieved_twist == pytest.approx([*VELOCITY, 0.0], abs=1e-10)
+    assert decision.command.reachable_dof == expected.reachable_dof == 2
+
+
+@pytest.mark.parametrize(
+    ('joint', 'twist', 'cycles'),
+    some_now(
+        [('Q', (0.2, 0.0, 0.0), 62), ('Q', (-0.1, -0.2, 0.0), 120), ('Z', (0.0, -0.2, 0.0), 150)]
+    ),
+)
+def test_barriers_and_limits_stop_the_joint(joint, twist, cycles):
+    made = joint_servo(joint, period=0.1, slide_along_limits=False)
+    command, config = drive(made, twist, cycles)
+    assert core.Status.SLOWED_ROLLER_SPEED < command.status < core.Status.UNREACHABLE
+    assert command.scale < 0.02
+    bounds, margins, file = ShapeBounds(), shape_margins(config), ROBOT.description
+    assert margins.rigidity >= bounds.min_rigidity
+    assert margins.clearance >= bounds.min_clearance - 1e-9
+    assert config.member_lengths.min() >= file.min_length - 1e-6
+    assert config.member_lengths.max() <= file.max_length + 1e-6
+
+
+@pytest.mark.parametrize(('before', 'after'), [(None, 'Z'), ('Z', None), ('Z', 'Q')])
+def test_a_change_of_what_moves_halts_until_the_next_twist(before, after):
+    made = joint_servo(before)
+    made.receive(pose=StampedInput(GRIP.body.pose, NOW))
+    assert made.decide(NOW).command.status is core.Status.OK
+    made.apply(dataclasses.replace(made.settings, joint=after))
+    decision = made.decide(NOW)
+    assert decision.command.status is core.Status.HALT_NO_TWIST
+    assert not decision.command.roller_velocities.any()
+    made.receive(twist=StampedInput((*VELOCITY, 0.0), NOW))
+    assert made.decide(NOW).command.status is core.Status.OK
+    made.apply(dataclasses.replace(made.settings, joint=after))
+    assert made.decide(NOW).command.status is core.Status.OK
+
+
+def test_a_joint_does_not_turn_and_must_exist():
+    made = joint_servo('Z')
+    for turn in (0.1, -0.1):
+        made.receive(twist=StampedInput((*VELOCITY, turn), NOW))
+        decision = made.decide(NOW)
+        assert decision.command.status is core.Status.HALT_INVALID_TWIST
+        assert 'must be 0' in decision.message
+    with pytest.raises(GraspError, match='P, Q, R, X, Y, Z'):
+        made.apply(dataclasses.replace(made.settings, joint='S'))
+    assert made.settings.joint == 'Z'
