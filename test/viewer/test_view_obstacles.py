@@ -96,14 +96,6 @@ def test_a_click_at_the_sky_places_nothing(session):
     assert not placed(session)
 
 
-def test_more_obstacles_than_fit_in_a_control_cycle_are_refused():
-    obstacles = PlacedObstacles()
-    for number in range(MAX_PLACED):
-        obstacles.add((float(number), 0.0))
-    with pytest.raises(RequestError, match=f'must be at most {MAX_PLACED}'):
-        obstacles.add((0.0, 1.0))
-
-
 def test_published_velocities_of_a_dragged_obstacle_lead_to_its_next_poses():
     obstacles = PlacedObstacles()
     name = obstacles.add((0.0, 0.0))
@@ -121,11 +113,13 @@ def test_published_velocities_of_a_dragged_obstacle_lead_to_its_next_poses():
 
 
 @pytest.mark.parametrize('target', [(100.1, 0.0), (0.0, -300.0), (0.0, math.nan)])
-def test_a_drag_beyond_the_range_of_poses_is_refused(target):
+def test_more_obstacles_than_fit_in_a_cycle_and_drags_beyond_all_poses_are_refused(target):
     obstacles = PlacedObstacles()
-    name = obstacles.add((0.0, 0.0))
+    names = [obstacles.add((float(number), 0.0)) for number in range(MAX_PLACED)]
+    with pytest.raises(RequestError, match=f'must be at most {MAX_PLACED}'):
+        obstacles.add((0.0, 1.0))
     with pytest.raises(RequestError, match='must be at most 100 m away'):
-        obstacles.drag_to(name, target, 0.0)
+        obstacles.drag_to(names[0], target, 0.0)
 
 
 @pytest.mark.parametrize('jump', [-100.0, 100.0])
@@ -153,12 +147,6 @@ def test_an_obstacle_in_no_recent_message_is_shown_as_silent_until_it_is_cleared
     assert [o.name for o, _ in room.list_obstacles(1.0)] == ['south wall']
 
 
-def test_more_moving_obstacles_than_a_room_has_are_refused():
-    many = [moving(str(number), 0.0) for number in range(MAX_OBSTACLES + 1)]
-    with pytest.raises(PictureError, match=f'at most {MAX_OBSTACLES}'):
-        Room().take_obstacles(many, 0.0)
-
-
 def record(obstacles):
     """Return the record of a cycle with moving obstacles, and with a wall."""
     grip = Grip(members_at(HOME.robot, 'north/Z'), ConvexObject(Disc(0.3)))
@@ -180,21 +168,6 @@ def test_a_recorded_cycle_replaces_the_obstacles_and_states_their_age():
     assert [o.name for o, _ in room.list_obstacles(101.0)] == ['south wall']
 
 
-@pytest.mark.parametrize(
-    'change',
-    [
-        ('"now": 8.0', '"now": NaN'),
-        ('HalfPlane', 'Disc'),
-        ('"obstacles": [{', '"obstacles": [1, {'),
-    ],
-)
-def test_an_invalid_record_of_a_cycle_is_refused(change):
-    message = record([])
-    message.data = message.data.replace(*change)
-    with pytest.raises(PictureError, match='record of a cycle'):
-        Room().receive_cycle(message, 0.0)
-
-
 def path(*places):
     return Path(poses=[PoseStamped(pose=Pose(position=Point(x=x, y=y))) for x, y in places])
 
@@ -208,10 +181,31 @@ def test_a_planned_path_is_shown_until_the_object_is_at_its_end():
     assert room.path is None
 
 
-@pytest.mark.parametrize('value', [math.nan, math.inf, 1e9])
-def test_a_planned_path_beyond_all_distances_is_refused(value):
-    with pytest.raises(PictureError, match='planned path: points must be finite'):
-        Room().receive_path(path((0.0, 0.0), (value, 0.0)), 0.0)
+def receive_changed(room, *change):
+    """Receive the record of a cycle in which a text is replaced."""
+    message = record([])
+    message.data = message.data.replace(*change)
+    room.receive_cycle(message, 0.0)
+
+
+MANY = [moving(str(number), 0.0) for number in range(MAX_OBSTACLES + 1)]
+RECORD, POINTS = 'record of a cycle', 'planned path: points must be finite'
+
+
+@pytest.mark.parametrize(
+    ('words', 'receive'),
+    [
+        (f'at most {MAX_OBSTACLES}', lambda room: room.take_obstacles(MANY, 0.0)),
+        (RECORD, lambda room: receive_changed(room, '"now": 8.0', '"now": NaN')),
+        (RECORD, lambda room: receive_changed(room, 'HalfPlane', 'Disc')),
+        (RECORD, lambda room: receive_changed(room, '"obstacles": [{', '"obstacles": [1, {')),
+        (POINTS, lambda room: room.receive_path(path((0.0, 0.0), (math.nan, 0.0)), 0.0)),
+        (POINTS, lambda room: room.receive_path(path((0.0, 0.0), (1e9, 0.0)), 0.0)),
+    ],
+)
+def test_a_room_refuses_too_many_obstacles_and_invalid_records_and_paths(words, receive):
+    with pytest.raises(PictureError, match=words):
+        receive(Room())
 
 
 def test_obstacles_and_path_are_drawn_where_the_messages_have_them(session):
