@@ -113,11 +113,11 @@ def test_repeated_readings_are_used_once():
 def test_a_tracker_that_repeats_its_pose_beyond_the_timeout_stops_the_object(repeats, stopped):
     loop = SqueezeLoop(CONFIG, HELD, period=0.04, pose_gain=None, load=0.0)
     start = loop.plant.object_pose
-    for number in range(38):
-        if number % repeats == 0 and number < 30:
+    for number in range(23):
+        if number % repeats == 0 and number < 16:
             pose = loop.plant.object_pose
         loop.cycle((0.05, 0.0, 0.0), pose=StampedInput(pose, loop.now))
-    assert (Status.HALT_STALE_OBJECT_POSE in loop.statuses[:30]) is stopped
+    assert (Status.HALT_STALE_OBJECT_POSE in loop.statuses[:16]) is stopped
     assert loop.statuses[-1] is Status.HALT_STALE_OBJECT_POSE
     # A new pose resumes the motion.
     if stopped:

@@ -51,7 +51,7 @@ def test_a_pose_error_in_an_unreachable_direction_decays():
     """The desired pose follows the object there, and the twist is executed elsewhere."""
     loop = loop_of()
     loop.servo.receive(failed=['south/P', 'south/Q', 'east/R'])
-    decision = repeat(loop, (0.02, -0.02, 0.1), 25)[-1]
+    decision = repeat(loop, (0.02, -0.02, 0.1), 18)[-1]
     assert decision.command.status is Status.UNREACHABLE
     assert decision.desired_pose[:2] == pytest.approx(loop.plant.object_pose[:2], abs=2e-3)
     # At rest, a correction that the contacts do not admit is no fault.

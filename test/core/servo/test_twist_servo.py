@@ -202,17 +202,17 @@ def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
     made = servo({'failure_time': FAILURE_TIME, 'period': 0.02})
     stuck = int(np.abs(made.decide(NOW).command.roller_velocities).argmax())
     name, robot = ROBOT.roller_names[stuck], simulated(ROBOT.roller_names[stuck])
-    decisions = run(made, robot, 2.2)
+    decisions = run(made, robot, 1.5)
     found = [k for k, decision in enumerate(decisions) if decision.failed == (name,)]
     first = found[0]
-    assert 1.0 <= first * made.settings.period < 2.0
+    assert 1.0 <= first * made.settings.period < 1.4
     assert made.failed == {name}
     assert len(found) == len(decisions) - first
     for decision in decisions[first:]:
         assert decision.command.roller_velocities[stuck] == 0.0
     # With the failure known the object does again what the command says.
     before = robot.object_pose
-    decision = run(made, robot, 0.1, begin=NOW + 2.2)[-1]
+    decision = run(made, robot, 0.1, begin=NOW + 1.5)[-1]
     moved = (np.subtract(robot.object_pose, before))[:2] / 0.1
     assert moved == pytest.approx(decision.command.achieved_twist[:2], abs=2e-4)
     # Another servo takes the failures of the rollers that its robot has.
