@@ -141,7 +141,7 @@ def test_object_that_slides_along_an_obstacle_reaches_its_goal_without_delay():
 
 
 #: Random robots with a module that holds a random disc at home.
-HOLDING_SEEDS = [16, 23, 6, 12, 19, 24, 27]
+HOLDING_SEEDS = [27, 23, 6, 12, 16, 19, 24]
 
 
 @pytest.mark.parametrize('seed', some_now(HOLDING_SEEDS))
