@@ -109,7 +109,7 @@ def test_carries_the_object_along_a_straight_or_smooth_path_to_its_end(smooth):
         progress = [part.progress for part in handle.feedback]
         assert len(progress) > 10
         assert (np.diff(progress) >= 0.0).all()
-        assert handle.feedback[0].time_left == pytest.approx(0.03 / 0.03 + 0.2 / 0.3 + 0.5, abs=0.2)
+        assert handle.feedback[0].time_left == pytest.approx(1.0 + 0.2 / 0.3 + 0.5, abs=0.2)
         assert handle.feedback[-1].time_left < 0.5
         # At rest at the end, and silent from then on.
         assert not moves(w)
