@@ -168,6 +168,7 @@ FORMS = {
     'seed -1: must be an integer': lambda: core.SimulatedRobot(
         HOME, core.ElasticObject(BODY, 0.8), core.RollerFaults(), -1
     ),
+    'the loads are beyond the limit load': lambda: core.deform(HOME, {'Z': (MAX_LOAD, MAX_LOAD)}),
     'max_rounds None': lambda: core.plan_grasps(HOME, BODY, max_rounds=None),
 }
 
@@ -210,8 +211,3 @@ def test_the_largest_loads_do_not_overflow(name, load):
     with warnings.catch_warnings():
         warnings.simplefilter('error')
         LOAD_CALLS[name](load)
-
-
-def test_the_largest_load_is_beyond_the_limit_load():
-    with pytest.raises(core.IsotrussError, match='the loads are beyond the limit load'):
-        core.deform(HOME, {'Z': (MAX_LOAD, MAX_LOAD)})

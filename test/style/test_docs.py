@@ -72,9 +72,13 @@ def test_every_promise_has_existing_tests():
 
 
 @pytest.mark.parametrize('page', TEXTS)
-def test_names_of_the_core_in_pages_exist(page):
+def test_names_make_targets_and_links_of_pages_exist(page):
     for name in re.findall(r'`(core\.[\w.]+)', TEXTS[page]):
         assert pydoc.locate(f'isotruss_ros.{name}') is not None, f'no {name} in isotruss_ros'
+    for target in re.findall(r'(?:`|^)make ([a-z][\w-]*)', TEXTS[page], re.MULTILINE):
+        assert re.search(rf'^{target}:', MAKEFILE, re.MULTILINE), f'no make {target}'
+    for target in re.findall(r'\]\(([^)#:]+)[^):]*\)', TEXTS[page]):
+        assert (TOP / page).parent.joinpath(target).exists(), f'no file {target}'
 
 
 def test_every_equation_of_the_paper_has_a_function():
@@ -112,18 +116,6 @@ def test_python_examples_of_the_pages_run(page, capsys):
     for example in python_blocks(TEXTS[page]):
         exec(compile(example, page, 'exec'), {})
         assert capsys.readouterr().out, 'the example must print its result; `py` marks others'
-
-
-@pytest.mark.parametrize('page', TEXTS)
-def test_named_make_targets_exist(page):
-    for target in re.findall(r'(?:`|^)make ([a-z][\w-]*)', TEXTS[page], re.MULTILINE):
-        assert re.search(rf'^{target}:', MAKEFILE, re.MULTILINE), f'no make {target}'
-
-
-@pytest.mark.parametrize('page', TEXTS)
-def test_links_have_existing_targets(page):
-    for target in re.findall(r'\]\(([^)#:]+)[^):]*\)', TEXTS[page]):
-        assert (TOP / page).parent.joinpath(target).exists(), f'no file {target}'
 
 
 @pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md'])

@@ -52,6 +52,7 @@ def test_reads_objects_from_text():
         ),
         ('{shape: disc', 'not YAML'),
         ('{shape: &a disc}', 'anchors and aliases are not used in object files'),
+        *((given, 'must be the path of a file, or a text') for given in (None, 5, ['a'], '', ' ')),
     ],
 )
 def test_invalid_object_descriptions_are_refused(text, words):
@@ -69,12 +70,6 @@ def test_refuses_files_with_their_name(tmp_path):
     path.write_bytes(b'\xff')
     with pytest.raises(ObjectFileError, match='not UTF-8'):
         read_object(path)
-
-
-@pytest.mark.parametrize('given', [None, 5, ['a'], '', ' \n'], ids=repr)
-def test_refuses_neither_a_path_nor_a_text(given):
-    with pytest.raises(ObjectFileError, match='must be the path of a file, or a text'):
-        read_object(given)
 
 
 #: Number of rollers, and a module whose grip moves an object in this many directions.
