@@ -71,8 +71,8 @@ def test_an_oscillation_stops_the_rollers_for_one_second_and_halves_the_gain(eve
         assert not command.roller_velocities.any()
         assert (command.achieved_twist.any(), command.scale) == (False, 0.0)
         # Without noise, the poses of an object at rest are equal.
-        decisions = [loop.cycle() for _ in range(60)]
-        assert loop.statuses[-60:].count(Status.HALT_OSCILLATES) in (49, 50)
+        decisions = [loop.cycle() for _ in range(52)]
+        assert loop.statuses[-52:].count(Status.HALT_OSCILLATES) in (49, 50)
         reduced = f'the object oscillates: the pose gain is reduced to {gain:.0f} 1/s'
         assert decisions[0].message == reduced
         assert decisions[-1].command.status < Status.HALT_NO_TWIST
@@ -159,7 +159,7 @@ def test_the_first_fault_remains_when_the_object_is_lost_or_returns():
 def test_a_loss_during_an_oscillation_is_a_fault_that_remains():
     loop = held(load=40.0)
     shake(loop)
-    for _ in range(60):
+    for _ in range(51):
         decision = loop.cycle(away=(0.0, 0.1, 0.0))
     assert decision.command.status is Status.HALT_NOT_HELD
     assert 'next step: pick up the object' in decision.message

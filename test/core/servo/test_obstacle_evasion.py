@@ -54,14 +54,14 @@ def approaching(way, speed, distance=0.5):
         [
             ((0.02, 0.0, 0.1), -0.5 * np.pi, 0.06, 0.24),
             ((0.0, 0.0, 0.0), 0.1, 0.19, 0.4),
-            ((0.0, 0.0, 0.0), -0.5 * np.pi, 0.03, 0.25),
+            ((0.0, 0.0, 0.0), -0.5 * np.pi, 0.03, 0.23),
             *(((0.0, 0.0, 0.0), way, 0.16, 0.4) for way in (0.8, 2.8)),
         ]
     ),
 )
 def test_robot_evades_a_hand_that_is_slower_than_its_rollers(twist, way, speed, distance):
     room, evaded = Room(approaching(way, speed, distance)), False
-    for _ in range(80):
+    for _ in range(60):
         command, gap = room.step(twist)
         assert gap > BOUND - 1e-3
         evaded |= any(name.endswith('and obstacle hand') for name in command.limiting)
