@@ -29,7 +29,7 @@ BRICK = core.ConvexObject(
 )
 NEEDS = core.GraspRequirements(min_slip_margin=0.5, count=2)
 #: Criteria of ranking; the fixture `plans` has the last one.
-MEASURES = Measure.TOTAL_FORCE, Measure.STIFFNESS, Measure.TRAVEL, Measure.SLIP_MARGIN
+MEASURES = Measure.STIFFNESS, Measure.TOTAL_FORCE, Measure.TRAVEL, Measure.SLIP_MARGIN
 
 
 @pytest.fixture(scope='module')
@@ -118,7 +118,7 @@ def test_the_way_stays_within_all_bounds(plans):
         assert grasp.travel == pytest.approx(ways.max())
 
 
-@pytest.mark.parametrize('measure', some_now(MEASURES, 2))
+@pytest.mark.parametrize('measure', some_now(MEASURES))
 def test_best_comes_first_by_every_measure(measure):
     along = np.array([1.0, 2.0, 0.5])
     unit = along / np.linalg.norm(along)
