@@ -4,12 +4,12 @@
 """Trajectories of the rollers as messages, and a stand-in for the standard trajectory action."""
 
 from importlib.machinery import ModuleSpec
-import math
 import sys
 from types import ModuleType
 
 from builtin_interfaces.msg import Duration
 from isotruss_msgs.action import FollowRollerTrajectory
+from isotruss_ros.nodes.conversions.path_messages import to_duration
 import numpy as np
 from probe import N, ROBOT
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint, MultiDOFJointTrajectory
@@ -20,16 +20,11 @@ AWAY = np.array([0.02, -0.01, 0.0, 0.015, 0.01, -0.02])
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
 
 
-def lasting(seconds):
-    sec = math.floor(seconds)
-    return Duration(sec=sec, nanosec=round(1e9 * (seconds - sec)))
-
-
 def trajectory(*rows, times=None, names=NAMES):
     """Return a trajectory; 0.4 s from row to row unless told otherwise."""
     times = 0.4 * np.arange(len(rows)) if times is None else times
     points = [
-        JointTrajectoryPoint(positions=[float(v) for v in row], time_from_start=lasting(when))
+        JointTrajectoryPoint(positions=[float(v) for v in row], time_from_start=to_duration(when))
         for row, when in zip(rows, times, strict=True)
     ]
     return JointTrajectory(joint_names=list(names), points=points)

@@ -20,6 +20,7 @@ from isotruss_msgs.msg import RollerTolerance
 from isotruss_ros.core import Pose
 from isotruss_ros.core.planning.grasp_plan import GraspPlan
 from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.path_messages import to_duration
 from isotruss_ros.nodes.grasp.searcher import Searcher
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -32,7 +33,7 @@ from probe import CENTER, overrides
 import pytest
 from robots import SHARE
 from std_msgs.msg import Header
-from trajectories import AWAY, FollowJointTrajectory, HOME, lasting, NAMES, trajectory
+from trajectories import AWAY, FollowJointTrajectory, HOME, NAMES, trajectory
 
 NUMBERS = (0.0, -0.0, 1.0, -1.0, 1e-9, 1e6, 1e308, -1e308, 5e-324, math.nan, math.inf, -math.inf)
 INTEGERS = (0, 1, -1, 2**31 - 1, -(2**31))
@@ -101,7 +102,7 @@ FOLLOWED = {
     'trajectory': trajectory(HOME, AWAY),
     'path_tolerance': [RollerTolerance(name=NAMES[0], position=0.01)],
     'goal_tolerance': [RollerTolerance(name=NAMES[1], position=0.01)],
-    'goal_time_tolerance': lasting(0.5),
+    'goal_time_tolerance': to_duration(0.5),
 }
 GOALS = {
     'FollowRollerTrajectory': (Manipulation, lambda: FollowRollerTrajectory.Goal(**FOLLOWED)),

@@ -12,6 +12,7 @@ from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_msgs.msg import RollerTolerance
 from isotruss_ros.core import Status
 from isotruss_ros.core.paths.roller_trajectory import TOLERANCE
+from isotruss_ros.nodes.conversions.path_messages import to_duration
 from isotruss_ros.nodes.conversions.trajectory_goals import MAX_POINTS
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.manipulation.sparse_messages import MATCH_DELAY
@@ -23,7 +24,7 @@ from probe import failed, maker, N, overrides, ROBOT
 import pytest
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
-from trajectories import AWAY, FollowJointTrajectory, HOME, lasting, NAMES, TOPIC, trajectory
+from trajectories import AWAY, FollowJointTrajectory, HOME, NAMES, TOPIC, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
 MAX_SPEED = ROBOT.description.max_speed
@@ -180,7 +181,7 @@ BEYOND = [0.9 * (name == 'south/Q') for name in NAMES]
 HOSTILE = {
     'infinite': (bent(positions=[math.inf] * N), 'must be 6 finite numbers'),
     '-1e308': (bent(positions=[*ROW[:-1], -1e308]), 'at most 1e+06 m'),
-    'too quick': (bent(time_from_start=lasting(0.1)), '0.2 m/s; must be at most 0.1'),
+    'too quick': (bent(time_from_start=to_duration(0.1)), '0.2 m/s; must be at most 0.1'),
     'no shape': (trajectory(HOME, BEYOND, times=[0.0, 40.0]), 'no configuration exists beyond'),
     'times back': (trajectory(HOME, AWAY, AWAY, times=[0.0, 1.0, 0.5]), 'time 0.5 s of point 2'),
     'no names': (trajectory(HOME, AWAY, names=[]), 'joint_names: south/P, '),
@@ -272,7 +273,7 @@ def test_the_goal_tolerance_is_kept(make, kind, tolerance, late, ending):
             AWAY,
             kind=kind,
             goal_tolerance=[RollerTolerance(name=name, position=tolerance) for name in NAMES],
-            goal_time_tolerance=lasting(late),
+            goal_time_tolerance=to_duration(late),
         )
         began = w.now
         assert ended(w, goal) == ending
@@ -288,7 +289,7 @@ def bound(**limits):
 @pytest.mark.parametrize(
     ('fields', 'code', 'longest'),
     [
-        ({'goal_time_tolerance': lasting(0.3)}, Result.GOAL_TOLERANCE_VIOLATED, 1.0),
+        ({'goal_time_tolerance': to_duration(0.3)}, Result.GOAL_TOLERANCE_VIOLATED, 1.0),
         (bound(position=2e-3), Result.PATH_TOLERANCE_VIOLATED, 0.4),
         (bound(velocity=0.02), Result.PATH_TOLERANCE_VIOLATED, 0.4),
     ],
