@@ -111,13 +111,13 @@ def around_post(rng: np.random.Generator) -> Task | None:
     if not reaches(home, goal) or not reaches(home, via, goal):
         return None
     for _ in range(POSTS):
-        place = begin + rng.uniform(0.3, 0.7) * (goal - begin) + rng.uniform(-0.2, 0.2, 3)
+        place = begin + rng.uniform(0.3, 0.7) * (goal - begin) + rng.uniform(-0.1, 0.1, 3)
         post = ConvexObject.disc(tuple(place[:2]), float(rng.uniform(0.04, 0.12)))
         room = [Obstacle('post', post)]
         is_near = clearance(home, room) < LEAST_CLEARANCE
         if is_near or make_tree(home, goal, room).find_collision(goal):
             continue
-        if is_refused(home, goal, room=room) and not is_refused(home, via, goal, room=room):
+        if reaches(home, via, goal, room=room) and is_refused(home, goal, room=room):
             return Task(home, goal, room)
     return None
 
