@@ -33,11 +33,6 @@ from isotruss_ros.core.statics.load_points import Cuts, group_samples
 from isotruss_ros.core.statics.structure import Structure, structure_under, structures_under
 import numpy as np
 
-#: Largest number of tubes that are all deformed by a single grasp without a load [-]; in larger
-#: robots, unloaded tubes are kept undeformed. The derivatives of a grasp need all tubes. In nested
-#: triangles of 3, 5, 9 and 17 tubes, a grasp with its derivatives takes 0.85, 0.92, 0.94 and 1.01
-#: of the time with kept tubes, and a grasp alone 0.98, 1.05, 1.11 and 1.27.
-MAX_DEFORMED_TUBES = 9
 #: Equilibrium, and unknowns near it (3 + 4k,) at which an iteration starts.
 Start = tuple[HeldGrip, Array]
 #: Equilibrium of an object; None if its contacts have none, an error without a structural model.
@@ -107,7 +102,6 @@ class ContactGroupSolver:
         try:
             if self._is_single:
                 structure = structure_under(configs[0], pressures[0], stiffness[0])
-                is_loaded |= len(pressures[0]) <= MAX_DEFORMED_TUBES
                 objects = _Objects(np.zeros(1, int), structure, bodies[0], self._wrenches[0])
             else:
                 structure = structures_under(configs, pressures, stiffness, is_loaded)

@@ -309,8 +309,7 @@ class HeldGrip:
     def nonlinearity(self) -> float:
         """Return the relative increase of the contact forces by the bending of the tubes [-]."""
         bent, loads, feet = self.statics.bent, self.state.loads, self.state.feet
-        every = not bent.frame.layout.kept
-        straight = BentTubes.of(bent.structure, bent.members, feet, deforms=every)
+        straight = BentTubes.of(bent.structure, bent.members, feet)
         # Linear tubes would leave gaps, which changes of forces and pose close.
         gaps = bent.respond(loads, feet) - straight.respond(loads, feet)
         residual = np.zeros(self.state.places.size)

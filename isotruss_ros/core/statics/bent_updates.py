@@ -25,6 +25,7 @@ from isotruss_ros.core.statics.load_points import (
     Lines,
 )
 from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.tangent import linearize
 import numpy as np
 
 #: Largest force on a hinge of a tube that is kept undeformed [N]; it displaces nodes by about
@@ -163,7 +164,10 @@ def activate_tubes(bent: BentTubes) -> BentTubes:
     if not bent.frame.layout.kept:
         return bent
     frame = bent.structure.frame.cut(first_sample(bent.cuts.pieces), bent.cuts.within)
-    return replace(bent, frame=frame, state=_convert(bent, bent.state, frame, True))
+    state = _convert(bent, bent.state, frame, True)
+    tangent = linearize(frame, state.unknowns, state.axial)
+    axial = tangent.forces.values[..., 0]
+    return replace(bent, frame=frame, state=state._replace(axial=axial))
 
 
 def describe_state(bent: BentTubes, loads: Array, positions: Array) -> tuple[Array, Array]:
@@ -177,8 +181,4 @@ def describe_state(bent: BentTubes, loads: Array, positions: Array) -> tuple[Arr
 
 def _join_state(bent: BentTubes) -> Array:
     """Return the linearised state as a vector, see `of`, with all blocks deformable."""
-    active = activate_tubes(bent)
-    state = active.state
-    if active is not bent:
-        state = state._replace(axial=active.tangent.forces.values[..., 0])
-    return np.concatenate([part.ravel() for part in state])
+    return np.concatenate([part.ravel() for part in activate_tubes(bent).state])
