@@ -7,9 +7,10 @@ Path tracking: feed-forward of the path's velocity, and feedback of the measured
     twist = r * (d pose of the path / d tau)  +  K * (pose of the path - measured pose)
 
 Each coordinate of the object is the integral of its component of the twist; slip, noise and
-kinematic errors are disturbances of this twist. The error decays at the rate K and is bounded by
-disturbance / K for any length of the path. Path time tau advances at the rate r = d tau / dt,
-between 0 and 1. It never jumps, and it advances more slowly if the robot lags behind.
+kinematic errors are disturbances of this twist. The error decays at the rate K; without delay it
+is bounded by disturbance / K for any length of the path. Path time tau advances at the rate
+r = d tau / dt, between 0 and 1. It never jumps, and it advances more slowly if the robot lags
+behind.
 """
 
 from __future__ import annotations
