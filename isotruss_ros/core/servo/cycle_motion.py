@@ -27,7 +27,7 @@ from isotruss_ros.core.servo.servo_memory import ServoMemory, ServoSetup
 import numpy as np
 
 
-class Prediction(NamedTuple):
+class PredictedState(NamedTuple):
     """State predicted at the midpoint of a cycle."""
 
     config: Configuration  #: configuration of the robot
@@ -42,7 +42,7 @@ def predict(
     rollers: StampedInput,
     pose: StampedInput | None,
     now: float,
-) -> Prediction:
+) -> PredictedState:
     """Return configuration and grip predicted at mid-cycle."""
     is_failed = np.array([name in failed for name in setup.robot.roller_names])
     stamp, lead, history = (pose or rollers).time, 0.5 * setup.settings.period, memory.history
@@ -50,19 +50,19 @@ def predict(
     measured = memory.config
     config = measured.predict(travel)
     if pose is None:
-        return Prediction(config, None, last)
+        return PredictedState(config, None, last)
     if memory.squeeze is not None and memory.squeeze.belief is not None:
-        return Prediction(config, memory.squeeze.belief.cache.grip, last)
+        return PredictedState(config, memory.squeeze.belief.cache.grip, last)
     # The object rolls from its measured pose, at the configuration of that time.
     start = measured.predict(to_pose) if to_pose.any() else measured
     grip = roll_object(setup.settings.grip.moved_to(pose.value), start, config)
-    return Prediction(config, grip, last)
+    return PredictedState(config, grip, last)
 
 
 def solve(
     setup: ServoSetup,
     memory: ServoMemory,
-    predicted: Prediction,
+    predicted: PredictedState,
     failed: frozenset[str],
     twist: Array,
     now: float,

@@ -31,7 +31,7 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.work_limit import limited_work
-from isotruss_ros.core.servo.cycle_motion import largest_change, predict, Prediction, solve
+from isotruss_ros.core.servo.cycle_motion import largest_change, predict, PredictedState, solve
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError
 from isotruss_ros.core.servo.obstacle_evasion import predict_obstacles
 from isotruss_ros.core.servo.servo_memory import ServoMemory, ServoSetup
@@ -189,7 +189,7 @@ def follow(
     memory: ServoMemory,
     inputs: LatestInputs,
     settings: ServoSettings,
-    predicted: Prediction,
+    predicted: PredictedState,
     rollers: StampedInput,
     pose: StampedInput,
     now: float,
