@@ -151,24 +151,24 @@ class EquilibriumCache:
 
         For the errors of the prediction there see `usage_errors_at`.
         """
-        start, nearby, has_all = self.held, self.by_offsets.held, self.is_complete
-        positions, by_travel = held.config.roller_positions, self.by_travel
-        from_rates = np.abs(positions - nearby.config.roller_positions).max()
-        is_near = has_all or from_rates <= MAX_FIRST_ORDER_TRAVEL
+        start, has_all, by_travel = self.held, self.is_complete, self.by_travel
+        positions, keeps_contacts = held.config.roller_positions, held.contacts is start.contacts
         travel = positions - start.config.roller_positions
         is_by_travel = held.pressures == start.pressures and not self.zero_corrections.any()
-        if held.contacts is nearby.contacts and is_by_travel:
+        if keeps_contacts and is_by_travel:
             change = held.state.unknowns - start.state.unknowns - self.shift_changes
             by_travel = by_travel.continued(travel, change)
         # Derivatives by offsets take longest; they and the utilisation follow in a later cycle.
         cache = replace(
             self,
             usage_errors=errors or UsageErrors(self.usage, 0.0, 0.0 * travel),
-            drift=self.drift if held.contacts is start.contacts else np.zeros(4),
+            drift=self.drift if keeps_contacts else np.zeros(4),
             by_travel=by_travel,
             **_at_equilibrium(held, self.friction),
         )
-        if not is_near or nearby.contacts is not held.contacts:
+        from_rates = np.abs(positions - self.by_offsets.held.config.roller_positions).max()
+        is_near = has_all or from_rates <= MAX_FIRST_ORDER_TRAVEL
+        if not (keeps_contacts and is_near):
             return cache.completed()
         return cache if has_all else cache.with_own_usage()
 
@@ -291,9 +291,8 @@ class EquilibriumCache:
 
     def _start(self, pressures: Pressures, travel: Array, shifts: Array | float = 0.0) -> HeldGrip:
         """Return the last equilibrium with all shifts, and with the motion predicted by travel."""
-        inflated, motion = with_pressures(self.held, pressures), None
-        if self.by_offsets.held.contacts is self.held.contacts:
-            motion = travel, self.by_travel.change(travel) + self.shift_changes
+        inflated = with_pressures(self.held, pressures)
+        motion = travel, self.by_travel.change(travel) + self.shift_changes
         return dataclasses.replace(inflated, anchors=self.anchors + shifts, motion=motion)
 
     def shifted(self, shifts: Array) -> EquilibriumCache:
