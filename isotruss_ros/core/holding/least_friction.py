@@ -12,7 +12,12 @@ from isotruss_ros.core.holding.contact_statics import (
     ContactStatics,
     FRICTION_COMPLIANCE,
 )
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, Places, PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import (
+    ANGLE,
+    group_by_member,
+    Places,
+    PressedContacts,
+)
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
@@ -115,7 +120,7 @@ def _ratio_forms(owners: Indices, compares_members: bool) -> Array:
     f / 2 is the sum of T_one N_other + sign T_other N_one over pairs of contacts, with f = (N, T).
     """
     # Two groups of contacts; the sign is -1 if T / N has the same sign in both, else 1.
-    by_member = [np.flatnonzero(owners == member) for member in range(owners[-1] + 1)]
+    by_member = group_by_member(owners)
     pairs = [(ends[:1], ends[1:], -1.0) for ends in by_member if len(ends) == 2]
     if compares_members:
         pairs.append((by_member[0], by_member[1], 1.0))

@@ -43,7 +43,7 @@ class PressedContacts:
     @functools.cached_property
     def by_member(self) -> list[Indices]:
         """Return the contacts of each grasping member: one, or two at the ends of a face."""
-        return [np.flatnonzero(self.owners == i) for i in range(len(self.member_starts))]
+        return group_by_member(self.owners)
 
     @functools.cached_property
     def member_starts(self) -> Indices:
@@ -59,6 +59,11 @@ class PressedContacts:
     def sum_by_member(self, values: Array, axis: int = 0) -> Array:
         """Return the sums (m, ...) of values (k, ...) at the contacts of each grasping member."""
         return np.add.reduceat(values, self.member_starts, axis=axis)
+
+
+def group_by_member(owners: Indices) -> list[Indices]:
+    """Return the contacts of each grasping member by the `owners` (k,) of the contacts."""
+    return [np.flatnonzero(owners == member) for member in range(owners[-1] + 1)]
 
 
 class Places(NamedTuple):
