@@ -117,7 +117,7 @@ SESSION := test/system/test_browser_session.py
 long-tests: venv
 	$(PYTEST) -n 3 --dist loadgroup -m nightly --ignore $(SESSION)
 
-# Ten minutes in Chromium, beside nothing else: its pages go by the clock.
+# Ten minutes in Chromium, and a view of MuJoCo, beside nothing else: both go by the clock.
 session: venv
 	$(BIN)/python -m pytest -m nightly $(SESSION)
 

@@ -9,12 +9,15 @@ import io
 import os
 import re
 import shutil
+import subprocess
+import sys
 import time
 
 from geometry_msgs.msg import Twist, WrenchStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.demo.processes import running_nodes
 from isotruss_ros.demo.view import DIAMETER, FRICTION, list_nodes
+from mujoco_worlds import needs_mujoco
 import numpy as np
 from PIL import Image
 from probe import world
@@ -329,3 +332,20 @@ def test_a_page_whose_server_has_ended_says_so_across_the_picture(tmp_path):
         box = notice.bounding_box()
         browser.close()
     assert (box['width'], box['height']) == (VIEWPORT['width'], VIEWPORT['height'])
+
+
+@pytest.mark.nightly
+@needs_mujoco
+def test_the_view_of_mujoco_places_the_object():
+    command = [sys.executable, '-u', '-m', 'isotruss_ros.demo.view', '--plant', 'mujoco']
+    command += ['--port', '0']
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as view:
+        try:
+            while 'viewer: http' not in (line := view.stdout.readline()):
+                assert line, 'the view ended'
+            asked = [sys.executable, '-m', 'isotruss_ros.cli.operate', 'place']
+            done = subprocess.run(asked, capture_output=True, text=True, timeout=300, check=False)
+            assert done.returncode == 0, done
+        finally:
+            view.terminate()
+    assert 'the object is free' in done.stdout

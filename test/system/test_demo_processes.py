@@ -5,7 +5,6 @@
 
 import contextlib
 from functools import partial
-import importlib.util
 import os
 from pathlib import Path
 import signal
@@ -15,7 +14,6 @@ import time
 
 from isotruss_ros.demo.domains import lock_domain
 from isotruss_ros.demo.processes import NodeProcess, running_nodes
-from mujoco_worlds import needs_mujoco
 from nightly import some_now
 from probe import DEADLINE, world
 import psutil
@@ -115,24 +113,6 @@ def test_beside_another_simulation_it_says_so(tmp_path):
         simulator.stop()
     assert demo.returncode == 1
     assert 'another robot or simulation is there' in ' '.join(printed.split())
-
-
-@pytest.mark.nightly
-@needs_mujoco
-@pytest.mark.skipif(importlib.util.find_spec('viser') is None, reason='pip install viser')
-def test_the_view_of_mujoco_places_the_object():
-    command = [sys.executable, '-u', '-m', 'isotruss_ros.demo.view', '--plant', 'mujoco']
-    command += ['--port', '0']
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as view:
-        try:
-            while 'viewer: http' not in (line := view.stdout.readline()):
-                assert line, 'the view ended'
-            asked = [sys.executable, '-m', 'isotruss_ros.cli.operate', 'place']
-            done = subprocess.run(asked, capture_output=True, text=True, timeout=300, check=False)
-            assert done.returncode == 0, done
-        finally:
-            view.terminate()
-    assert 'the object is free' in done.stdout
 
 
 @pytest.fixture(scope='module')
