@@ -1,14 +1,31 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robots that come with the package, and objects from YAML."""
+"""Robots of the package, objects from YAML, and obstacles: distances, motion and files."""
 
+import math
+
+from hypothesis import given
 from isotruss_ros import core
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon, read_object
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Ellipse,
+    Obstacle,
+    Polygon,
+    Pose,
+    read_object,
+    read_obstacles,
+)
 from isotruss_ros.core.errors import GraspError, ObjectFileError
+from isotruss_ros.core.model.convex_object import segment_gaps
+from isotruss_ros.core.model.obstacle import HalfPlane
 from isotruss_ros.core.model.presets import preset_names
+from isotruss_ros.core.model.separation import separate
 import numpy as np
 import pytest
+from robots import examples, generators
+from shapes import dense_outline, random_shape
 
 BOX = """
 shape: polygon
@@ -98,3 +115,128 @@ def test_a_preset_is_rigid_and_moves_an_object_by_each_roller(name):
     twists = core.reachable_twists(robot.home, grip)
     assert len(twists) == directions
     assert core.solve_twist(robot.home, grip, 0.01 * twists[0]).status is core.Status.OK
+
+
+BOX_SHAPE = Polygon(((-0.2, -0.1), (0.2, -0.1), (0.2, 0.1), (-0.2, 0.1)))
+WALL = Obstacle('wall', ConvexObject(HalfPlane(), (0.0, -1.0, 0.5 * math.pi)))
+
+
+def random_pair(generator, reach):
+    """Return two objects whose origins are at most `reach` apart [m]."""
+    bodies = []
+    for _ in range(2):
+        shape = random_shape(generator)
+        pose = (*generator.uniform(-0.5 * reach, 0.5 * reach, 2), generator.uniform(-3.0, 3.0))
+        bodies.append(ConvexObject(shape, pose))
+    return bodies
+
+
+def outline_of(body, count=1500):
+    return body.center + body.turn * dense_outline(body.shape, count)
+
+
+@given(generator=generators())
+@examples(60)
+def test_separation_is_the_least_distance_of_the_outlines(generator):
+    first, second = random_pair(generator, 1.2)
+    apart = separate(first, second)
+    ones, others = outline_of(first), outline_of(second)
+    least = np.abs(ones[:, None] - others).min()
+    if apart.distance > 0.0:
+        assert apart.distance == pytest.approx(least, abs=1e-4)
+        foot = apart.point - apart.distance * apart.normal
+        assert first.nearest(np.array([foot])).gaps[0] == pytest.approx(0.0, abs=1e-7)
+    else:
+        # Overlapping outlines cross, or one object is within the other.
+        within = first.nearest(others).gaps.min() < 0.0 or second.nearest(ones).gaps.min() < 0.0
+        assert within
+
+
+@given(generator=generators())
+@examples(60)
+def test_penetration_is_the_shortest_translation_that_separates_two_objects(generator):
+    first, second = random_pair(generator, 0.3)
+    apart = separate(first, second)
+    normals = np.exp(2j * np.pi * np.arange(20_000) / 20_000)
+    along = ((second.center - first.center) * normals.conj()).real
+    depths = along - first.support(normals) - second.support(-normals)
+    assert apart.distance == pytest.approx(depths.max(), abs=1e-4)
+    assert apart.distance >= depths.max() - 1e-12
+    x, y, angle = second.pose
+    away = (1e-9 - apart.distance) * apart.normal
+    moved = second.moved_to((x + away.real, y + away.imag, angle))
+    assert separate(first, moved).distance == pytest.approx(1e-9, abs=1e-9)
+
+
+def test_distances_from_a_wall_are_heights_above_its_line():
+    starts, ends = np.array([0.3 + 0.5j, -1.0 - 1.5j]), np.array([1.0 + 0.2j, 2.0 + 1.0j])
+    gaps = segment_gaps(WALL.body, starts, ends)
+    assert gaps.gaps == pytest.approx([1.2, -0.5])
+    assert gaps.shares.tolist() == [1.0, 0.0]
+    assert gaps.normals == pytest.approx(1j)
+    for shape, lowest in ((BOX_SHAPE, 0.1), (Disc(0.3), 0.15), (Ellipse((0.2, 0.05)), 0.05)):
+        above = separate(WALL.body, ConvexObject(shape, (90.0, 0.3, 0.0)))
+        assert above.distance == pytest.approx(1.3 - lowest)
+        assert above.normal == pytest.approx(1j)
+
+
+def test_obstacle_moves_by_its_velocity_from_the_time_of_its_stamp():
+    hand = Obstacle('hand', ConvexObject(BOX_SHAPE, (1.0, 0.0, 0.1)), (0.2, -0.1, 0.5), 10.0)
+    later = hand.at(12.0)
+    assert later.body.pose == pytest.approx(Pose(1.4, -0.2, 1.1))
+    assert later.stamp == 12.0
+    assert hand.velocity_at(np.array([1.0 + 1.0j])) == pytest.approx([-0.3 - 0.1j])
+    post = Obstacle('post', ConvexObject(BOX_SHAPE, (1.0, 0.0, 0.1)))
+    assert post.at(100.0) is post
+
+
+ROOM = """
+post: {shape: disc, diameter: 0.1, pose: [1.2, 0.4, 0]}
+table: {shape: polygon, vertices: [[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]], pose: [2, 1, 0.3]}
+south wall: {shape: half_plane, pose: [0, -1, 1.5708]}
+"""
+
+
+def test_reads_obstacles_from_a_file(tmp_path):
+    path = tmp_path / 'room.yaml'
+    path.write_text(ROOM, encoding='utf-8')
+    post, table, wall = read_obstacles(path)
+    assert post == Obstacle('post', ConvexObject.disc((1.2, 0.4), 0.1))
+    assert (table.name, table.body.pose) == ('table', (2.0, 1.0, 0.3))
+    assert (wall.name, wall.body.shape) == ('south wall', HalfPlane())
+    assert read_obstacles('{}') == ()
+
+
+@pytest.mark.parametrize(
+    ('text', 'words'),
+    [
+        ('{a: {shape: disc, diameter: 0.1}}', "'a': key 'pose' .* is missing"),
+        ('{a: {diameter: 0.1, pose: [0, 0, 0]}}', "'a': key 'shape' is missing; .* half_plane"),
+        ('{a: {shape: wall, pose: [0, 0, 0]}}', "'a': shape: 'wall': must be one of"),
+        ('{a: {shape: disc, diameter: 10000, pose: [0, 0, 0]}}', "'a': .* if it is in mm"),
+        ('{a: {shape: disc, diameter: 0.1, pose: [0, 0]}}', "'a': the object's pose .* must be 3"),
+        ('{a: {shape: disc, diameter: 0.1, pose: [0, 0, 90]}}', 'if it is in degrees'),
+        ('{a: {shape: disc, diameter: 0.1, pose: [0, .nan, 0]}}', "'a': the object's .*finite"),
+        ('{a: {shape: disc, diameter: 0.1, mass: 1, pose: [0, 0, 0]}}', "unknown key 'mass'"),
+        ('{1: {shape: disc, diameter: 0.1, pose: [0, 0, 0]}}', "'1': name of an obstacle 1: "),
+        ('{a: 3}', "'a': '3': must be keys and values"),
+        ('[a, b]', 'must be the path of a file|cannot be read'),
+    ],
+)
+def test_invalid_obstacles_are_refused_with_name_key_and_range(text, words):
+    with pytest.raises(ObjectFileError, match=words):
+        read_obstacles(text)
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'name': ''}, "name of an obstacle '': must be a text of 1 to 80"),
+        ({'velocity': (0.0, 50.0, 0.0)}, "obstacle 'post': velocity .* at most 5 m/s"),
+        ({'velocity': (0.0, 0.0, math.inf)}, "obstacle 'post': velocity .*finite"),
+    ],
+)
+def test_obstacles_with_numbers_out_of_range_are_refused(change, words):
+    fields = {'name': 'post', 'body': ConvexObject(Disc(0.1))} | change
+    with pytest.raises(GraspError, match=words):
+        Obstacle(**fields)

@@ -1,38 +1,32 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Barriers, the law of their margins, and limits learned from the travel so far."""
+"""Barriers: law of their margins, limits learned from the travel, and distances of obstacles."""
 
+from dataclasses import replace
 import functools
 from types import SimpleNamespace
 
 from contracts import check_barrier
-from grips import disc_grip
+from driven import Driven
+from grips import disc_grip, held_at
 from held_grips import AROUND, box_between, NINE
 from hypothesis import assume, given
-from isotruss_ros.core import (
-    Configuration,
-    ConvexObject,
-    Disc,
-    Ellipse,
-    Grip,
-    load_robot,
-    place_between,
-    Polygon,
-    RollingGrip,
-    ShapeGuard,
-)
+from hypothesis import strategies as st
+from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.barrier_law import ActiveValues, ALL_VALUES, BarrierLaw, BarrierLimit
 from isotruss_ros.core.safety.barriers import ClearanceBarrier, EvaluatedState, RigidityBarrier
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
+from isotruss_ros.core.safety.obstacle_barrier import ObstacleBarrier
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
 import pytest
 from random_grips import random_convex_grip
 import robots
+from studies.comparison.rooms import clearance, random_room
 
 #: So wide that everything is near.
 ALL = BarrierLaw(0.0, 1e3)
@@ -48,7 +42,7 @@ def test_clearance_barriers_keep_the_contract_of_barriers(needs_object, robot, r
     config, grip = random_convex_grip(robot, rng, 'module')
     assume(grip is not None)
     # A polygon touches with its faces and corners, where its distances have kinks.
-    assume(not (needs_object and isinstance(grip.body.shape, Polygon)))
+    assume(not (needs_object and isinstance(grip.body.shape, core.Polygon)))
     barrier = ClearanceBarrier(robot, ALL, needs_object)
     assume(len(barrier.active(config, grip).indices))
     check_barrier(barrier, config, grip if needs_object else None, rng)
@@ -71,7 +65,7 @@ def test_row_of_the_rigidity_is_the_derivative_of_the_index(robot, rng):
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_active_values_depend_on_the_present_state_alone(kind):
-    robot = load_robot('nine_member')
+    robot = core.load_robot('nine_member')
     rng = np.random.default_rng(2)
     law = BarrierLaw(0.3, 0.4) if kind is RigidityBarrier else BarrierLaw(0.1, 0.3)
     old = kind(robot, law)
@@ -98,10 +92,10 @@ def test_active_values_depend_on_the_present_state_alone(kind):
 
 
 def test_distances_of_the_object_are_those_of_its_present_grip():
-    robot, law = load_robot('nine_member'), BarrierLaw(0.0, 0.3)
-    body = place_between(robot.home, AROUND, Disc(0.82), indentation=0.002).body
-    other, barrier = Grip(AROUND[1:], body), ObjectBarrier(robot, law)
-    barrier.active(robot.home, Grip(AROUND[:2], body))
+    robot, law = core.load_robot('nine_member'), BarrierLaw(0.0, 0.3)
+    body = core.place_between(robot.home, AROUND, core.Disc(0.82), indentation=0.002).body
+    other, barrier = core.Grip(AROUND[1:], body), ObjectBarrier(robot, law)
+    barrier.active(robot.home, core.Grip(AROUND[:2], body))
     near, fresh = (each.active(robot.home, other) for each in (barrier, ObjectBarrier(robot, law)))
     assert near.indices.tolist() == fresh.indices.tolist()
 
@@ -109,7 +103,9 @@ def test_distances_of_the_object_are_those_of_its_present_grip():
 def moved(shift=0.0, pose=(0.0, 0.0, 0.0), width=0.1, members=AROUND):
     """Return stand-ins of a configuration with two points that approach, and of a grip."""
     config = SimpleNamespace(points=np.array([shift, 1.0 - shift]))
-    return config, SimpleNamespace(members=members, body=ConvexObject(Ellipse((0.2, width)), pose))
+    return config, SimpleNamespace(
+        members=members, body=core.ConvexObject(core.Ellipse((0.2, width)), pose)
+    )
 
 
 @pytest.mark.parametrize(
@@ -222,7 +218,7 @@ def test_law_leads_to_the_safety_margin_and_no_further(rng):
 
 @pytest.mark.parametrize('first', range(9))
 def test_distances_leave_out_grasping_members_their_module_and_the_rods_at_its_joint(first):
-    config = load_robot('nine_member').home
+    config = core.load_robot('nine_member').home
     topology = config.robot.topology
     meeting = topology.following[first]
     members = tuple(topology.member_names[i] for i in (first, meeting))
@@ -230,7 +226,7 @@ def test_distances_leave_out_grasping_members_their_module_and_the_rods_at_its_j
     count = topology.n_modules
     expected = {first, meeting, count + meeting, *(2 * count + rods)}
 
-    distances = object_distances(config, ConvexObject.disc((0.0, 0.0), 0.2), members)
+    distances = object_distances(config, core.ConvexObject.disc((0.0, 0.0), 0.2), members)
 
     assert set(np.flatnonzero(np.isinf(distances))) == expected
 
@@ -239,21 +235,21 @@ GRIP = box_between()
 
 
 def test_a_command_ends_before_a_contact_is_lost():
-    watch = ShapeGuard(NINE, ShapeBounds(0.0, 0.0, 0.0, 1e-6, 1e-6)).watch(NINE.home, GRIP)
+    watch = core.ShapeGuard(NINE, ShapeBounds(0.0, 0.0, 0.0, 1e-6, 1e-6)).watch(NINE.home, GRIP)
     away = np.array([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
-    command = RollerCommand(away, np.array([0.1, 0.2, 0.3]), 1.0, Status.OK)
+    command = RollerCommand(away, np.array([0.1, 0.2, 0.3]), 1.0, core.Status.OK)
     kept = watch.keep(command, np.zeros(len(away)), 1.0)
-    assert kept.status is Status.SLOWED_OBJECT
+    assert kept.status is core.Status.SLOWED_OBJECT
     assert kept.limiting == ('the contacts of the grip',)
     assert 0.0 < kept.scale <= 0.4
     there = NINE.home.moved_to(kept.roller_velocities)
-    body = RollingGrip.attach(NINE.home, GRIP).moved_to(there).grip.body
+    body = core.RollingGrip.attach(NINE.home, GRIP).moved_to(there).grip.body
     assert object_distances(there, body, GRIP.members).min() >= 0.0
 
 
 def test_a_shape_on_a_line_is_not_rigid():
-    robot = load_robot('triangle')
-    flat = Configuration(robot, np.zeros(2), robot.home.points.real + 0j)
+    robot = core.load_robot('triangle')
+    flat = core.Configuration(robot, np.zeros(2), robot.home.points.real + 0j)
     assert shape_margins(flat).rigidity == 0.0
 
 
@@ -270,7 +266,7 @@ def grasp(used):
 
 def limited(usage, way, most):
     """Return the command of a way (2,) in one period under a bound of the utilisation."""
-    command = RollerCommand(way / PERIOD, np.zeros(3), 1.0, Status.OK)
+    command = RollerCommand(way / PERIOD, np.zeros(3), 1.0, core.Status.OK)
     return usage.limit_utilisation(command, PERIOD, most)
 
 
@@ -279,7 +275,7 @@ def test_utilisation_uses_five_times_its_distance_per_second_at_most():
     command = limited(usage, TRAVEL, 1.0)
     # The same travel adds 0.2, but for the regularisation.
     assert command.scale == pytest.approx(5.0 * PERIOD * 0.3 / 0.2, rel=1e-3)
-    assert (command.status, command.limiting) == (Status.SLOWED_UTILISATION, ('member Q-R',))
+    assert (command.status, command.limiting) == (core.Status.SLOWED_UTILISATION, ('member Q-R',))
 
 
 def test_utilisation_beyond_its_bound_may_only_fall():
@@ -290,7 +286,7 @@ def test_utilisation_beyond_its_bound_may_only_fall():
 
 def share(usage, way, free=1.0):
     """Return the share of a way (2,) in one period by the slip margin of which `free` is free."""
-    return usage.margin_share(RollerCommand(way / PERIOD, None, 1.0, Status.OK), PERIOD, free)
+    return usage.margin_share(RollerCommand(way / PERIOD, None, 1.0, core.Status.OK), PERIOD, free)
 
 
 def test_slip_margin_decays_at_most_at_two_per_second():
@@ -313,3 +309,127 @@ def test_effects_of_perpendicular_travels_are_learned_independently():
     # What is known is not learned again.
     usage = usage.rolled(TRAVEL).learned(grasp(0.9), 0.0, TRAVEL)
     assert share(usage, TRAVEL) == pytest.approx(0.4, rel=1e-3)
+
+
+#: So wide that everything is near.
+ROBOT = core.load_robot('nine_member')
+BOUND = 0.02
+HELD = held_at(ROBOT.home, 'north/Z', 0.3)
+AHEAD = core.Obstacle('post', core.ConvexObject.disc((HELD.pose.x, HELD.pose.y - 0.45), 0.2))
+
+
+@pytest.mark.parametrize('needs_object', [False, True])
+@robots.examples(12)
+@given(rng=robots.generators())
+def test_obstacle_barrier_keeps_the_contract_of_barriers(needs_object, rng):
+    room = random_room(rng, HELD, wall=True)
+    barrier = ObstacleBarrier(ROBOT, ALL, room, needs_object)
+    check_barrier(barrier, HELD.config, HELD.grip, rng)
+
+
+def test_drift_is_the_rate_of_the_distances_from_moving_obstacles():
+    rng, step = np.random.default_rng(4), 1e-6
+    room = [
+        replace(obstacle, velocity=(*rng.uniform(-0.3, 0.3, 2), 0.5), stamp=0.0)
+        for obstacle in random_room(rng, HELD, 5)
+    ]
+    for needs_object in (False, True):
+        barrier = ObstacleBarrier(ROBOT, ALL, room, needs_object)
+        near = barrier.active(HELD.config, HELD.grip)
+        ahead, behind = (
+            ObstacleBarrier(ROBOT, ALL, [o.at(time) for o in room], needs_object).values(
+                HELD.config, HELD.grip, near.indices
+            )
+            for time in (step, -step)
+        )
+        assert near.drift == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-4)
+
+
+def test_active_values_depend_on_the_present_state_and_obstacles_alone():
+    rng, law = np.random.default_rng(7), BarrierLaw(0.02, 0.1)
+    room = random_room(rng, HELD, 6)
+    moving = [replace(room.pop(), velocity=(0.1, 0.2, 0.0), stamp=0.0) for _ in range(2)]
+    old = ObstacleBarrier(ROBOT, law, room, needs_object=False)
+    config, count = ROBOT.home, 0
+    way = rng.uniform(-1.0, 1.0, len(ROBOT.roller_names))
+    for step in range(60):
+        now = 0.01 * step
+        config = ROBOT.home.moved_to(0.1 * np.sin(now) * way)
+        there = [obstacle.at(now) for obstacle in moving]
+        near = old.with_moving(there).active(config, None)
+        fresh = ObstacleBarrier(ROBOT, law, [*room, *there], False).active(config, None)
+        assert near.indices.tolist() == fresh.indices.tolist()
+        assert near.values == pytest.approx(fresh.values, abs=1e-12)
+        count += len(near.indices)
+    assert count
+
+
+def test_active_values_follow_an_obstacle_that_turns_in_place():
+    beam = core.Polygon(((-0.4, -0.02), (0.4, -0.02), (0.4, 0.02), (-0.4, 0.02)))
+    body = core.ConvexObject(beam, (HELD.pose.x, HELD.pose.y + 0.8, 0.0))
+    law, counts = BarrierLaw(0.02, 0.1), set()
+    turning = core.Obstacle('beam', body, (0.0, 0.0, 1.0), 0.0)
+    old = ObstacleBarrier(ROBOT, law, [], needs_object=False)
+    for now in np.linspace(0.0, 1.5, 40):
+        there = [turning.at(now)]
+        near = old.with_moving(there).active(ROBOT.home, None)
+        fresh = ObstacleBarrier(ROBOT, law, there, False).active(ROBOT.home, None)
+        assert near.indices.tolist() == fresh.indices.tolist()
+        counts.add(len(near.indices))
+    assert len(counts) > 1
+
+
+@robots.examples(24)
+@given(st.just(ROBOT) | robots.robots(), robots.generators(), st.booleans())
+def test_clearance_from_obstacles_stays_above_its_bound(robot, rng, slide):
+    try:
+        held = held_at(robot.home, str(rng.choice(robot.module_names)), 0.2)
+    except GraspError:
+        assume(False)
+    room = random_room(rng, held, 3, BOUND + 1e-3, wall=bool(rng.integers(2)))
+    walker = Driven(held, 0.01, slide_along_limits=slide, obstacles=tuple(room))
+    for cycle in range(180):
+        if cycle % 60 == 0:
+            twist = rng.standard_normal(3) * (0.15, 0.15, 0.4)
+        command = walker.step(twist)
+        assert clearance(walker.held, room) > BOUND - 1e-4
+        if command.scale < 1e-3:
+            assert command.limiting
+
+
+def test_object_comes_to_rest_before_an_obstacle_with_the_names_of_both():
+    robot = Driven(HELD, 0.02, slide_along_limits=False, obstacles=(AHEAD,))
+    for _ in range(200):
+        command = robot.step((0.0, -0.08, 0.0))
+    assert command.status is core.Status.SLOWED_OBSTACLE
+    assert 'the object and obstacle post' in command.limiting
+    assert clearance(robot.held, [AHEAD]) == pytest.approx(BOUND, abs=2e-3)
+
+
+def test_object_slides_along_an_obstacle():
+    box = core.Polygon(((-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)))
+    x, y, _ = HELD.pose
+    table = core.Obstacle('table', core.ConvexObject(box, (x, y - 0.3, 0.0)))
+    moved = []
+    for slide in (False, True):
+        robot = Driven(HELD, 0.02, slide_along_limits=slide, obstacles=(table,))
+        for _ in range(130):
+            command = robot.step((0.03, -0.06, 0.0))
+        moved.append(robot.held.pose.x - x)
+        assert clearance(robot.held, [table]) > BOUND - 1e-4
+    assert command.status is core.Status.SLIDING
+    assert moved[1] > moved[0] + 0.02
+
+
+@pytest.mark.parametrize('gap', [0.005, -0.02])
+def test_start_too_near_an_obstacle_is_left_by_motion_away_only(gap):
+    x, y, _ = HELD.pose
+    post = core.Obstacle('post', core.ConvexObject.disc((x, y - 0.25 - gap), 0.2))
+    robot = Driven(HELD, 0.01, slide_along_limits=False, obstacles=(post,))
+    for _ in range(30):
+        command = robot.step((0.0, -0.05, 0.0))
+    assert command.status is core.Status.SLOWED_OBSTACLE
+    assert clearance(robot.held, [post]) > gap - 1e-5
+    for _ in range(100):
+        command = robot.step((0.0, 0.05, 0.0))
+    assert clearance(robot.held, [post]) > gap + 0.02

@@ -69,7 +69,7 @@ def check(w):
 
 
 #: Changes of each input, the fault that they are (`_` is the input), and words of the message; the
-#: tables of all that readers reject are in test_conversions.py.
+#: tables of all that readers reject are in test_object_messages.py.
 TIMES = {
     'long ago': ({'age': 1e3}, 'STALE_', 'old'),
     'in the future': ({'age': -1e3}, 'INVALID_', 'future'),
