@@ -45,7 +45,7 @@ def second_tracker(w, beside, ahead=0):
     return send
 
 
-@pytest.mark.parametrize(('beside', 'ahead'), some_now([(0.005, 1000), (0.05, 0)]))
+@pytest.mark.parametrize(('beside', 'ahead'), some_now([(0.005, 300), (0.05, 0)]))
 def test_two_trackers_are_named_with_their_values_and_halt_the_robot(beside, ahead):
     with moving_world() as w:
         send = second_tracker(w, beside, ahead)
@@ -63,7 +63,7 @@ def test_two_trackers_are_named_with_their_values_and_halt_the_robot(beside, ahe
 
 def test_pose_of_another_tracker_is_never_used():
     with world(maker(StateEstimatorNode)()) as w:
-        send, received = second_tracker(w, 0.005, 1000), set()
+        send, received = second_tracker(w, 0.005, 300), set()
 
         def turn():
             w.probe.send_measured()
