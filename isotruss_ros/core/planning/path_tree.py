@@ -104,10 +104,19 @@ class PathTree:
 
     def propose(self, rng: np.random.Generator) -> Iterator[Array | None]:
         """Yield paths (n, 3) to the goal, and None after motions that do not lead to it."""
+        # The motion toward the goal slides along limits.
+        end = self.move(self.root, self.goal)
+        proposed = [self._straighten(np.array([*end.poses[:-1], self.goal]))]
+        yield proposed[0] if self.reaches(end, self.goal) else None
         for sample in self._sample(rng):
             near = self._nearest(sample)
             end = near if self.find_collision(sample) else self.move(near, sample)
-            yield None if end is near else self._connect(end)
+            for path in self._connect(end) if end is not near else ():
+                # Different nodes often have the same short path.
+                if not any(is_near(path, other) for other in proposed):
+                    proposed.append(path)
+                    yield path
+            yield None
 
     def _sample(self, rng: np.random.Generator) -> Iterator[Array]:
         """Yield the pose of the object with its members at home, then random poses."""
@@ -140,23 +149,28 @@ class PathTree:
         """Return the length of a difference of poses, with rotations times the radius [m]."""
         return float(np.linalg.norm(difference * self._weights))
 
-    def _connect(self, node: Node) -> Array | None:
-        """Return a short path (n, 3) to the goal through a node; None if there is none."""
+    def _connect(self, node: Node) -> Iterator[Array]:
+        """Yield a short path (n, 3) to the goal through a node, then one with all its poses."""
         end = self.move(node, self.goal)
-        if not self.reaches(end, self.goal):
-            return None
-        # Poses that can be left out, the farthest ones first.
-        path = poses = [*end.poses[:-1], self.goal]
-        short = self.root
+        if self.reaches(end, self.goal):
+            poses = [*end.poses[:-1], self.goal]
+            yield self._straighten(np.array(self._shorten(poses)))
+            yield self._straighten(np.array(poses))
+
+    def _shorten(self, path: list[Array]) -> list[Array]:
+        """Return a path without poses that can be left out, the farthest ones first."""
+        short, poses = self.root, path
         while len(poses) > 1:
-            for following in sorted({1, len(poses) // 2, len(poses) - 1}, reverse=True):
+            # The motion from the start to the goal was proposed first.
+            last = len(poses) - (2 if short is self.root else 1)
+            for following in sorted({1, len(poses) // 2, max(last, 1)}, reverse=True):
                 end = self.move(short, poses[following])
                 if self.reaches(end, poses[following]):
                     break
             else:  # the shorter path ends at limits
-                return self._straighten(np.array(path))
+                return path
             short, poses = end, poses[following:]
-        return self._straighten(np.array([*short.poses[:-1], self.goal]))
+        return [*short.poses[:-1], self.goal]
 
     def _straighten(self, poses: Array) -> Array:
         """Return a path without poses near its straight lines (Douglas and Peucker)."""
@@ -213,3 +227,8 @@ class PathTree:
         except (ConfigurationError, GraspError, SolverError):
             self.blocking.update([OUT_OF_REACH])
             return None
+
+
+def is_near(path: Array, other: Array) -> bool:
+    """Return whether two paths have the same number of poses, and each near its counterpart."""
+    return len(path) == len(other) and float(np.abs(path - other).max()) < LINE_TOLERANCE
