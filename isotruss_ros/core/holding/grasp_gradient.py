@@ -17,7 +17,13 @@ import functools
 from typing import TYPE_CHECKING
 
 from isotruss_ros.core.holding.grip_response import slip_planes
-from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
+from isotruss_ros.core.holding.held_gradient import (
+    GraspParameters,
+    LoadedTubes,
+    ParameterChanges,
+    with_tubes,
+)
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.holding.rolling_invariants import sticking
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
@@ -25,6 +31,7 @@ from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.statics.bent_updates import activate_tubes
 from isotruss_ros.core.statics.inclinations import RING_HALF_WIDTH
 import numpy as np
 
@@ -68,11 +75,9 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
     #: it, as in a symmetric grasp, they are those of the first member
     required_friction: Array
     #: (n, p) derivatives of the largest utilisation of each member, in the order of
-    #: `Robot.member_names`
+    #: `Robot.member_names`; zero for a tube that is kept undeformed, because it has no loads
     utilisation: Array
-    # For second derivatives: tubes with the changes of parameters, and derivatives (3 + 4k, p) of
-    # the unknowns.
-    _tubes: LoadedTubes | None = None
+    # For second derivatives: derivatives (3 + 4k, p) of the equilibrium's unknowns.
     _unknown_rates: Array | None = None
 
     @property
@@ -83,7 +88,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
     @functools.cached_property
     def stiffness(self) -> Array:
         """Return the derivatives (3, 3, p) of `SettledGrasp.stiffness` by the p parameters."""
-        if self._tubes is None:
+        if self.settled.equilibrium is None:
             return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
         inverse = np.linalg.inv(grip.response.pose)
@@ -102,7 +107,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         differentiable, and the derivatives are those of the first of them.
         """
         columns = self.parameters
-        if self._tubes is None:
+        if self.settled.equilibrium is None:
             rates = np.zeros(columns.size)
             rates[columns.rollers], rates[columns.place] = self.settled.lost.slip_margin_rates()
             return rates
@@ -149,6 +154,13 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         """Return the derivatives (p + 1,) of the chance, see `Uncertainty.chance_gradient`."""
         return uncertainty.chance_gradient(self)
 
+    @functools.cached_property
+    def _deformable(self) -> tuple[HeldGrip, ParameterChanges]:
+        """Return the grasp on tubes that are all deformable, and the changes of parameters."""
+        grip, columns = self.settled.equilibrium, self.parameters
+        grip = with_tubes(grip, activate_tubes(grip.statics.bent))
+        return grip, ParameterChanges.of(grip, np.eye(columns.size), columns)
+
     def _release_rates(self, number: int) -> Array:
         """
         Return the derivatives (2k, p) of the changes of all forces by a released tension.
@@ -177,7 +189,7 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         The Jacobian J is that of sticking contacts, see this module. The derivatives are central
         differences of fourth order of `_displaced_rates` along the responses.
         """
-        grip = self._tubes.grip
+        grip, changes = self._deformable
         state, structure = grip.state, grip.statics.bent.structure
         # Kinks of the stiffness: a contact is at a guide ring, at an end of its half width, or at
         # a pinch point, or has no force.
@@ -195,7 +207,9 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
         rates = np.empty((*self._unknown_rates.shape, len(steps)))
         for i, step in enumerate(steps.tolist()):
             forward, backward, two_forward, two_backward = (
-                _displaced_rates(self._tubes, self._unknown_rates, count * step * responses[:, i])
+                _displaced_rates(
+                    grip, changes, self._unknown_rates, count * step * responses[:, i]
+                )
                 for count in (1.0, -1.0, 2.0, -2.0)
             )
             difference = 8.0 * (forward - backward) - (two_forward - two_backward)
@@ -241,17 +255,18 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         friction_forces=-friction_rates,  # on the object
         required_friction=np.sign(ratios[slipping]) * ratio_rates,
         utilisation=utilisation_rates,
-        _tubes=tubes,
         _unknown_rates=unknown_rates,
     )
 
 
-def _displaced_rates(tubes: LoadedTubes, unknown_rates: Array, shift: Array) -> Array:
+def _displaced_rates(
+    grip: HeldGrip, changes: ParameterChanges, unknown_rates: Array, shift: Array
+) -> Array:
     """Return the equations' derivatives (3 + 4k, p) by parameters, at displaced unknowns."""
-    grip, unknowns = tubes.grip, tubes.grip.state.unknowns + shift
+    unknowns = grip.state.unknowns + shift
     dents = grip.statics.dents.smooth_near(grip.state.normal_forces, grip.angles)
     smooth_statics = replace(grip.statics, dents=dents)
     statics = replace(smooth_statics, bent=smooth_statics.bent_under(unknowns))
     _, state = statics.equations(unknowns, grip.wrench, sticking)
-    displaced = LoadedTubes.at(replace(grip, statics=statics, state=state), tubes.changes)
+    displaced = LoadedTubes.at(replace(grip, statics=statics, state=state), changes)
     return state.jacobian @ unknown_rates + displaced.equation_rates(sticks=True)

@@ -19,11 +19,11 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.holding.rolling_invariants import rolling_rows
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
-from isotruss_ros.core.statics.bent_updates import activate_tubes, update_tubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
+from isotruss_ros.core.statics.bent_updates import update_tubes
 from isotruss_ros.core.statics.structure import section_rates
 from isotruss_ros.core.statics.tube_rates import (
     find_load_changes,
@@ -66,15 +66,36 @@ class ParameterChanges(NamedTuple):
 
     spins: Array  #: (k, p) rotations of the contacts' members [rad]
     sections: Array  #: (4, c, p) rest length, EA, EI and GA of the frame's parts
+    nodes: Points  #: (n, p) positions of the undeformed robot's nodes, x + iy [m]
     pressures: Array  #: (t, p) gauge pressures of the tubes [Pa]
     place: Array  #: (3, p) given pose of the object [m, rad]
     wrench: Array  #: (3, p) wrench on the object, see `HeldGrip.wrench` [N]
+
+    @classmethod
+    def of(cls, grip: HeldGrip, directions: Array, columns: GraspParameters) -> ParameterChanges:
+        """Return the derivatives along p `directions` (n, p) of the n parameters."""
+        bent, members = grip.statics.bent, grip.contacts.members
+        topology = grip.config.robot.topology
+        by_rollers = grip.config.node_jacobian.T.copy().view(np.complex128).T
+        nodes = by_rollers @ directions[columns.rollers]
+        span_rates = nodes[topology.end[members]] - nodes[topology.b[members]]
+        pressures = directions[columns.pressures]
+        return cls(
+            spins=(span_rates / (bent.lines.length * bent.lines.axis)[:, None]).imag,
+            sections=section_rates(
+                bent.structure, bent.frame, nodes, pressures, directions[columns.stiffness]
+            ),
+            nodes=nodes,
+            pressures=pressures,
+            place=directions[columns.place],
+            wrench=directions[columns.wrench] / np.array([[1.0], [1.0], [grip.arm]]),
+        )
 
 
 class LoadedTubes(NamedTuple):
     """Bent tubes of a robot with a held object, with derivatives along p parameter changes."""
 
-    grip: HeldGrip  #: the held object, with tubes that are all deformable
+    grip: HeldGrip  #: the held object
     changes: ParameterChanges  #: the parameter changes
     pushes: Pushes  #: loads of the contacts on the tubes
     depth_rates: Array  #: (k, p) derivatives of the dents' depths at constant unknowns [m]
@@ -95,26 +116,8 @@ class LoadedTubes(NamedTuple):
             )
         bent, loads, feet = grip.statics.bent, grip.state.loads, grip.state.feet
         if bent.distance(bent.predict(loads, feet)) > reach:
-            bent = update_tubes(bent, loads, feet)
-        bent = activate_tubes(bent)
-        if bent is not grip.statics.bent:  # otherwise results that are known already are kept
-            grip = replace(grip, statics=replace(grip.statics, bent=bent))
-        topology, members = grip.config.robot.topology, grip.contacts.members
-        # Motions of the nodes, x + iy, by the rollers (r columns) and along the directions.
-        by_rollers = grip.config.node_jacobian.T.copy().view(np.complex128).T
-        node_rates = by_rollers @ directions[columns.rollers]
-        span_rates = node_rates[topology.end[members]] - node_rates[topology.b[members]]
-        pressures = directions[columns.pressures]
-        changes = ParameterChanges(
-            spins=(span_rates / (bent.lines.length * bent.lines.axis)[:, None]).imag,
-            sections=section_rates(
-                bent.structure, bent.frame, node_rates, pressures, directions[columns.stiffness]
-            ),
-            pressures=pressures,
-            place=directions[columns.place],
-            wrench=directions[columns.wrench] / np.array([[1.0], [1.0], [grip.arm]]),
-        )
-        return cls.at(grip, changes)
+            grip = with_tubes(grip, update_tubes(bent, loads, feet))
+        return cls.at(grip, ParameterChanges.of(grip, directions, columns))
 
     @classmethod
     def at(cls, grip: HeldGrip, changes: ParameterChanges) -> LoadedTubes:
@@ -126,7 +129,7 @@ class LoadedTubes(NamedTuple):
         by_pressure = dents.pressure_rates(state.normal_forces, angles)
         depth_rates = by_pressure[:, None] * changes.pressures[tube]
         depth_rates += pushes.depth_by_angle[:, None] * changes.spins
-        by_sections = find_section_changes(grip.statics.bent, changes.sections)
+        by_sections = find_section_changes(grip.statics.bent, changes.sections, changes.nodes)
         return cls(grip, changes, pushes, depth_rates, by_sections)
 
     def equation_rates(self, sticks: bool = False) -> Array:
@@ -184,25 +187,36 @@ class LoadedTubes(NamedTuple):
         return TubeRates(*map(np.add, self.by_sections, by_loads))
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
-        """Return the members' utilisations (m,), and their derivatives (m, p)."""
+        """
+        Return the members' utilisations (m,), and their derivatives (m, p).
+
+        That of a tube without loads has a kink at zero; its derivatives are zero.
+        """
         bent, robot, changes = self.grip.statics.bent, self.grip.config.robot, self.changes
         usage, tube = self.grip.sections, robot.topology.tube
-        radius = 0.5 * robot.description.tube_diameter
+        loaded = np.flatnonzero(usage.sections[0])  # members that the frame has
+        radius, piece = 0.5 * robot.description.tube_diameter, usage.piece[loaded]
         # Loads of `evaluate_utilisation`: the bending moments are -M1 and M2 of `EndForces`, of
         # which the sum M1 + M2 and the difference M1 - M2 are given; wall tension, axial force.
-        force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[usage.piece]
+        force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[piece]
         by_end_forces = np.array([[0.0, -0.5, -0.5], [0.0, 0.5, -0.5], [1.0, 0.0, 0.0]])
         load_rates = np.tensordot(by_end_forces, force_rates, (1, 1))
-        load_rates[2] += np.pi * radius**2 * changes.pressures[tube]
+        load_rates[2] += np.pi * radius**2 * changes.pressures[tube[loaded]]
         load_rates = np.concatenate([load_rates, force_rates[None, :, 0]])
-        length_and_section_rates = changes.sections[[0, 2, 3]][:, usage.piece]
+        length_and_section_rates = changes.sections[[0, 2, 3]][:, piece]
         # Complex step at the same kind of place. The utilisation of a tube without wall tension is
         # infinite and has no derivative.
-        varied_loads = usage.loads[..., None] + 1j * EPSILON * load_rates
-        varied_sections = usage.sections[..., None] + 1j * EPSILON * length_and_section_rates
+        varied_loads = usage.loads[:, loaded, None] + 1j * EPSILON * load_rates
+        varied_sections = usage.sections[:, loaded, None] + 1j * EPSILON * length_and_section_rates
         used, _ = evaluate_utilisation(varied_loads, varied_sections, radius)
-        at_maximum = np.take_along_axis(used, usage.kind[None, :, None], 0)[0]
-        return usage.used, at_maximum.imag / EPSILON
+        used_rates = np.zeros((len(tube), used.shape[2]))
+        used_rates[loaded] = used[usage.kind[loaded], np.arange(len(loaded))].imag / EPSILON
+        return usage.used, used_rates
+
+
+def with_tubes(grip: HeldGrip, bent: BentTubes) -> HeldGrip:
+    """Return the held object on tubes that are linearised about another state."""
+    return replace(grip, statics=replace(grip.statics, bent=bent))
 
 
 class HeldGradient(NamedTuple):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.load_responses import find_slopes
 import numpy as np
@@ -16,7 +16,8 @@ import numpy as np
 class TubeRates(NamedTuple):
     """Derivatives of the tubes' displacements and forces with respect to p parameters."""
 
-    nodes: Array  #: (n, 3, p) of the displacements of the frame's nodes [m, rad]
+    #: (n, 3, p) of the displacements of the frame's nodes [m, rad]; zero inside of kept tubes
+    nodes: Array
     inclinations: Array  #: (k, p) of the bent centre lines at the load points [rad]
     forces: Array  #: (c, 3, p) of the `EndForces` of the frame's parts with fixed nodes
 
@@ -30,15 +31,25 @@ def find_load_changes(bent: BentTubes, loads: Array, motions: Array) -> TubeRate
     return TubeRates(nodes, inclinations, bent.tangent.length_rates[..., None] * lengths)
 
 
-def find_section_changes(bent: BentTubes, changes: Array) -> TubeRates:
-    """Return the tubes' changes by p changes of sections (4, c, p) of deformable blocks."""
+def find_section_changes(bent: BentTubes, changes: Array, nodes: Points) -> TubeRates:
+    """
+    Return the tubes' changes by p changes of sections (4, c, p) of the frame's parts.
+
+    The nodes of the undeformed robot move by `nodes` (n, p), x + iy. Tubes that are kept
+    undeformed move alike, in axes that turn with them.
+    """
     frame, tangent = bent.frame, bent.tangent
     ends, slopes = find_slopes(bent.structure, tangent)
     # Forces of the changed parts between fixed nodes, then the unknowns in equilibrium.
     parts = np.flatnonzero(changes.any(axis=(0, 2)))
     forces = np.zeros((len(frame.length), 3, changes.shape[2]))
     forces[parts] = tangent.force_rates(parts) @ changes[:, parts].swapaxes(0, 1)
-    _, unknowns = tangent.solve(-tangent.sum_forces(parts, forces[parts]))
+    right = -tangent.sum_forces(parts, forces[parts])
+    for blocks, _, stiffness in zip(*tangent.kept, strict=True):
+        hinges = nodes[(blocks.outer[:, ::2] - frame.layout.numbering.rows) // 3]
+        moved = blocks.turn_motions(tangent.unknowns, hinges)
+        np.add.at(right, blocks.outer, stiffness @ moved)
+    _, unknowns = tangent.solve(right)
     at_ends = unknowns[frame.layout.places[ends.parts]]
     by_bending = slopes.by_forces[:, None] @ forces[ends.parts] + slopes.by_ends @ at_ends
     by_shear = (slopes.by_shear / frame.section[2, ends.parts])[:, None]

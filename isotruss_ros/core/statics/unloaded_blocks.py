@@ -93,6 +93,12 @@ class UnloadedBlocks:
         turned = by_strain.reshape(*lead, rows, -1, 2) @ turns.swapaxes(-1, -2)
         return apply(by_strain, strain), turned.reshape(shape)
 
+    def turn_motions(self, unknowns: Array, motions: Points) -> Array:
+        """Return motions (b, t / 2, p) of the hinges at rest, x + iy, as unknowns (b, t, p)."""
+        rotation, _ = self.place(unknowns)
+        turned = rotation[:, None, None] * motions
+        return np.stack([turned.real, turned.imag], axis=2).reshape(*self.outer.shape, -1)
+
     def complete(self, unknowns: Array) -> None:
         """Set the inner unknowns of the blocks, among all (u,), from the hinges' unknowns."""
         rotation, strain = self.place(unknowns)
