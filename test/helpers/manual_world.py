@@ -98,6 +98,7 @@ class Goal:
         self._handle.execute = self._execute
         self._result = rclpy.task.Future()
         server._result_futures[bytes(info.goal_id.uuid)] = self._result
+        server.add_future(self._result)
         server._handle_accepted_callback(self._handle)
 
     def _execute(self) -> None:
@@ -345,7 +346,8 @@ def world(
 ) -> Iterator[World]:
     """Bring up nodes and a probe, once `enter` has the world, and destroy them at the end."""
     if not rclpy.ok():
-        rclpy.init()
+        # A service of this kind outlives its node, and each slows all that follows.
+        rclpy.init(args=['--ros-args', '-p', 'start_type_description_service:=false'])
         _keep_participant()
     w = World(remaps or {})
     with pytest.MonkeyPatch.context() as patch:
@@ -362,6 +364,8 @@ def world(
             yield w
         finally:
             for node in w.nodes:
+                for waitable in list(node.waitables):
+                    waitable.destroy()
                 node.destroy_node()
                 if hasattr(node, '_state_machine'):
                     # Or rclpy keeps the lifecycle services until the garbage is collected.

@@ -85,7 +85,12 @@ class Probe(Node):
     """Publishes every input of our nodes and keeps every output with the time of its arrival."""
 
     def __init__(self, twist_type: type, sim_time: bool = False) -> None:
-        super().__init__('probe', parameter_overrides=overrides(use_sim_time=sim_time))
+        super().__init__(
+            'probe',
+            parameter_overrides=overrides(use_sim_time=sim_time),
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
         self.twists = self.create_publisher(twist_type, 'cmd_vel', 1)
         self.joint_states = self.create_publisher(JointState, 'joint_states', 1)
         self.object_poses = self.create_publisher(PoseStamped, 'object_pose', 1)
