@@ -126,9 +126,10 @@ class LoadedTubes(NamedTuple):
         pushes = grip.statics.pushes(state.unknowns)
         angles = object_angles(state.unknowns, state.normals)
         tube = grip.config.robot.topology.tube[grip.contacts.members]
-        by_pressure = dents.pressure_rates(state.normal_forces, angles)
-        depth_rates = by_pressure[:, None] * changes.pressures[tube]
-        depth_rates += pushes.depth_by_angle[:, None] * changes.spins
+        depth_rates = pushes.depth_by_angle[:, None] * changes.spins
+        if changes.pressures.any():
+            by_pressure = dents.pressure_rates(state.normal_forces, angles)
+            depth_rates += by_pressure[:, None] * changes.pressures[tube]
         by_sections = find_section_changes(grip.statics.bent, changes.sections, changes.nodes)
         return cls(grip, changes, pushes, depth_rates, by_sections)
 
