@@ -25,7 +25,7 @@ SKIN_TOLERANCE = 4e-4
 
 
 class FreeCorner(NamedTuple):
-    """Corner without contact that penetrates a grasping member."""
+    """Corner without contact near a grasping member."""
 
     depth: float  #: depth in the skin, or height above a contact nearer than a tube radius [m]
     contact: int  #: index of the nearest contact of the same member
@@ -89,23 +89,17 @@ def find_free_corners(grip: HeldGrip, gap: float | None = None) -> list[FreeCorn
     A corner that is nearer to a contact than a tube radius belongs to the dent of the contact; it
     penetrates the tube if it is higher than the corner in contact.
     """
-    if gap is not None:
-        return _find_corners(grip, -gap)[0]
-    corners: list[FreeCorner] = grip.value_among_samples('penetrating_corners', _find_penetrating)
-    return corners
+    least_depth = skin_tolerance(grip) if gap is None else -gap
+    corners: list[FreeCorner] = grip.value_among_samples('free_corners', _find_corners)
+    return [corner for corner in corners if corner.depth > least_depth]
 
 
-def _find_penetrating(grip: HeldGrip) -> SampledCorners:
-    """Return the corners of each sample that penetrate a grasping member."""
-    return _find_corners(grip, skin_tolerance(grip))
-
-
-def _find_corners(grip: HeldGrip, least_depth: float) -> SampledCorners:
-    """Return the corners of each sample that are deeper than a least depth [m]."""
+def _find_corners(grip: HeldGrip) -> SampledCorners:
+    """Return the corners of each sample that a member may reach, if beside it or in a dent."""
     if not isinstance(grip.statics.body, ObjectSamples):
         ((shape, factors, _),) = distinct_shapes([grip.statics.body.shape])
         corners = Corners.of(shape)
-        return SampledCorners(_find_similar(grip, corners, factors[0], least_depth))
+        return SampledCorners(_find_similar(grip, corners, factors[0]))
     found: dict[int, list[FreeCorner]] = {}
     for shape, factors, samples in grip.statics.body.shape.distinct:
         corners = Corners.of(shape)
@@ -113,14 +107,12 @@ def _find_corners(grip: HeldGrip, least_depth: float) -> SampledCorners:
             found.update((i, []) for i in samples.tolist())
             continue
         group = grip if len(samples) == len(grip.wrench) else take(grip, samples)
-        of_group = _find_similar(group, corners, factors[:, None], least_depth)
+        of_group = _find_similar(group, corners, factors[:, None])
         found.update(zip(samples.tolist(), of_group, strict=True))
     return SampledCorners(found[i] for i in range(len(found)))
 
 
-def _find_similar(
-    grip: HeldGrip, outline: Corners, factor: Array, least_depth: float
-) -> list[list[FreeCorner]]:
+def _find_similar(grip: HeldGrip, outline: Corners, factor: Array) -> list[list[FreeCorner]]:
     """Return the corners of each sample whose shape is `factor` times one with given corners."""
     lead, every = grip.state.normals.shape[:-1], np.arange(len(outline.positions))
     found: list[list[FreeCorner]] = [[] for _ in range(lead[0] if lead else 1)]
@@ -162,7 +154,7 @@ def _find_similar(
         if not is_in_dent.all():
             members = np.full(len(corners), grip.contacts.members[first])
             depths = np.where(is_in_dent, depths, _skin_depths(grip, outline, members, corners))
-        is_deep = is_reached & (depths > np.where(is_in_dent, tolerance, least_depth))
+        is_deep = is_reached & (depths > np.where(is_in_dent, tolerance, -np.inf))
         rows, columns = np.nonzero(is_deep.reshape(-1, len(corners)))
         of_corners = contacts[nearest][columns], corners[columns]
         distance = np.broadcast_to(face_distances, is_deep.shape)[is_deep]
