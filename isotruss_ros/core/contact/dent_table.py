@@ -124,9 +124,9 @@ class DentTable:
             numbers = [min(max(n, -last), last) for n in numbers]
         for number in numbers:
             if number not in self._samples:
-                count_work(is_stored=True)
                 skin_at = self.skin_by_depth(self._sampled_angle(number))
                 self._samples[number] = DentSample(self.depths, skin_at, self._kernel)
+                count_work(is_stored=True)
         return [self._samples[number] for number in numbers]
 
     def splines_near(self, base: int) -> Array:

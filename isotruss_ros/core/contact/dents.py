@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import contextlib
 import functools
 from typing import Any
 
@@ -15,6 +16,7 @@ from isotruss_ros.core.contact.dent_table import DEPTH_EXPONENT
 from isotruss_ros.core.contact.pressed_skin import PressedSkin
 from isotruss_ros.core.contact.splines import evaluate_splines
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.work_limit import limited_work, WorkLimitError
 import numpy as np
 
 
@@ -128,6 +130,18 @@ class Dents:
         depths, _ = evaluate_splines(np.array(numbers), abscissae[owners], piece_abscissae[owners])
         rates = np.bincount(owners, factors * (depths[:, 0] - depths[:, 1]), len(forces))
         return np.copysign(1.0, forces) * rates
+
+    def sample_ahead(self, angles: Array) -> None:
+        """
+        Compute one sample that the tables lack and need beyond these angles (k,), if any.
+
+        A control loop calls this in cycles with little work, because a sample takes long.
+        """
+        bases, _ = weigh_samples(angles, angles, self._angles.T)
+        with contextlib.suppress(WorkLimitError), limited_work(0):
+            for table, base in zip(self.tables, bases.tolist(), strict=True):
+                for beside in (base - 1, base + 1):
+                    table.samples_near(beside)
 
     def take_samples(self, index: Any) -> Dents:
         """Return the dents of chosen objects, or of one, see `samples.take`."""

@@ -243,8 +243,10 @@ class EquilibriumCache:
         travels = (math.hypot(*(self.travel + n * self.step)) for n in (1, 2))
         cycles = next((n for n, travel in enumerate(travels, 1) if travel > limit), None)
         if not self.is_complete:
-            is_split = cycles is None and self.usage_errors is not None
-            return self.with_own_usage() if is_split else self.completed()
+            if cycles is not None or self.usage_errors is None:
+                return self.completed()
+            self.held.statics.dents.sample_ahead(self.held.angles)
+            return self.with_own_usage()
         if cycles is None or cycles * np.abs(self.step).max() > MAX_FIRST_ORDER_TRAVEL:
             return self
         expected = cycles * self.step

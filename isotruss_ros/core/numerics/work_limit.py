@@ -68,15 +68,15 @@ def limited_work(limit: int) -> Iterator[Work]:
 
 def count_work(is_stored: bool = False) -> None:
     """
-    Count a unit of work that begins.
+    Count a unit of work that begins, or whose result was stored.
 
-    :param is_stored: whether its result is stored, so that a repetition does not need it.
+    :param is_stored: whether its result was stored, so that a repetition does not need it.
     :raises WorkLimitError: the work would exceed its bound.
     """
     work = _current.get()
     if work is None:
         return
+    work.stored += is_stored
     if work.done >= work.limit:
         raise WorkLimitError(work)
     work.done += 1
-    work.stored += is_stored

@@ -7,13 +7,15 @@ from dataclasses import replace
 
 from isotruss_ros import core
 from isotruss_ros.core import Disc, Ellipse, load_robot, Polygon, Robot
+from isotruss_ros.core.contact.dent_angles import ANGLE_STEP
 from isotruss_ros.core.contact.dent_interpolation import find_table
-from isotruss_ros.core.contact.dent_table import dent_table
+from isotruss_ros.core.contact.dent_table import dent_table, DentTable
 from isotruss_ros.core.contact.dents import Dents
 from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints
 from isotruss_ros.core.model.scaled_shape import ScaledShape
+from isotruss_ros.core.numerics.work_limit import limited_work, WorkLimitError
 from isotruss_ros.core.statics.section import Fabric
 import numpy as np
 import pytest
@@ -110,6 +112,19 @@ def test_pressure_derivative_agrees_with_finite_differences(shape, force):
     (rate,) = Dents([table(pressure)]).pressure_rates(np.array([force]), np.array([1.57]))
     assert rate == pytest.approx(slope, rel=1e-5)
     assert slope * force < 0.0
+
+
+@pytest.mark.parametrize('change', [-ANGLE_STEP, ANGLE_STEP])
+def test_dents_sampled_ahead_need_no_work_at_the_next_angle(change):
+    dents = Dents([DentTable(KERNEL, Ellipse((0.2, 0.1)))])
+    force, angle = np.array([40.0]), np.array([0.7])
+    dents(force, angle)
+    with limited_work(0), pytest.raises(WorkLimitError):
+        dents(force, angle + change)
+    for _ in range(2):  # one sample each
+        dents.sample_ahead(angle)
+    with limited_work(0):
+        dents(force, angle + change)
 
 
 RADIUS, PRESSURE = 0.051, 34.5e3
