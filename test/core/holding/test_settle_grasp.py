@@ -1,24 +1,27 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The equilibrium of a free object, its forces, and the range of friction that holds it."""
+"""Equilibrium of a free object: forces, slip margin, range of friction, and how it rolls."""
 
 from dataclasses import replace
 from itertools import product
 import math
 
 from grips import gripped
-from held_grips import APART, BOX, CORNER, HOME, LOOP
+from held_grips import APART, AROUND, BOX, CORNER, held, HOME, LOOP, NINE, numbers
 from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, place_between, Polygon, settle_grasp
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_shape import held_joints
-from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.kinematics.depths import member_depths, push_out
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from nightly import some_now
 import numpy as np
 import pytest
 from robots import with_round_tubes
-from skin_depths import contact_loads
+from scipy.optimize import brentq
+from skin_depths import bent_line, contact_loads
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
 FRICTION = 0.5
@@ -209,3 +212,193 @@ def test_history_of_contacts_that_have_rolled_is_known():
     rolled = roll_grip(settled.equilibrium, HOME)
     known = replace(settled, equilibrium=rolled)
     assert known.friction_range.sufficient < settled.friction_range.sufficient
+
+
+SHARP = core.Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+CASES = [
+    (BOX, 0.2, APART, 2),
+    (BOX, 0.0, APART, 3),
+    (SHARP, 0.5236, CORNER, 3),
+    (core.Ellipse((0.25, 0.2)), 0.4, APART, 2),
+    (core.Disc(0.4), 0.4, APART, 2),
+    (core.Disc(0.65), 0.0, LOOP, 3),
+]
+
+
+def touched_points(grip):
+    """Return where the forces act: the dented skins of the tubes, bent as by `deform`."""
+    state, statics, points = grip.state, grip.statics, []
+    for number, foot in zip(grip.contacts.members.tolist(), state.feet.tolist(), strict=True):
+        name = grip.config.robot.member_names[number]
+        points.append(bent_line(grip, name, [foot])[0])
+    skin = statics.tube_radius - statics.dents(state.normal_forces, grip.angles)[0]
+    return np.array(points) - skin * state.normals
+
+
+def assert_balanced(grip, wrench):
+    """Check that the tubes touch the object, and that forces there balance a wrench on it."""
+    state, points = grip.state, touched_points(grip)
+    push = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    gaps = grip.body.nearest(points).gaps
+    assert gaps == pytest.approx(np.zeros(len(gaps)), abs=2e-5)
+    arms = points - grip.body.center
+    total = push.sum()
+    assert (total.real, total.imag) == pytest.approx(wrench[:2], abs=1e-8)
+    assert (arms.conj() * push).imag.sum() == pytest.approx(wrench[2], abs=1e-5)
+
+
+@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
+def test_forces_on_the_object_balance_the_wrench(shape, angle, members, count):
+    wrench = np.array([0.5, -0.3, 0.05])
+    grip = held(shape, angle, members, external_wrench=wrench)
+    assert len(grip.anchors) == count
+    assert_balanced(grip, wrench)
+
+
+def test_face_ends_close_and_open_as_the_object_rolls():
+    grip, configs = held(SHARP, 0.65, CORNER), [HOME]
+    ahead = [(3, 1), (3, 1, 2), (3, 2)]
+    for turn, corners in ((-0.01, ahead), (0.01, ahead[::-1])):
+        seen = [tuple(grip.contacts.corners.tolist())]
+        for number in range(14):
+            if turn < 0.0:
+                command = core.solve_twist(configs[-1], core.Grip(CORNER, grip.body), [0, 0, turn])
+                travel = configs[-1].roller_positions + command.roller_velocities
+                configs.append(configs[-1].moved_to(travel))
+            before = grip
+            grip = roll_grip(grip, configs[number + 1 if turn < 0.0 else -number - 2])
+            assert_balanced(grip, np.zeros(3))
+            assert math.dist(grip.pose[:2], before.pose[:2]) < 2e-3
+            assert 0.0 < (grip.pose.angle - before.pose.angle) / turn < 2.0
+            touched = tuple(grip.contacts.corners.tolist())
+            if len(touched) > len(before.anchors):
+                # What has only come to touch does not rub yet.
+                fresh = [corner not in before.contacts.corners for corner in touched]
+                assert grip.state.friction_forces[fresh] == pytest.approx(0.0, abs=1e-9)
+            seen += [touched] if touched != seen[-1] else []
+        assert seen == corners
+
+
+# The rollers do not open a loop of one tube, and three tubes at home hardly.
+OBLIQUE = HOME.moved_to([0.1, -0.1, 0.0, 0.1, -0.1, 0.05])
+OPENED = [(HOME, *case[:3], 0.05) for case in CASES[:-1]]
+OPENED += [(OBLIQUE, core.Disc(0.83), 0.0, AROUND, 0.2)]
+
+
+@pytest.mark.parametrize(('config', 'shape', 'angle', 'members', 'error'), OPENED)
+def test_squeeze_stiffness_is_the_change_by_opening(config, shape, angle, members, error):
+    body = core.place_between(config, members, shape, angle, 0.01).body
+    grip = attach_grip(config, body, numbers(members))
+    opening = 1e-5 * np.linalg.pinv(grip_jacobian(config, grip.touching(1.0)))[:, 3]
+    ahead, behind = (
+        roll_grip(grip, config.moved_to(config.roller_positions + sign * opening)).squeeze
+        for sign in (1.0, -1.0)
+    )
+    assert (ahead - behind) / 2e-5 == pytest.approx(grip.squeeze_stiffness(), rel=error)
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'friction', 'directions'),
+    some_now(
+        [
+            (BOX, 1.0, 0.8, 8),
+            (BOX, 0.0, 5.0, 8),
+            (BOX, 1.0, 0.8, 24),
+            (BOX, 0.0, 5.0, 24),
+            (BOX, 0.0, 0.8, 24),
+            (core.Disc(0.4), 0.4, 5.0, 24),
+        ],
+        2,
+    ),
+)
+def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction, directions):
+    grip = held(shape, angle)
+    assert grip.hold(friction) is core.HoldStatus.HELD
+    margin = grip.slip_margin(friction)
+    assert margin > 0.0
+    sticking = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, directions, endpoint=False):
+        for across in (-0.7, 0.0, 0.7):
+            along = np.sqrt(1.0 - across**2) * np.array([np.cos(angle), np.sin(angle)])
+            unit = np.append(along, across * grip.body.arm)
+            loaded = roll_grip(grip, HOME, 0.9 * margin * unit)
+            assert loaded is not None
+            assert loaded.hold(friction) is core.HoldStatus.HELD
+            more = roll_grip(grip, HOME, 1.3 * margin * unit)
+            sticking.append(more is not None and more.hold(friction) is core.HoldStatus.HELD)
+    # Beyond it holds in some directions only.
+    assert not all(sticking)
+    assert any(sticking)
+
+
+@pytest.mark.parametrize('share', [0.7, 1.3])
+def test_with_pressures_agrees_with_attaching_at_these_pressures(share):
+    filed = held(core.Ellipse((0.25, 0.2)), 0.0)
+    pressures = tuple(share * each for each in NINE.description.pressures.values())
+    changed = roll_grip(with_pressures(filed, pressures), HOME)
+    anew = attach_grip(HOME, changed.body, filed.members, pressure=pressures)
+    # With the dents that there were it would be off by 2 to 4 %.
+    assert changed.squeeze == pytest.approx(anew.squeeze, rel=1e-3)
+    assert abs(changed.squeeze / filed.squeeze - 1.0) > 0.03
+
+
+def test_three_members_hold_a_disc_by_equal_friction():
+    shape = core.Disc(0.65)
+    grip = core.place_between(HOME, LOOP, shape, indentation=0.01)
+    settled = core.settle_grasp(HOME, grip.body, 0.5, (0.0, 0.0, 1.0), members=LOOP)
+    assert settled.hold is core.HoldStatus.HELD
+    assert set(settled.normal_forces) == set(LOOP)
+    rubs = np.array(list(settled.friction_forces.values()))
+    assert rubs == pytest.approx([rubs.mean()] * 3, rel=1e-6)
+    assert rubs.sum() * 0.325 == pytest.approx(-1.0, rel=1e-9)
+    assert settled.slip_margin > 1.0
+    # Found without their names too, where it presses into three.
+    ellipse = core.place_between(HOME, LOOP, core.Ellipse((0.33, 0.32)), indentation=0.012)
+    assert set(core.settle_grasp(HOME, ellipse.body, 0.5).normal_forces) == set(LOOP)
+
+
+def gap_of_third(diameter):
+    """Return a disc between two sides of a loop, and how far the third side is from it [m]."""
+    body = core.place_between(HOME, LOOP[:2], core.Disc(diameter), indentation=0.012).body
+    return body, -float(member_depths(HOME, body)[numbers(LOOP[2:])[0]])
+
+
+@pytest.mark.parametrize(
+    ('diameter', 'hold'), [(0.638, core.HoldStatus.HELD), (0.639, core.HoldStatus.OTHER_CONTACT)]
+)
+def test_a_third_member_touches_where_its_bent_line_does(diameter, hold):
+    body, gap = gap_of_third(diameter)
+    assert gap > 0.003  # of the straight member
+    settled = core.settle_grasp(HOME, body, 0.9, members=LOOP[:2])
+    assert settled.hold is hold
+    assert (LOOP[2] in settled.reason) == (hold is core.HoldStatus.OTHER_CONTACT)
+    grip, places = settled.equilibrium, np.linspace(0.3, 0.9, 61)
+    gaps = grip.body.nearest(bent_line(grip, LOOP[2], places.tolist())).gaps
+    assert (gaps.min() < grip.statics.tube_radius) == (hold is core.HoldStatus.OTHER_CONTACT)
+
+
+def test_third_member_comes_into_contact_by_bending():
+    near, far = (
+        gap_of_third(brentq(lambda size, gap=gap: gap_of_third(size)[1] - gap, 0.4, 0.8))[0]
+        for gap in (1e-3, 0.02)
+    )
+    alone = attach_grip(HOME, far, numbers(LOOP[:2]))
+    assert len(roll_grip(alone, HOME).members) == 2
+    grip = attach_grip(HOME, near, numbers(LOOP[:2]))
+    assert len(grip.members) == 2
+    # What presses bends the whole loop toward the object: the third side touches it already.
+    toward = -grip.state.normals.sum()
+    pull = np.array([toward.real, toward.imag, 0.0]) / abs(toward)
+    states = []
+    for size in (0.0, 2.0, 4.0, 2.0, 0.0):
+        grip = roll_grip(grip, HOME, size * pull)
+        assert set(grip.member_names) == set(LOOP)
+        assert grip.normal_forces.min() > 0.0
+        states.append(grip.state.unknowns)
+    # Rolling linearises tubes within `FOLLOWED_MOTION`, so forces err by about 1e-4 N.
+    for there, back in zip(states[:2], states[:2:-1], strict=True):
+        assert back == pytest.approx(there, rel=1e-6, abs=1e-7)
+    for travel in (2e-3, 4e-3, 6e-3):
+        grip = roll_grip(grip, HOME.moved_to([travel, *5 * [0.0]]))
+        assert grip.normal_forces.min() > 0.0
+    assert grip.member_names == LOOP[:2]  # the third one has opened
