@@ -9,9 +9,9 @@ Last equilibrium of the held object, with the changes of pose and squeeze since 
   `travel_limit`.
 - `drift` is the rate of the part of this change that (19) neglects, because commands that follow
   from (19) must compensate it: the bending that (19) neglects is up to a tenth of the motion.
-- The work of an equilibrium is spread over cycles if no bound is exceeded thereby: steps of
-  Newton's method before it is due (`begun`), then the equilibrium in the configuration of these
-  steps, then its utilisation, then the derivatives by offsets (`prepared`).
+- The work of an equilibrium is spread over cycles if no bound is exceeded thereby: a step of
+  Newton's method before it is due (`begun`), then the equilibrium in the configuration of this
+  step, then its utilisation, then the derivatives by offsets (`prepared`).
 - `outputs` contain the linear change by corrections of the contacts, because an estimate must
   contain a measured pose at once, and the next equilibrium follows later.
 """
@@ -38,12 +38,7 @@ from isotruss_ros.core.estimation.travel_prediction import TravelPrediction
 from isotruss_ros.core.holding.contact_search import measure_gaps
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.roll_grip import (
-    begin_roll,
-    is_near_linearisation,
-    roll_grip,
-    with_pressures,
-)
+from isotruss_ros.core.holding.roll_grip import begin_roll, roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -85,7 +80,6 @@ class EquilibriumCache:
     """
     Last equilibrium of a held object without a load, its derivatives, and changes since then.
 
-    :ivar friction: coefficient of friction [-].
     :ivar held: the equilibrium.
     :ivar grip: its contacts, from which (19) predicts the motion of the object.
     :ivar travel_rates: (4, r) derivatives of the outputs by roller travel, by (19).
@@ -103,14 +97,13 @@ class EquilibriumCache:
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
     :ivar usage_errors: prediction at the equilibrium while its utilisation is unknown, so that
         `usage` is that of the last equilibrium before; None if it is known.
-    :ivar begun: the grip after first steps to the equilibrium in the configuration that is
+    :ivar begun: the grip after the first step to the equilibrium in the configuration that is
         expected when it is due; None before them.
     :ivar travel: (r,) roller travel since the equilibrium [m].
     :ivar step: (r,) roller travel in the last cycle [m].
     :ivar drift: present rate (4,) of the changes that (19) neglects [m/s, m/s, rad/s, N/s].
     """
 
-    friction: float
     held: HeldGrip
     grip: Grip
     travel_rates: Array
@@ -164,7 +157,7 @@ class EquilibriumCache:
             usage_errors=errors or UsageErrors(self.usage, 0.0, 0.0 * travel),
             drift=self.drift if keeps_contacts else np.zeros(4),
             by_travel=by_travel,
-            **_at_equilibrium(held, self.friction),
+            **_at_equilibrium(held, self.grip.friction),
         )
         from_rates = np.abs(positions - self.by_offsets.held.config.roller_positions).max()
         is_near = has_all or from_rates <= MAX_FIRST_ORDER_TRAVEL
@@ -250,15 +243,11 @@ class EquilibriumCache:
         if cycles is None or cycles * np.abs(self.step).max() > MAX_FIRST_ORDER_TRAVEL:
             return self
         expected = cycles * self.step
-        grip = self._near_begun(config.roller_positions + expected, limit)
-        if grip is not None and is_near_linearisation(grip, TRACKED):
+        if self._near_begun(config.roller_positions + expected, limit) is not None:
             return self
+        start = self._start(self.held.pressures, self.travel + expected)
         try:
-            if grip is None:
-                start = self._start(self.held.pressures, self.travel + expected)
-                begun = begin_roll(start, config.predict(expected))
-            else:
-                begun = begin_roll(grip, grip.config)
+            begun = begin_roll(start, config.predict(expected))
         except WorkLimitError:  # the next cycle goes on
             return self
         return replace(self, begun=begun)
@@ -327,7 +316,7 @@ class EquilibriumCache:
     @cached_property
     def margin(self) -> float:
         """Return the slip margin, with shifts and predicted travel since the equilibrium [N]."""
-        planes = slip_planes(self.held.response, self.friction)
+        planes = slip_planes(self.held.response, self.grip.friction)
         forces = self.shift_changes[self.held.state.places.forces]
         reserves = planes.reserve + planes.rows @ forces
         return float((reserves / planes.size).min()) - float(self.usage.rates[1] @ self.travel)
@@ -336,7 +325,7 @@ class EquilibriumCache:
         """Return the predicted limits at the next equilibrium, and the error of the margin."""
         if held.contacts is not self.held.contacts:  # a discontinuity
             return UsageErrors(UsageLimits.of(held), 0.0, 0.0 * self.travel)
-        margin_error = held.slip_margin(self.friction) - self.margin
+        margin_error = held.slip_margin(self.grip.friction) - self.margin
         return UsageErrors(self.usage, margin_error, self.travel)
 
 
@@ -347,7 +336,6 @@ def _at_equilibrium(held: HeldGrip, friction: float) -> dict[str, Any]:
     travel_rates = grip_jacobian(held.config, grip)[:4].copy()
     travel_rates[3] *= held.squeeze_stiffness()
     return {
-        'friction': friction,
         'held': held,
         'grip': grip,
         'travel_rates': travel_rates,

@@ -84,14 +84,6 @@ def begin_roll(grip: HeldGrip, config: Configuration) -> HeldGrip | None:
     return replace(grip, statics=statics, state=state, motion=motion)
 
 
-def is_near_linearisation(grip: HeldGrip, accuracy: Accuracy) -> bool:
-    """Return whether the tubes of a grip are near the state about which they are linearised."""
-    bent, unknowns = grip.statics.bent, grip.state.unknowns
-    loads = grip.statics.pushes(unknowns).loads
-    motion = bent.distance(bent.predict(loads, unknowns[grip.state.places.feet]))
-    return bool(motion <= accuracy.reach)
-
-
 def roll_contacts(
     grip: HeldGrip,
     config: Configuration,
