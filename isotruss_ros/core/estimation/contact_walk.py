@@ -46,7 +46,7 @@ class ContactWalk:
     :ivar deviations: largest ratio of a sum to its expected standard deviation [-].
     :ivar correction: (3,) sum of all corrections of the pose [m].
     :ivar walk: (3, 3) covariance of the contacts' random walk [m^2].
-    :ivar jumps: (3, c) jumps of the derivatives by offsets, see `without_jump`.
+    :ivar jumps: (3, c) jumps of the derivatives by offsets, which are no slip.
     :ivar windows: sums within each of `SUM_INTERVALS`, in order of time.
     """
 
@@ -56,14 +56,6 @@ class ContactWalk:
     walk: Array = field(default_factory=partial(np.zeros, (3, 3)))
     jumps: Array | float = 0.0
     windows: tuple[tuple[Sum, ...], ...] = ((),) * len(SUM_INTERVALS)
-
-    def spread(self, noise: Array) -> ContactWalk:
-        """Return the detector after process noise (3, 3) of the contacts' random walk [m^2]."""
-        return replace(self, walk=self.walk + noise)
-
-    def without_jump(self, jump: Array) -> ContactWalk:
-        """Return the detector in which a jump (3, c) of the derivatives by offsets is no slip."""
-        return replace(self, jumps=self.jumps + jump)
 
     def added(
         self, time: float, change: Array, prior: Array, noise: Array, rates: Array, offsets: Array

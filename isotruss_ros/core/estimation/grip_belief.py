@@ -375,7 +375,8 @@ class GripBelief:
         jump = (cache.by_offsets.outputs - self.cache.by_offsets.outputs)[:3]
         started = replace(self, is_assumed=False, cache=cache)._fitted()
         started = started._started_at(pose_without_load)
-        state = replace(started.state, walk=started.state.walk.without_jump(jump))
+        walk = started.state.walk
+        state = replace(started.state, walk=replace(walk, jumps=walk.jumps + jump))
         jump_of_squeeze = np.append(np.zeros(3), started.squeeze - self.squeeze)
         return replace(started, state=state, lag=started.lag.held_back(jump_of_squeeze))
 
@@ -426,10 +427,6 @@ class GripBelief:
         order.
         """
         return replace(self, cache=self.cache.corrected(correction, self.state.sensitivity))
-
-    def with_offset_covariance(self, covariance: Array) -> GripBelief:
-        """Return the belief with another covariance (r, r) of the roller offsets [m^2]."""
-        return replace(self, state=replace(self.state, prior=covariance))
 
     def taken(self, held: HeldGrip, errors: UsageErrors | None = None) -> GripBelief:
         """Return the belief at another equilibrium, see `EquilibriumCache.taken`."""

@@ -88,7 +88,8 @@ class GripState(SchmidtFilter):
         by_model = settings.pose_error**2 * np.eye(3)
         unexplained = by_model @ np.linalg.solve(by_shifts + by_model, by_offsets)
         covariance[BIAS, BIAS] += unexplained @ self.prior @ unexplained.T
-        prior = self.restarted(covariance)
+        independent = np.zeros_like(self.sensitivity)
+        prior = replace(self, covariance=covariance, sensitivity=independent)
         return prior.conditioned(rates, by_offsets, np.diag(self.noise.variances))
 
     def explains(self, pose: ArrayLike, cache: EquilibriumCache) -> bool:
@@ -158,7 +159,8 @@ class GripState(SchmidtFilter):
         slip_variances = settings.slip**2 * SLIP_LENGTH * travel
         noise[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*motion)
         noise[SHIFTS:] = slip_variances.max()
-        walk = self.walk.spread(cache.rates[:3] * noise @ cache.rates[:3].T)
+        walk_covariance = self.walk.walk + cache.rates[:3] * noise @ cache.rates[:3].T
+        walk = replace(self.walk, walk=walk_covariance)
         # The load is a first-order Gauss-Markov process, which is not part of the walk.
         remaining = math.exp(-elapsed / settings.load_time)
         noise[LOAD] = settings.load**2 * (1.0 - remaining**2)

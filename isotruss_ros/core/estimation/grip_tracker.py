@@ -86,7 +86,7 @@ class GripTracker:
             if stamp is not None:
                 readings, is_new = readings.use('estimate', stamp, covariance)
             if is_new:
-                belief = belief.with_offset_covariance(covariance)
+                belief = replace(belief, state=replace(belief.state, prior=covariance))
         before = offsets if self.offsets is None else self.offsets
         if belief is not None and not np.array_equal(offsets, before):
             belief = belief.with_zeros_corrected(offsets - before)

@@ -43,11 +43,6 @@ class SchmidtFilter:
     sensitivity: Array
     prior: Array
 
-    def restarted(self: F, covariance: Array) -> F:
-        """Return the filter with a covariance (n, n), independent of the parameters."""
-        sensitivity = np.zeros((len(covariance), len(self.prior)))
-        return replace(self, covariance=covariance, sensitivity=sensitivity)
-
     def resized(self: F, size: int, first: int, variance: float) -> F:
         """Return the filter of n states, of which those from `first` on have a prior variance."""
         covariance, sensitivity = variance * np.eye(size), np.zeros((size, len(self.prior)))

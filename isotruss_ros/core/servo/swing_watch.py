@@ -70,9 +70,9 @@ class Swings:
 
     @property
     def persist(self) -> bool:
-        """Return whether successive swings do not decay."""
+        """Return whether a half period has ended, and successive swings do not decay."""
         ratios = [b >= MIN_SWING_RATIO * a for a, b in itertools.pairwise(self.amplitudes)]
-        return len(self.amplitudes) == SWING_COUNT and all(ratios)
+        return self.poses == 0 and len(self.amplitudes) == SWING_COUNT and all(ratios)
 
     def updated(self, value: float, elapsed: float, smallest: float, travel: float) -> Swings:
         """Return the detector after a value; smaller swings than `smallest` do not count."""
@@ -136,6 +136,5 @@ class SwingWatch:
         smallest = max(MIN_SWING, MAX_DEVIATIONS * noise)
         pairs = zip(self.swings, filtered.tolist(), strict=True)
         swings = tuple(one.updated(value, elapsed, smallest, travel) for one, value in pairs)
-        # An oscillation is reported when a half period ends.
-        is_reported = any(one.poses == 0 and one.persist for one in swings)
+        is_reported = any(one.persist for one in swings)
         return SwingWatch(self.filter_time, swings, filtered), is_reported

@@ -140,8 +140,9 @@ def test_noise_of_poses_is_estimated_from_their_steps():
 def test_an_earlier_walk_and_a_jump_of_the_derivatives_by_offsets_are_no_slip():
     rates, jump = np.eye(3, 6), np.ones((3, 6))
     covariances, offsets = (1e-6 * np.eye(3), 1e-6 * np.eye(3)), 1e-4 * np.eye(6)
-    walk = ContactWalk().spread(np.eye(3))
-    walk = walk.added(0.0, np.zeros(3), *covariances, rates, offsets).without_jump(jump)
+    walk = ContactWalk(walk=np.eye(3))
+    walk = walk.added(0.0, np.zeros(3), *covariances, rates, offsets)
+    walk = replace(walk, jumps=jump)
     step = 0.1, np.array([2e-3, 0.0, 0.0]), *covariances
     slipped = walk.added(*step, rates + jump, offsets)
     assert slipped.deviations == pytest.approx(2e-3 / math.sqrt(2e-6))
