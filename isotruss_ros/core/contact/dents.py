@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 import contextlib
 import functools
@@ -63,11 +64,17 @@ class Dents:
 
     @functools.cached_property
     def _kinds(self) -> list[tuple[bool, Indices | slice]]:
-        """Return the contacts whose depths do not depend on the angle, and the others."""
-        are_round = np.array([table.is_round for table in self.tables.ravel().tolist()])
-        if are_round.all() or not are_round.any():
-            return [(bool(are_round[0]), slice(None))]
-        return [(kind, np.flatnonzero(are_round == kind)) for kind in (True, False)]
+        """
+        Return the contacts of discs, of smooth surfaces and of corners.
+
+        The depths of discs, which have True, do not depend on the angle.
+        """
+        kinds = defaultdict[tuple[bool, bool], list[int]](list)
+        for i, table in enumerate(self.tables.ravel().tolist()):
+            kinds[table.is_round, table.angles[-1] > 0.0].append(i)
+        if len(kinds) == 1:
+            return [(are_round, slice(None)) for are_round, _ in kinds]
+        return [(are_round, np.array(chosen)) for (are_round, _), chosen in kinds.items()]
 
     @functools.cached_property
     def _round_numbers(self) -> Array:
