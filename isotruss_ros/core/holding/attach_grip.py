@@ -11,7 +11,7 @@ equilibrium determines the pose; in the others, the measured pose is taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.holding.contact_search import (
@@ -91,14 +91,20 @@ def attach_grips(
     steps = MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS
     results: list[Attached] = [NotHeldError(HoldStatus.NO_BALANCE)] * len(inputs)
     searches: dict[int, ContactSearch] = {}
-    configs = ConfigurationSamples([given.config for given in inputs])
-    bodies, members = ObjectSamples([given.body for given in inputs]), dict[int, Indices]()
-    for i, depths in enumerate(member_depths(configs, bodies)):
+    configs: Any = [given.config for given in inputs]
+    bodies: Any = [given.body for given in inputs]
+    shapes = [body.shape for body in bodies]
+    if len(inputs) == 1 and not samples:
+        (configs,), (bodies,) = configs, bodies
+    else:
+        configs, bodies = ConfigurationSamples(configs), ObjectSamples(bodies)
+    members = dict[int, Indices]()
+    for i, depths in enumerate(np.atleast_2d(member_depths(configs, bodies))):
         try:
             members[i] = _grasping_members(inputs[i], depths)
         except NotHeldError as error:
             results[i] = error
-    for i, contacts in find_pressed(configs, bodies, members).items():
+    for i, contacts in find_pressed(configs, bodies, members, shapes).items():
         searches[i] = search_contacts(contacts, limit=limit)
     solver = ContactGroupSolver(inputs, steps, starts, accuracy, samples)
     asked = {i: next(search)[0] for i, search in searches.items()}

@@ -17,11 +17,11 @@ from typing import NamedTuple, TypeAlias
 
 from isotruss_ros.core.holding.free_corners import find_free_corners, FreeCorner, skin_tolerance
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
-from isotruss_ros.core.holding.pressed_contacts import facing_lines, PressedContacts
-from isotruss_ros.core.kinematics.depths import member_lines
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, facing_lines, PressedContacts
+from isotruss_ros.core.kinematics.depths import circle_depths, member_lines
 from isotruss_ros.core.manipulation.grip import CornerGap, Grip, GRIP_SIZES
 from isotruss_ros.core.model.convex_object import segment_gaps
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, ROUNDING
 import numpy as np
 
@@ -126,8 +126,13 @@ def search_contacts(
     # The equilibrium nearest to the measured position.
     if len(pressing) < 2:
         return pressing[0] if pressing else None
-    distances = [abs(grip.body.middle - grip.statics.body.middle) for grip in pressing]
+    distances = [grip.value_among_samples('shifts', _find_shifts) for grip in pressing]
     return pressing[_find_least(np.array(distances), ROUNDING)]
+
+
+def _find_shifts(grip: HeldGrip) -> Array:
+    """Return the distance of each sample's centroid from its measured position [m]."""
+    return np.atleast_1d(np.abs(grip.body.middle - grip.statics.body.middle))
 
 
 def _find_least(values: Array, tolerance: float) -> int:
@@ -174,26 +179,34 @@ def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
 
     Of several samples, depths (n, c) in members that are near another object are -inf.
     """
-    lines = member_lines(grip.config)
+    radius = grip.statics.tube_radius
+    # Members near the circumscribed circle of an object; all others are farther away.
+    is_near = circle_depths(grip.config, grip.body) > -2.0 * MAX_DISPLACEMENT * radius
+    is_near[..., grip.members] = False
+    members = _find_any(is_near)
+    if not len(members):
+        return members, np.zeros((*is_near.shape[:-1], 0))
+    lines = member_lines(grip.config)[..., members, :]
     starts, ends = lines[..., 0], lines[..., 1]
     gaps, normals, shares = segment_gaps(grip.body, starts, ends)
-    radius = grip.statics.tube_radius
-    is_near = gaps < (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
-    is_near[..., grip.members] = False
-    members = np.flatnonzero(is_near.reshape(-1, is_near.shape[-1]).any(axis=0))
-    if not len(members):
-        return members, np.zeros((*gaps.shape[:-1], 0))
+    is_near = is_near[..., members] & (gaps < (1.0 + 2.0 * MAX_DISPLACEMENT) * radius)
     # Displacements of the points of the centre lines that are nearest to the object.
-    to_nearest = (shares * (ends - starts))[..., members]
+    to_nearest = shares * (ends - starts)
     bent_points, _ = grip.bent_lines(members, np.abs(to_nearest))
-    displacements = bent_points - starts[..., members] - to_nearest
-    depths = radius - gaps[..., members] - (displacements / normals[..., members]).real
-    return members, np.where(is_near[..., members], depths, -np.inf)
+    displacements = bent_points - starts - to_nearest
+    depths = radius - gaps - (displacements / normals).real
+    near = _find_any(is_near)
+    return members[near], np.where(is_near, depths, -np.inf)[..., near]
+
+
+def _find_any(flags: Flags) -> Indices:
+    """Return the indices (c,) of members that have any flag (..., m) of a sample."""
+    return np.flatnonzero(flags.reshape(-1, flags.shape[-1]).any(axis=0))
 
 
 def add_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSet]:
     """Return the sets of contacts to which a free corner is added, the most likely set last."""
-    contacts, shape, radius = grip.contacts, grip.body.shape, grip.statics.tube_radius
+    contacts, shape, radius = grip.contacts, grip.shape, grip.origin.statics.tube_radius
     member = contacts.members[free.contact]
     is_on_member = contacts.members == member
     is_nearest = np.arange(len(contacts.members)) == free.contact
@@ -203,7 +216,8 @@ def add_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSet
     replaced = ContactSet.of(PressedContacts(contacts.members, corners))
     alone = replaced.without(other_end)
     if abs(free.face_distance) < radius:
-        normal = complex(grip.state.normals[free.contact]) / grip.body.turn
+        state = grip.state
+        normal = complex(state.normals[free.contact] * np.exp(-1j * state.unknowns[ANGLE]))
         points = [shape.point_at(corner, normal) for corner in corners[is_on_member].tolist()]
         is_one_dent = abs(points[0] - points[-1]) < radius
         return [alone] if is_one_dent else [alone, replaced]

@@ -9,7 +9,7 @@ A corner has one contact; a face has one contact at each end.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import functools
 from typing import ClassVar, NamedTuple
@@ -17,6 +17,7 @@ from typing import ClassVar, NamedTuple
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject, facing_normals
 from isotruss_ros.core.model.object_samples import ObjectSamples
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.samples import column
 from isotruss_ros.core.statics.structure import ConfigurationSamples
@@ -142,20 +143,24 @@ class ContactForces:
 
 
 def find_pressed(
-    configs: ConfigurationSamples, bodies: ObjectSamples, members: Mapping[int, Indices]
+    configs: Configuration | ConfigurationSamples,
+    bodies: ConvexObject | ObjectSamples,
+    members: Mapping[int, Indices],
+    shapes: Sequence[Shape],
 ) -> dict[int, PressedContacts]:
-    """Return contacts of some of n objects with their members, see `Shape.contact_patch`."""
+    """Return contacts of some of n shapes with their members, see `Shape.contact_patch`."""
     every = np.arange(len(configs.robot.topology.b))
     starts, normals = facing_lines(configs, bodies, every)
     radius = 0.5 * configs.robot.description.tube_diameter
     in_object = normals * column(bodies.turn).conj()
     skin_heights = ((starts - column(bodies.center)) * normals.conj()).real - radius
-    lines = list(zip(in_object.tolist(), skin_heights.tolist(), strict=True))
+    columns = (np.atleast_2d(values).tolist() for values in (in_object, skin_heights))
+    lines = list(zip(*columns, strict=True))
     pressed = {}
     for i, of_object in members.items():
         (in_one, heights), contacts = lines[i], list[tuple[int, int]]()
         for member in of_object.tolist():
-            patch = bodies.objects[i].shape.contact_patch(in_one[member], radius, heights[member])
+            patch = shapes[i].contact_patch(in_one[member], radius, heights[member])
             contacts += [(member, end.corner) for end in patch]
         pressed[i] = PressedContacts(*np.array(contacts).T)
     return pressed
