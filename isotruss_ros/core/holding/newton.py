@@ -105,21 +105,21 @@ class Iteration(NamedTuple):
         bent, feet = statics.bent, self.unknowns[..., indices.feet]
         are_near = np.abs(feet - bent.places) < RING_REACH * statics.tube_radius
         current = self._replace(
-            statics=replace(statics, bent=replace(bent)),  # without results, which are replaced
+            statics=replace(statics, bent=None),  # type: ignore[arg-type]  # is replaced below
             least_error=error,
             moves_by_rounding=motion <= ROUNDING,
             steps=0 * self.steps,
         )
         for rows, tubes in update_samples(bent, predicted):
-            group, near = (current, are_near) if rows is None else take((current, are_near), rows)
-            pieces = group.statics.bent.cuts.pieces
+            every = current, are_near, bent.cuts.pieces
+            group, near, pieces = every if rows is None else take(every, rows)
             crossings = group.crossings + (near & (tubes.cuts.pieces != pieces))
-            group = group._replace(crossings=crossings)
+            statics = replace(group.statics, bent=tubes)
+            group = group._replace(statics=statics, crossings=crossings)
             returned = (crossings > 1.0).any(axis=-1)
             for at_rings in _choose(group, returned):
                 yield from at_rings._at_rings()
-            for others, of_others in _choose((group, tubes), ~returned):
-                yield others._replace(statics=replace(others.statics, bent=of_others))
+            yield from _choose(group, ~returned)
 
     def _at_rings(self) -> Iterator[Iteration]:
         """Yield the samples with tubes linearised with contacts that returned at the ring."""
