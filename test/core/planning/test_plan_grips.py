@@ -281,6 +281,27 @@ def test_path_leads_around_an_obstacle_on_the_straight_line():
     assert min(clearance(grip, [POST]) for grip in foresight.grips) > 0.0209
 
 
+#: A configuration from which limits of the robot end the straight line before the goal.
+BENT = ROBOT.configuration([-0.1619, 0.3949, -0.0307, -0.0043, 0.3917, 0.1958])
+BENT_GRIP = Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc((1.4902, -0.5824), 0.3, 0.8))
+BEYOND_LIMITS = (1.541, -0.402, 0.382)
+
+
+def test_path_leads_around_limits_of_the_robot():
+    plan = plan_path(BENT, BENT_GRIP, BEYOND_LIMITS)
+    assert len(plan) > 2
+    assert plan.poses[-1] == pytest.approx(BEYOND_LIMITS)
+    held = settle_grasp(BENT, BENT_GRIP.body).equilibrium
+    assert foresee_path(held, 0.8, plan.poses).why == ''
+
+
+def test_search_names_the_limits_of_the_robot_in_the_way():
+    plan = plan_path(BENT, BENT_GRIP, BEYOND_LIMITS, max_steps=1)
+    assert len(plan) == 0
+    assert 'in the way: ' in plan.why
+    assert 'module east/R and module north/R' in plan.why
+
+
 @pytest.mark.nightly
 def test_clearance_on_a_path_along_an_obstacle_is_foreseen_as_the_loop_keeps_it():
     """The loop keeps 21 mm, its bound and its safety margin, while it slides by over 0.3 m."""
