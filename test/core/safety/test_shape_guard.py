@@ -8,7 +8,7 @@ from functools import cache
 
 from driven import Driven
 from grips import held_at, rolled
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from isotruss_ros.core import Robot, ShapeGuard, solve_twist, Status
 from isotruss_ros.core.errors import GraspError
@@ -101,18 +101,21 @@ def test_the_rigidity_index_stays_above_its_bound(acceleration):
 
 
 @robots.examples(12)
-@given(robots.robots(), robots.generators(), st.booleans())
-def test_any_robot_keeps_its_bounds_and_gets_no_further_beyond_them(robot, rng, slide):
+@example(seed=1, kind='arch')  # reaches the bound of rigidity
+@example(seed=20, kind='arch')  # reaches the bound of clearance
+@example(seed=3, kind='ring')  # reaches the bound of the object's clearance
+@given(seed=st.integers(0, 2**32 - 1), kind=st.sampled_from(robots.KINDS))
+def test_any_robot_keeps_its_bounds_and_gets_no_further_beyond_them(seed, kind):
+    robot, rng = robots.random_robot(seed, kind), np.random.default_rng(seed)
     module = str(rng.choice(robot.module_names))
     try:
         held = held_at(robot.home, module, 0.2)
     except GraspError:
         assume(False)
-    walker = Driven(held, PERIOD, slide_along_limits=slide)
+    walker = Driven(held, 0.1, slide_along_limits=bool(seed % 2))
     least = np.minimum(walks.margins(walker.held), 0.0) - 1e-6
-    for step in range(150):
-        if step % 50 == 0:
-            twist = 0.2 * rng.standard_normal(3)
+    twist = 0.3 * rng.standard_normal(3)
+    for _ in range(60):
         walker.step(twist)
         assert (walks.margins(walker.held) > least).all()
 
