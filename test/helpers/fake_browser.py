@@ -11,11 +11,12 @@ import time
 from typing import Any
 from urllib.parse import urlsplit
 
-from isotruss_ros.core import load_robot, Pose
+from isotruss_ros.core import Pose
 from isotruss_ros.viewer.controls import Controls
 from isotruss_ros.viewer.picture import Picture
 from isotruss_ros.viewer.view import View
 import msgspec
+from robots import preset
 import viser
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -173,7 +174,7 @@ class Session:
     POSE = Pose(0.5, 0.2, 0.3)
 
     def __init__(self, timeout=DEADLINE):
-        self.view = View(Picture(load_robot('nine_member'), 0.3), '127.0.0.1', 0)
+        self.view = View(Picture(preset('nine_member'), 0.3), '127.0.0.1', 0)
         self.refused, self.log, self.taken, self.stops = [], [], [], 0
         self.controls = Controls(
             self.view.server, self.view.picture, 0.5, timeout, self.refused.append, self.log.append

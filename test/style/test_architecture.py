@@ -4,6 +4,7 @@
 """Packages are imported in the order of CONTRIBUTING.md; the core works without ROS."""
 
 import ast
+import functools
 from pathlib import Path
 import re
 import subprocess
@@ -63,14 +64,17 @@ def imports(tree):
     return ours, others
 
 
-TREES = {module: ast.parse(path.read_text(encoding='utf-8')) for module, path in FILES.items()}
-IMPORTS = {module: imports(tree) for module, tree in TREES.items() if module}
+@functools.cache
+def find_imports():
+    """Return `imports` of each module by its name."""
+    texts = {name: path.read_text(encoding='utf-8') for name, path in FILES.items() if name}
+    return {name: imports(ast.parse(text)) for name, text in texts.items()}
 
 
 def test_modules_import_their_own_package_and_packages_above_it():
     wrong = [
         f'{module} imports {imported}, whose package is not above its own in CONTRIBUTING.md'
-        for module, (ours, _) in IMPORTS.items()
+        for module, (ours, _) in find_imports().items()
         for imported in ours
         if package_of(imported) != package_of(module)
         and ORDER[package_of(imported)] >= ORDER[package_of(module)]
@@ -79,12 +83,12 @@ def test_modules_import_their_own_package_and_packages_above_it():
 
 
 def test_modules_import_only_packages_that_are_installed():
-    wrong = {module: others & NOT_INSTALLED for module, (_, others) in IMPORTS.items()}
+    wrong = {module: others & NOT_INSTALLED for module, (_, others) in find_imports().items()}
     assert not {module: names for module, names in wrong.items() if names}
 
 
 def test_modules_do_not_import_each_other_in_a_circle():
-    left = {module: ours - {module} for module, (ours, _) in IMPORTS.items()}
+    left = {module: ours - {module} for module, (ours, _) in find_imports().items()}
     while left:
         free = {module for module, ours in left.items() if not ours & left.keys()}
         assert free, f'a circle of some of {sorted(left)}'
