@@ -13,18 +13,7 @@ from action_msgs.msg import GoalInfo, GoalStatus
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist
 from isotruss_msgs.action import FollowObjectPath, MoveObject
 from isotruss_msgs.msg import GraspState, ManipulationStatus, Obstacles
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Ellipse,
-    Obstacle,
-    place_between,
-    Polygon,
-    Pose,
-    read_object,
-    Status,
-    tangent_center,
-)
+from isotruss_ros import core
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.nodes.conversions.messages import make_header, read_pose, to_pose_message
 from isotruss_ros.nodes.conversions.obstacle_messages import to_obstacles_message
@@ -69,7 +58,7 @@ def goal(*steps, begin=HOME, frame='truss', **fields):
     path = Path()
     path.header.frame_id = frame
     poses = np.cumsum([begin, *steps], axis=0)
-    path.poses = [PoseStamped(pose=to_pose_message(Pose(*pose))) for pose in poses.tolist()]
+    path.poses = [PoseStamped(pose=to_pose_message(core.Pose(*pose))) for pose in poses.tolist()]
     return FollowObjectPath.Goal(path=path, **({'speed': 0.03, 'turn_rate': 0.3} | fields))
 
 
@@ -186,7 +175,7 @@ def fake(w, pose=PROBED, rollers=True):
         w.probe.send_object(pose)
         if rollers:
             w.probe.send_joints()
-        status = ManipulationStatus(code=int(Status.OK), scale=1.0)
+        status = ManipulationStatus(code=int(core.Status.OK), scale=1.0)
         status.header = make_header(w.probe.past(0.0))
         statuses.publish(status)
 
@@ -287,8 +276,8 @@ REFUSED = {
 def refusing(name, silence=0.0):
     """Yield a world with a path that cannot be executed, and its inputs; rollers may be silent."""
     described, step, _ = REFUSED[name]
-    members, shape = members_at(ROBOT, 'north/Z'), read_object(described).shape
-    body = place_between(ROBOT.home, members, shape, indentation=0.02).body
+    members, shape = members_at(ROBOT, 'north/Z'), core.read_object(described).shape
+    body = core.place_between(ROBOT.home, members, shape, indentation=0.02).body
     with listening(node(object=described, command_timeout=0.5)) as w:
         w.spin(0.2, fake(w, body.pose))
         send = fake(w, body.pose, rollers=not silence)
@@ -311,7 +300,7 @@ def test_a_path_is_not_predicted_without_the_positions_of_the_rollers():
 
 
 def test_a_path_of_one_pose_begins_at_the_object():
-    start, end = Pose(*PROBED), Pose(CENTER[0], CENTER[1] + 0.02, 0.3)
+    start, end = core.Pose(*PROBED), core.Pose(CENTER[0], CENTER[1] + 0.02, 0.3)
 
     def read(pose):
         return read_object_path(goal(begin=pose).path, 0.03, 0.3, ROBOT, False, start)
@@ -325,7 +314,7 @@ def test_a_path_of_one_pose_begins_at_the_object():
 GAP = 0.021
 ABOVE = CENTER[0], CENTER[1] + 0.5 * DIAMETER + 0.05 + GAP, 0.0
 POST = f'{{post: {{shape: disc, diameter: 0.1, pose: {list(map(float, ABOVE))}}}}}'
-START = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.02)
+START = core.tangent_center(ROBOT.home, MODULE, DIAMETER, 0.02)
 #: Function of thread pools that a manual world replaces.
 SUBMIT = ThreadPoolExecutor.submit
 
@@ -344,16 +333,16 @@ def publisher(w):
 
 def test_obstacle_of_the_parameter_slows_the_object_with_its_name():
     with world(manipulation(obstacles=POST, slide_along_limits=False)) as w:
-        status = w.until_code(Status.SLOWED_OBSTACLE, w.probe.send_all)
+        status = w.until_code(core.Status.SLOWED_OBSTACLE, w.probe.send_all)
     assert 'the object and obstacle post' in status.message
 
 
 def test_moving_obstacle_of_the_topic_slows_the_object_with_its_name():
     with world(manipulation(slide_along_limits=False)) as w:
         send = publisher(w)
-        w.until_code(Status.OK, send)
-        hand = Obstacle('hand', ConvexObject(Disc(0.1), ABOVE))
-        status = w.until_code(Status.SLOWED_OBSTACLE, lambda: send(hand))
+        w.until_code(core.Status.OK, send)
+        hand = core.Obstacle('hand', core.ConvexObject(core.Disc(0.1), ABOVE))
+        status = w.until_code(core.Status.SLOWED_OBSTACLE, lambda: send(hand))
     assert 'the object and obstacle hand' in status.message
 
 
@@ -361,29 +350,32 @@ def test_silent_obstacle_stops_the_rollers_until_it_is_cleared():
     with world(manipulation(obstacle_timeout=0.3)) as w:
         send = publisher(w)
         far = (CENTER[0] + 5.0, CENTER[1], 0.0)
-        hand, cart = (Obstacle(name, ConvexObject(Disc(0.1), far)) for name in ('hand', 'cart'))
+        hand, cart = (
+            core.Obstacle(name, core.ConvexObject(core.Disc(0.1), far))
+            for name in ('hand', 'cart')
+        )
         w.spin(0.3, lambda: send(hand, cart))
-        assert w.code() == Status.OK
+        assert w.code() == core.Status.OK
         # The message goes on without the hand.
-        status = w.until_code(Status.HALT_STALE_OBSTACLES, lambda: send(cart))
+        status = w.until_code(core.Status.HALT_STALE_OBSTACLES, lambda: send(cart))
         assert 'moving obstacle hand' in status.message
         answer = w.call('clear_obstacles', Trigger.Request())
         assert answer.success
         assert 'hand' in answer.message
-        w.until_code(Status.OK, lambda: send(cart))
+        w.until_code(core.Status.OK, lambda: send(cart))
 
 
 def test_invalid_first_message_of_obstacles_stops_the_rollers_with_the_reason():
     with world(manipulation()) as w:
         sender = w.probe.create_publisher(Obstacles, 'obstacles', 10)
-        hand = Obstacle('hand', ConvexObject(Disc(0.1), ABOVE))
+        hand = core.Obstacle('hand', core.ConvexObject(core.Disc(0.1), ABOVE))
 
         def send():
             w.probe.send_all()
             message = to_obstacles_message([hand, hand], w.probe.past(0.0), 'truss')
             sender.publish(message)
 
-        status = w.until_code(Status.HALT_INVALID_OBSTACLES, send)
+        status = w.until_code(core.Status.HALT_INVALID_OBSTACLES, send)
     assert "'hand': named twice" in status.message
 
 
@@ -393,10 +385,10 @@ def test_invalid_obstacles_of_the_parameter_are_refused(text):
 
 
 def test_markers_show_the_obstacles_at_rest_and_the_moving_ones():
-    box = Polygon(((-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05)))
+    box = core.Polygon(((-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05)))
     moving = [
-        Obstacle('hand', ConvexObject(Ellipse((0.1, 0.2)), (5.0, 1.0, 0.5))),
-        Obstacle('cart', ConvexObject(box, (6.0, 1.0, 0.5))),
+        core.Obstacle('hand', core.ConvexObject(core.Ellipse((0.1, 0.2)), (5.0, 1.0, 0.5))),
+        core.Obstacle('cart', core.ConvexObject(box, (6.0, 1.0, 0.5))),
     ]
     with world(manipulation(obstacles=POST)) as w:
         w.probe.listen(MarkerArray, 'markers', 'obstacle_markers')
@@ -436,7 +428,7 @@ def moving_object(patch, goal, *published, **parameters):
             w.probe.send_held(GraspState.HELD_YES, members_at(ROBOT, MODULE))
 
         w.spin(0.1, send)
-        target = PoseStamped(pose=to_pose_message(Pose(*goal)))
+        target = PoseStamped(pose=to_pose_message(core.Pose(*goal)))
         yield w, w.send_goal(MoveObject.Goal(path=Path(poses=[target]))), client, send
 
 
@@ -492,7 +484,7 @@ def test_motion_to_a_pose_within_an_obstacle_is_refused_with_its_name(monkeypatc
     place, goal = (START[0], START[1] - 0.4, 0.0), (START[0], START[1] - 0.3, 0.0)
     if is_published:
         result, asked, _ = move(
-            monkeypatch, goal, Obstacle('post', ConvexObject(Disc(0.1), place))
+            monkeypatch, goal, core.Obstacle('post', core.ConvexObject(core.Disc(0.1), place))
         )
     else:
         post = f'{{post: {{shape: disc, diameter: 0.1, pose: {list(map(float, place))}}}}}'
