@@ -15,6 +15,7 @@ import time
 from isotruss_ros.demo.domains import lock_domain
 from isotruss_ros.demo.processes import NodeProcess, running_nodes
 from nightly import some_now
+from planning import workers
 from probe import DEADLINE, world
 import psutil
 import pytest
@@ -78,17 +79,21 @@ def nodes_of(folder):
 
 @pytest.mark.parametrize(
     ('sensors', 'stage', 'times'),
-    some_now([('real', 'found: ', 2), ('perfect', '', 2), ('perfect', '', 1)]),
-    ids=['planned', 'twice at its start', 'at its start'],
+    some_now(
+        [('real', 'search', 2), ('real', 'found: ', 2), ('perfect', '', 2), ('perfect', '', 1)]
+    ),
+    ids=['searching', 'planned', 'twice at its start', 'at its start'],
 )
 @pytest.mark.usefixtures('lonely')
 def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path, sensors, stage, times):
-    """With real sensors it plans a grasp; a nightly check carries the object to the end."""
+    """With real sensors it searches a grasp; nightly checks find it, and carry the object."""
     demo = begin(tmp_path, '--sensors', sensors)
     assert 'nodes simulator' in demo.stdout.readline()
     log, end = tmp_path / 'grasp_planner.log', time.monotonic() + DEADLINE
     # The logs of the nodes exist before the nodes.
-    while not log.exists() or stage not in log.read_text():
+    while not (
+        workers(demo.pid) if stage == 'search' else log.exists() and stage in log.read_text()
+    ):
         assert demo.poll() is None, demo.stdout.read()
         assert time.monotonic() < end, log.read_text()
         time.sleep(0.01)
@@ -118,8 +123,9 @@ def test_beside_another_simulation_it_says_so(tmp_path):
 @pytest.fixture(scope='module')
 def processes(shared_domain, tmp_path_factory):
     """Return the nodes that hold an object; they end as they should after the tests."""
-    names = {'simulator': {'indentation': 0.005}, 'manipulation': {}, 'grasp_analysis': {}}
-    nodes = [(name, PATIENT | values) for name, values in names.items()]
+    values = {'simulator': {'indentation': 0.005}, 'grasp_analysis': {'rate': 5.0}}
+    names = ('simulator', 'manipulation', 'grasp_analysis')
+    nodes = [(name, PATIENT | {'rate': 50.0} | values.get(name, {})) for name in names]
     with running_nodes(nodes, tmp_path_factory.mktemp('nodes')) as found:
         yield found
     assert [process.process.returncode for process in found] == [0, 0, 0]

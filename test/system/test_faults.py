@@ -20,7 +20,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 pytestmark = [pytest.mark.system, pytest.mark.xdist_group('one robot')]
 #: Rates of the nodes by their names [Hz].
-RATES = {'simulator': 50.0, 'manipulation': 50.0, 'grasp_analysis': 20.0}
+RATES = {'simulator': 50.0, 'manipulation': 50.0, 'grasp_analysis': 5.0}
 
 
 def start(r, name):

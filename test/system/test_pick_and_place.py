@@ -60,7 +60,7 @@ class Client:
         self._values = {
             'simulator': {'rate': 50.0, **shared, **STOPPING, **lying},
             'manipulation': {'rate': 50.0, **shared},
-            'grasp_analysis': {'rate': 20.0, **shared},
+            'grasp_analysis': {'rate': 10.0, **shared},
             'path_follower': {'rate': 50.0, **shared},
             'grasp_planner': patient,
             'pick_and_place': shared,
