@@ -42,7 +42,8 @@ NODE_STEPS, MIN_APPROACH = 4, 0.1
 #: Distance at which a motion ends, and of poses from the lines that replace them [m].
 MOTION_END, LINE_TOLERANCE = 0.001, 0.002
 #: Largest error of a pose that is reached, relative to the tolerances of a path [-]. A path ends
-#: within 0.5; elastic members bend.
+#: within 0.5; elastic members bend. With 0.2, one of four searches around limits of the robot
+#: proposes no path in 3000 steps, and the others take two to four times the steps.
 MAX_END_ERROR = 0.4
 #: Smallest clearance of the object from obstacles, a tenth above that of the loop [m].
 MIN_CLEARANCE = 0.022
@@ -50,7 +51,9 @@ MIN_CLEARANCE = 0.022
 #: smallest such length [m].
 SPREADS, MIN_LENGTH = (0.3, 1.0), 0.3
 #: Fraction of random poses around the goal [-], and their standard deviation [m]. Motions to them
-#: end in other configurations near the goal, some of which admit it.
+#: end in other configurations near the goal, some of which admit it. In four searches around
+#: limits of the robot, the mean number of steps to the first path is 425; with half and twice the
+#: fraction 348 and 357, with half and twice the deviation 644 and 420.
 GOAL_SHARE, GOAL_SPREAD = 0.5, 0.15
 
 
