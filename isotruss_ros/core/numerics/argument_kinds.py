@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 import functools
 import inspect
-import itertools
 from typing import Any, ParamSpec, TypeVar
 
 from isotruss_ros.core.errors import ArgumentError
@@ -68,18 +67,19 @@ def check_kinds(function: Callable[P, R]) -> Callable[P, R]:
     """Return a decorated function that raises ArgumentError for an argument of a wrong kind."""
     parameters = inspect.signature(function).parameters
     annotations = {name: str(entry.annotation).split(' | ') for name, entry in parameters.items()}
-    checked = {
-        name: tuple(valid)
-        for name, valid in annotations.items()
+    checked = [
+        (place, name, tuple(valid))
+        for place, (name, valid) in enumerate(annotations.items())
         if not EXAMPLES.keys().isdisjoint(valid)
-    }
-    names = tuple(parameters)
+    ]
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        for name, value in itertools.chain(zip(names, args, strict=False), kwargs.items()):
-            if name in checked:
-                check_kind(name, value, *checked[name])
+        for place, name, valid in checked:
+            if place < len(args):
+                check_kind(name, args[place], *valid)
+            elif name in kwargs:
+                check_kind(name, kwargs[name], *valid)
         return function(*args, **kwargs)
 
     return call
