@@ -239,7 +239,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
     nodes = [
         ('simulator', common | {'plant': 'elastic', 'indentation': 0.005}),
         ('manipulation', common),
-        ('grasp_analysis', {**common, 'rate': 10.0}),
+        ('grasp_analysis', {**common, 'rate': 5.0}),
         ('viewer', shown | SERVED | {'rate': 10.0}),
     ]
     with session(tmp_path, nodes) as s:
