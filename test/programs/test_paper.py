@@ -29,22 +29,13 @@ from studies.comparison.friction_cases import CASES
 from studies.comparison.page import FOLDER
 from studies.comparison.sections import SECTIONS
 from studies.membrane import Membrane
-from studies.paper import figure_4, figure_5, figure_6, membrane, synthetic
+from studies.paper import figure_4, figure_5, figure_6, membrane, parameters, synthetic
 from studies.paper.items import ITEMS
 from studies.paper.membrane import STIFFNESS
 from studies.paper.page import page
-from studies.paper.parameters import (
-    CYLINDERS,
-    DEPTH,
-    EDGES,
-    PRESSURE,
-    PRESSURES,
-    TUBE_DIAMETER,
-    TUBE_LENGTH,
-)
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
-RADIUS = 0.5 * TUBE_DIAMETER
+RADIUS = 0.5 * parameters.TUBE_DIAMETER
 BEAM = InflatableBeam(RADIUS)
 SLOW_ITEMS = ('figure_4', 'figure_7', 'figure_9')
 
@@ -93,7 +84,7 @@ def test_fit_recovers_the_constants_of_simulated_points():
         assert result.analysis.points(mode) > 0.95 * 9 * 5 * synthetic.COUNT
 
 
-@pytest.mark.parametrize('name', EDGES)
+@pytest.mark.parametrize('name', parameters.EDGES)
 def test_a_tube_bears_its_wrinkling_moment_at_the_onset(name):
     shape = compute('figure_5')[name]
     sunk, force = shape.onset
@@ -113,8 +104,11 @@ def test_a_tube_bears_its_wrinkling_moment_at_the_onset(name):
 def test_stiffness_is_that_of_membrane_elements():
     result = compute('figure_6')
     own = np.array([[each.stiffness for each in row] for row in result.middle])
-    tube = ClampedTube(BEAM, RADIUS, TUBE_LENGTH)
-    near_end = [press(tube, PRESSURE, 0.127, cylinder, DEPTH).stiffness for cylinder in CYLINDERS]
+    tube = ClampedTube(BEAM, RADIUS, parameters.TUBE_LENGTH)
+    near_end = [
+        press(tube, parameters.PRESSURE, 0.127, cylinder, parameters.DEPTH).stiffness
+        for cylinder in parameters.CYLINDERS
+    ]
     middle, end = own / membrane.STIFFNESS - 1.0, near_end / membrane.STIFFNESS_NEAR_END - 1.0
     off = np.concatenate([middle.ravel(), end])
     assert np.sqrt((off**2).mean()) < 0.06
@@ -201,5 +195,5 @@ def test_page_states_the_measured_losses(capsys):
 @pytest.mark.nightly
 @pytest.mark.parametrize(('pressure', 'cylinder'), [(0, 1), (1, 0), (1, 2), (2, 1)])
 def test_stiffness_is_that_of_the_page(pressure, cylinder):
-    response = Membrane(PRESSURES[pressure]).press(CYLINDERS[cylinder])
+    response = Membrane(parameters.PRESSURES[pressure]).press(parameters.CYLINDERS[cylinder])
     assert response.stiffness == pytest.approx(STIFFNESS[pressure, cylinder], rel=0.01)

@@ -9,14 +9,10 @@ from functools import cached_property
 from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.numerics import qp
 from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.numerics.factorization import factorize
 from isotruss_ros.core.numerics.frozen import replace
-from isotruss_ros.core.numerics.qp import (
-    QuadraticProgram,
-    solve_least_squares,
-    solve_qp,
-)
 import numpy as np
 import pytest
 import robots
@@ -99,7 +95,7 @@ def random_program(rng, n, degenerate=False):
     equality, shift = rng.standard_normal((k, n)) if k else None, rng.standard_normal(n)
     hessian = root.T @ root + 1e-3 * np.eye(n)
     limits = np.concatenate([rows, np.eye(n), -np.eye(n)])
-    return QuadraticProgram(
+    return qp.QuadraticProgram(
         hessian,
         10.0 * rng.standard_normal(n) - hessian @ shift,
         limits,
@@ -115,7 +111,7 @@ def corner_program(rng, n, flat, far, extra):
     normals[:, -1] *= flat
     # What pushes against the planes, so that the minimum without them is far beyond all of them.
     push = rng.uniform(0.1, 1.0, len(normals)) @ normals
-    return QuadraticProgram(
+    return qp.QuadraticProgram(
         np.eye(n), -far * push / np.linalg.norm(push), normals, np.zeros(len(normals))
     )
 
@@ -146,9 +142,9 @@ def test_solution_is_of_any_size_and_rows_of_any_length(size, length):
         row, bound = rng.standard_normal(5), -rng.uniform(0.5, 2.0) * size
         rows = length * np.stack([row, rng.standard_normal(5)])
         bounds = length * np.array([bound, np.inf])
-        program = QuadraticProgram(np.eye(5), np.zeros(5), rows, bounds)
+        program = qp.QuadraticProgram(np.eye(5), np.zeros(5), rows, bounds)
         # The nearest point of the half-plane.
-        assert solve_qp(program) == pytest.approx(row * bound / (row @ row), rel=1e-9)
+        assert qp.solve_qp(program) == pytest.approx(row * bound / (row @ row), rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -161,8 +157,8 @@ def test_solution_is_of_any_size_and_rows_of_any_length(size, length):
     ids=['contradiction', 'rows of zeros', 'non-convex cost'],
 )
 def test_a_program_without_a_minimum_has_no_solution(rows, bounds, hessian):
-    program = QuadraticProgram(np.diag(hessian), np.ones(2), np.array(rows), np.array(bounds))
-    assert solve_qp(program) is None
+    program = qp.QuadraticProgram(np.diag(hessian), np.ones(2), np.array(rows), np.array(bounds))
+    assert qp.solve_qp(program) is None
 
 
 @pytest.mark.parametrize('length', [1e-6, 1e6])
@@ -171,8 +167,8 @@ def test_a_row_fixed_by_the_equalities_is_fulfilled_or_contradictory(bound, leng
     rows, bounds = np.array([[1.0, 1.0], [1.0, -1.0]]), np.array([bound, 0.5])
     # The other one is fulfilled, x = y = 2.
     limits = length * rows, length * bounds
-    program = QuadraticProgram(np.eye(2), np.zeros(2), *limits, rows[:1], np.array([4.0]))
-    solution = solve_qp(program)
+    program = qp.QuadraticProgram(np.eye(2), np.zeros(2), *limits, rows[:1], np.array([4.0]))
+    solution = qp.solve_qp(program)
     if bound < 4.0:
         assert solution is None
     else:
@@ -183,7 +179,7 @@ def test_a_row_fixed_by_the_equalities_is_fulfilled_or_contradictory(bound, leng
 @given(robots.generators(), st.integers(2, 9), st.booleans())
 def test_solutions_are_optimal(rng, n, degenerate):
     program = random_program(rng, n, degenerate)
-    check_optimality(program, solve_qp(program))
+    check_optimality(program, qp.solve_qp(program))
 
 
 @pytest.mark.parametrize('n', [3, 6])
@@ -192,7 +188,7 @@ def test_nearly_dependent_planes_far_from_the_minimum_have_a_vertex(n, flat, far
     rng = np.random.default_rng(23)
     for _ in range(30):
         program = corner_program(rng, n, flat, far, int(rng.integers(0, 15)))
-        solution = solve_qp(program)
+        solution = qp.solve_qp(program)
         assert (program.rows @ solution).max() <= 1e-8
         assert np.abs(solution[:-1]).max() <= 1e-12 * far + 1e-10
         assert flat * abs(solution[-1]) <= 1e-12 * far + 1e-10
@@ -203,7 +199,7 @@ def test_exceeding_the_iteration_cap_gives_no_solution(monkeypatch):
         raise RuntimeError('too many iterations')
 
     monkeypatch.setattr(optimize, 'nnls', endless)
-    assert solve_qp(random_program(np.random.default_rng(3), 6)) is None
+    assert qp.solve_qp(random_program(np.random.default_rng(3), 6)) is None
 
 
 @robots.examples(100)
@@ -213,4 +209,4 @@ def test_least_squares_have_minimum_norm_at_any_rank(rng, m, n):
     matrix[-1] = matrix[0]
     right = rng.standard_normal(m)
     expected = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
-    assert solve_least_squares(matrix, right) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert qp.solve_least_squares(matrix, right) == pytest.approx(expected, rel=1e-9, abs=1e-9)

@@ -28,15 +28,9 @@ from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
-from isotruss_ros.core.planning import violations
+from isotruss_ros.core.planning import grasp_plan, violations
 from isotruss_ros.core.planning.facing import balances, friction_angles
 from isotruss_ros.core.planning.foresee_path import foresee_path
-from isotruss_ros.core.planning.grasp_plan import (
-    export_figures,
-    export_path,
-    path_times,
-    plan_in_words,
-)
 from isotruss_ros.core.planning.release import plan_release
 from nightly import some_now
 import numpy as np
@@ -86,8 +80,10 @@ def test_the_planned_grip_holds_the_object(plan):
     assert grasp.score == grasp.slip_margin > 2.0
     assert grasp.squeeze == pytest.approx(needs.squeeze, rel=0.02)
     assert sum(settled.normal_forces.values()) / 3.0 == pytest.approx(grasp.squeeze, rel=0.05)
-    assert 'between south/P-Q, east/Q-R, north/R-P' in plan_in_words(result).replace("'", '')
-    assert export_figures(grasp)['module'] == ''
+    assert 'between south/P-Q, east/Q-R, north/R-P' in grasp_plan.plan_in_words(result).replace(
+        "'", ''
+    )
+    assert grasp_plan.export_figures(grasp)['module'] == ''
 
 
 def test_only_the_members_that_are_named_grip():
@@ -117,7 +113,7 @@ def test_members_without_a_grasp_have_the_reason(place, members, words):
     body = core.ConvexObject(BRICK, (*place, 0.3))
     result = core.plan_grasps(HOME, body, needs, max_rounds=1)
     assert not result.grasps
-    assert re.search(words, plan_in_words(result))
+    assert re.search(words, grasp_plan.plan_in_words(result))
 
 
 DOCUMENT = preset_document('nine_member')
@@ -183,12 +179,12 @@ def test_path_times_keep_the_acceleration_of_the_rollers(rng):
     robot = HOME.robot
     steps = rng.uniform(-0.1, 0.1, (rng.integers(1, 20), 6)) * 10.0 ** rng.uniform(-3.0, 0.0)
     path = np.vstack([np.zeros(6), np.cumsum(steps, axis=0)])
-    times = path_times(path, robot.description, rng.random(len(steps)) < 0.3)
+    times = grasp_plan.path_times(path, robot.description, rng.random(len(steps)) < 0.3)
     RollerTrajectory(robot, path, times)
 
 
 def test_a_path_is_slow_from_two_waypoints_before_the_touch_on(grasp):
-    exported = export_path(grasp)
+    exported = grasp_plan.export_path(grasp)
     assert exported['touch'] == grasp.touch > 2
     assert np.array(exported['path']) == pytest.approx(grasp.path)
     longest = np.abs(np.diff(grasp.path, axis=0)).max(axis=1)
