@@ -33,7 +33,8 @@ def begun_workers(count, of=None, deadline=20.0):
 
 ROBOT = core.load_robot('nine_member')
 PLACE, ELLIPSE = (0.716, 0.43), '{shape: ellipse, semi_axes: [0.17, 0.15]}'
-TURNED, CHANCE = (*PLACE, 0.5), ['--uncertainty', '{friction: 0.3}']
+BODY = core.read_object(ELLIPSE).moved_to((*PLACE, 0.5))
+CHANCE = ['--uncertainty', '{friction: 0.3}']
 OBJECT = ['--center', '0.716', '0.43', '--diameter', '0.3']
 #: No grasp is like that: the search for it takes long.
 NEVER = ['--min-slip-margin', '1000']
@@ -43,8 +44,8 @@ DEADLINE = 240.0
 @pytest.mark.parametrize(
     ('count', 'shape', 'body'),
     [
-        (1, ['--diameter', '0.3', *CHANCE], core.ConvexObject.disc(PLACE, 0.3)),
-        (2, ['--object', ELLIPSE, '--angle', '0.5'], core.read_object(ELLIPSE).moved_to(TURNED)),
+        (1, ['--object', ELLIPSE, '--angle', '0.5', *CHANCE], BODY),
+        (2, ['--diameter', '0.3'], core.ConvexObject.disc(PLACE, 0.3)),
     ],
 )
 def test_plan_is_that_of_the_core_with_one_process_or_two(count, shape, body, tmp_path, capsys):
