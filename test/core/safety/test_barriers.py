@@ -400,7 +400,7 @@ def test_clearance_from_obstacles_stays_above_its_bound(robot, rng, slide):
     post, way = stand_ahead(held, rng)
     room = [post, *random_room(rng, held, 2, BOUND + 1e-3, wall=bool(rng.integers(2)))]
     walker, clearances = Driven(held, 0.01, slide_along_limits=slide, obstacles=tuple(room)), []
-    for _ in range(90):
+    for _ in range(50):
         twist = 0.15 * way.real, 0.15 * way.imag, 0.1 * rng.standard_normal()
         command = walker.step(twist)
         clearances.append(clearance(walker.held, room))
