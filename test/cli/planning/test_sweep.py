@@ -51,8 +51,9 @@ def test_writes_a_row_for_every_pair(client, tmp_path, capsys):
     assert '2 pairs: 1 grasped' in capsys.readouterr().out
 
 
+@pytest.mark.nightly
 def test_example_of_the_docs_runs(client, capsys):
-    page = Path(__file__).parents[2] / 'docs' / 'grasp_planning.md'
+    page = Path(__file__).parents[3] / 'docs' / 'grasp_planning.md'
     (example,) = re.findall(r'```py\n(.*?)```', page.read_text(encoding='utf-8'), re.DOTALL)
     exec(example.replace('tcp://scheduler:8786', client.scheduler.address), {})
     lines = capsys.readouterr().out.splitlines()

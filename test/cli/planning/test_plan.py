@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 from held_grips import BOX_FILE
@@ -42,13 +43,13 @@ DEADLINE = 240.0
 
 
 @pytest.mark.parametrize(
-    ('count', 'shape', 'body'),
+    ('count', 'processes', 'shape', 'body'),
     [
-        (1, ['--object', ELLIPSE, '--angle', '0.5', *CHANCE], BODY),
-        (2, ['--diameter', '0.3'], core.ConvexObject.disc(PLACE, 0.3)),
+        (1, 2, ['--object', ELLIPSE, '--angle', '0.5', *CHANCE], BODY),
+        (2, 1, ['--diameter', '0.3'], core.ConvexObject.disc(PLACE, 0.3)),
     ],
 )
-def test_plan_is_that_of_the_core_with_one_process_or_two(count, shape, body, tmp_path, capsys):
+def test_plan_is_that_of_the_core(count, processes, shape, body, tmp_path, capsys):
     needs = core.GraspRequirements(
         friction=0.6, module='north/Z', min_slip_margin=0.5, measure='total_force', count=count
     )
@@ -58,7 +59,8 @@ def test_plan_is_that_of_the_core_with_one_process_or_two(count, shape, body, tm
     options = ['--friction', '0.6', '--min-slip-margin', '0.5', '--measure', 'total_force']
     options += f'--count {count} --seed 4 --module north/Z --center 0.716 0.43'.split()
     file = tmp_path / 'plan.json'
-    assert command.main([*shape, *options, '--workers', str(count), '--json', str(file)]) == 0
+    options += ['--workers', str(processes), '--json', str(file)]
+    assert command.main([*shape, *options]) == 0
     result = json.loads(file.read_text())
     assert result['computing_time'] > 0.0
     assert result['evaluations'] == expected.evaluations
@@ -96,7 +98,7 @@ def test_violated_requirement_of_the_closest_candidate_is_printed(capsys):
 
 
 def test_ends_at_the_time_limit(capsys):
-    assert command.main([*OBJECT, *NEVER, '--time-limit', '1', '--workers', '1']) == 1
+    assert command.main([*OBJECT, *NEVER, '--time-limit', '0.3', '--workers', '1']) == 1
     assert 'stopped before its end' in capsys.readouterr().out
     assert not workers()
 
@@ -122,30 +124,24 @@ def test_invalid_arguments_are_named(options, words, capsys):
     assert words in capsys.readouterr().err
 
 
-def search_in_terminal(count):
-    """Return the process of an endless search, and its workers, in a session of their own."""
+def test_death_of_a_worker_is_reported(capsys):
+    threading.Thread(target=lambda: begun_workers(1)[0].kill()).start()
+    limit = ['--time-limit', str(DEADLINE)]
+    assert command.main([*OBJECT, *NEVER, '--workers', '1', *limit]) == 3
+    assert 'a worker process died' in capsys.readouterr().err
+
+
+def test_ctrl_c_in_a_terminal_prints_no_traceback():
+    """It goes to all processes of the terminal, those that search as well."""
     module = [sys.executable, '-m', 'isotruss_ros.cli.plan_grasps']
     process = subprocess.Popen(
-        [*module, *OBJECT, *NEVER, '--workers', str(count)],
+        [*module, *OBJECT, *NEVER, '--workers', '1'],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     )
-    return process, begun_workers(count, process.pid)
-
-
-def test_death_of_a_worker_is_reported():
-    process, (worker,) = search_in_terminal(1)
-    worker.kill()
-    _, err = process.communicate(timeout=DEADLINE)
-    assert process.returncode == 3
-    assert 'a worker process died' in err
-
-
-def test_ctrl_c_in_a_terminal_prints_no_traceback():
-    """It goes to all processes of the terminal, those that search and those that just begin."""
-    process, children = search_in_terminal(2)
+    children = begun_workers(1, process.pid)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=DEADLINE)
     assert process.returncode == 1
