@@ -17,13 +17,14 @@ from isotruss_ros.identification.hypotheses import compare_run, find_prior
 from isotruss_ros.identification.read_run import read_run
 from isotruss_ros.identification.report import block, describe
 from isotruss_ros.identification.rolled_run import Parameters
+from nightly import some_now
 import numpy as np
 import pytest
 
 FRICTION, MASS = 0.8, 1.0
 PERIOD = 0.25
-#: Number of intervals of a run; with fewer than MANY, friction explains a softer tube [-].
-COUNT, MANY = 10, 20
+#: Number of intervals of a run [-].
+COUNT = 10
 #: Standard deviations of the poses [m, m, rad] and of the gauge [N].
 POSE_NOISE, GAUGE_NOISE = np.array([2e-4, 2e-4, 1e-3]), 0.05
 NOMINAL = tuple(NINE.description.pressures.values())
@@ -57,6 +58,23 @@ def gravity_at(number):
     return np.array([0.0, 2.5 * (54 <= number < 66)])
 
 
+@functools.cache
+def simulate(friction, stiffness, mass, is_inclined):
+    """Return squeeze [N], force and gravity in the plane, pose and status in each cycle."""
+    travel, grip = travels()
+    center = core.tangent_center(HOME, 'north/Z', 0.3, 0.012)
+    body = replace(grip.body.moved_to((*center, 0.0)), mass=MASS)
+    simulated, rows = core.ElasticObject(body, friction, stiffness), []
+    for number, place in enumerate(travel):
+        config, pull, gravity = HOME.moved_to(place), pull_at(number), gravity_at(number)
+        simulated.external_wrench = (*(pull + mass * is_inclined * gravity), 0.0)
+        simulated.follow(config)
+        squeeze = 0.0 if simulated.grasp is None else simulated.grasp.squeeze
+        status = core.Status.OK if simulated.dropped is None else core.Status.HALT_NOT_HELD
+        rows.append((squeeze, pull, is_inclined * gravity, simulated.pose(config), status))
+    return rows, ServoSettings(replace(grip, body=body, friction=FRICTION), PERIOD, 1.0)
+
+
 def run_elastic(
     friction=FRICTION,
     stiffness=1.0,
@@ -67,46 +85,35 @@ def run_elastic(
     mass=MASS,
     pressures_recorded=True,
     is_inclined=True,
-    count=COUNT,
 ):
     """Return the measured run of a plant with these values; the delay is in cycles."""
-    travel, grip = travels()
-    random = np.random.default_rng(0)
-    center = core.tangent_center(HOME, 'north/Z', 0.3, 0.012)
-    body = replace(grip.body.moved_to((*center, 0.0)), mass=MASS)
-    simulated = core.ElasticObject(body, friction, stiffness)
-    settings = ServoSettings(replace(grip, body=body, friction=FRICTION), PERIOD, 1.0)
+    travel, random = travels()[0], np.random.default_rng(0)
+    rows, settings = simulate(friction, stiffness, mass, is_inclined)
     cycles, readings, poses = [], [], []
-    for number, place in enumerate(travel):
-        now, config = PERIOD * number, HOME.moved_to(place)
-        pull, gravity = pull_at(number), is_inclined * gravity_at(number)
-        simulated.external_wrench = (*(pull + mass * gravity), 0.0)
-        simulated.follow(config)
-        squeeze = 0.0 if simulated.grasp is None else simulated.grasp.squeeze
+    for number, (squeeze, pull, gravity, pose, status) in enumerate(rows):
+        now = PERIOD * number
         # With fixed displacements, forces are proportional to the stiffness.
-        squeeze *= 1.0 - creep * number / len(travel)
-        readings.append((now, squeeze + GAUGE_NOISE * random.standard_normal(), *pull, *gravity))
-        poses.append(simulated.pose(config) + POSE_NOISE * random.standard_normal(3))
-        speeds = np.zeros_like(place)
-        rollers = place - offset * np.eye(len(place))[3]
+        measured = squeeze * (1.0 - creep * number / len(travel))
+        readings.append((now, measured + GAUGE_NOISE * random.standard_normal(), *pull, *gravity))
+        poses.append(pose + POSE_NOISE * random.standard_normal(3))
+        rollers = travel[number] - offset * np.eye(len(travel[number]))[3]
         inputs = {
-            'rollers': StampedInput(RollerState(rollers, speeds), now),
+            'rollers': StampedInput(RollerState(rollers, *np.zeros((2, len(rollers)))), now),
             'pose': StampedInput(core.Pose(*poses[max(number - delay, 0)].tolist()), now),
         }
         if pressures_recorded:
             inputs['pressures'] = StampedInput(tuple(pressure * np.array(NOMINAL)), now)
-        status = core.Status.OK if simulated.dropped is None else core.Status.HALT_NOT_HELD
         decision = {'status': status, 'message': ''}
         cycles.append(RecordedCycle(number, now, settings, inputs, decision))
-    rows = np.array(readings)
-    gauge = Gauge('gauge', rows[:, 0], rows[:, 1], rows[:, 2:4], rows[:, 4:])
-    return read_run(cycles, NINE, gauge, count)
+    table = np.array(readings)
+    gauge = Gauge('gauge', table[:, 0], table[:, 1], table[:, 2:4], table[:, 4:])
+    return read_run(cycles, NINE, gauge, COUNT)
 
 
 WRONG = {
-    'friction': {'friction': 0.68},
-    'tube': {'stiffness': 0.7, 'count': MANY},
-    'offsets': {'offset': 0.006},
+    'friction': {'friction': 0.68, 'is_inclined': False},
+    'tube': {'stiffness': 0.6},
+    'offsets': {'offset': 0.006, 'pressures_recorded': False},
     'pressure': {'pressure': 0.8},
     'delay': {'delay': 1},
     'creep': {'creep': 0.35},
@@ -120,12 +127,12 @@ def compare(name):
     return compare_run(run_elastic(**WRONG[name]))
 
 
-@pytest.mark.parametrize('name', WRONG)
+@pytest.mark.parametrize('name', some_now(WRONG, 6))
 def test_the_deviating_parameter_is_named(name):
     assert compare(name).named == name, '\n'.join(describe(compare(name)))
 
 
-@pytest.mark.parametrize(('name', 'true'), [('tube', -0.3), ('friction', 0.68 - FRICTION)])
+@pytest.mark.parametrize(('name', 'true'), [('tube', -0.4), ('friction', 0.68 - FRICTION)])
 def test_estimate_is_within_three_deviations_of_the_truth(name, true):
     fit, part = compare(name).hypotheses[name], getattr(Parameters.of(compare(name).run), name)
     assert fit.estimate[part][0] == pytest.approx(true, abs=3.0 * fit.deviation[part][0])
@@ -135,11 +142,6 @@ def test_a_wrong_mass_is_not_taken_for_another_parameter():
     assert compare_run(run_elastic(mass=1.6)).named in ('none', 'mass')
 
 
-def test_pressure_without_recorded_pressures_is_not_determined():
-    run = run_elastic(pressures_recorded=False)
-    assert not compare_run(run).hypotheses['pressure'].is_determined
-
-
 def test_prior_of_a_measured_interval_of_friction_is_its_deviation():
     run = run_elastic()
     body = replace(run.grip.body, uncertainty={'friction': [0.7, 0.9]})
@@ -147,8 +149,9 @@ def test_prior_of_a_measured_interval_of_friction_is_its_deviation():
     assert prior[Parameters.of(run).friction] == pytest.approx(0.2 / 12.0**0.5)
 
 
-def test_mass_without_gravity_is_not_determined():
-    compared = compare_run(run_elastic(is_inclined=False))
+def test_pressure_and_mass_without_recorded_pressures_and_gravity_are_not_determined():
+    compared = compare('friction')
+    assert not compare('offsets').hypotheses['pressure'].is_determined
     assert not compared.hypotheses['mass'].is_determined
     assert 'mass of the object: not determined by this run' in '\n'.join(describe(compared))
 
@@ -156,7 +159,7 @@ def test_mass_without_gravity_is_not_determined():
 def test_block_has_the_stiffness_for_the_robot_file():
     lines = block(compare('tube')).splitlines()
     line = next(line for line in lines if 'stiffness_scale' in line)
-    assert float(line.split(':')[-1].strip(' }')) == pytest.approx(0.7, abs=0.1)
+    assert float(line.split(':')[-1].strip(' }')) == pytest.approx(0.6, abs=0.1)
 
 
 ROWS = 'time_s,squeeze_N,pull_x_N,pull_y_N\n0.0,9.0,0.0,0.0\n0.5,9.5,0.1,-0.2\n'
