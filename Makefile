@@ -137,7 +137,7 @@ noble-some: venv
 	$(PYTEST) -m 'not system and not nightly' $(addprefix test/, core/numerics core/model core/statics \
 		core/contact nodes/inputs/test_object_messages.py nodes/framework/test_parameters.py \
 		nodes/grasp/test_grasp_analysis_node.py nodes/motion/test_manipulation_node.py \
-		nodes/bring_up/test_simulator_node.py calibration/test_fit.py programs/test_plotting.py)
+		nodes/simulator/test_simulator_node.py calibration/test_fit.py programs/test_plotting.py)
 
 noble-all: venv
 	$(PYTEST) -m 'not system and not linter and not nightly'

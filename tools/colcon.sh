@@ -30,7 +30,7 @@ find ../clone_build -name '*.xml' -path '*test_results*' -delete
 # All tests run in `make test`; here the linters of ament, and those that building and installing by
 # colcon could break.
 tests='style/test_linters.py style/test_packaging.py style/test_launch.py
-    core/model/test_robot_file.py nodes/bring_up/test_simulator_node.py system/test_processes.py'
+    core/model/test_robot_file.py nodes/simulator/test_simulator_node.py system/test_processes.py'
 expected=$(python -m pytest --collect-only -q $(printf 'test/%s ' $tests) | grep -c ::)
 tools/workspace.sh test "$@" --pytest-args -n auto $(printf 'test/%s ' $tests) || failed=1
 colcon test-result --test-result-base ../clone_build --verbose

@@ -28,8 +28,9 @@ from std_msgs.msg import Bool, Float64MultiArray
 from std_srvs.srv import Trigger
 
 MARKERS = {'tracker_rate': 20.0, 'tracker_noise': 0.001, 'marker_joints': ['all']}
-plant = maker(Simulator, object_is_free=True, object_pose=[0.6, 5.0, 0.0], **MARKERS)
-checking = maker(CheckRollers, settle_time=0.5, speed=0.04)
+KINDS = ['kinematic', pytest.param('mujoco', marks=[needs_mujoco, pytest.mark.nightly])]
+plant = maker(Simulator, object_is_free=True, object_pose=[0.6, 5.0, 0.0], rate=50.0, **MARKERS)
+checking = maker(CheckRollers, settle_time=0.5, speed=0.04, rate=50.0)
 LINES = ['encoders', 'roller offsets', 'object pose', 'emergency stop', 'limits', 'rates']
 LINES += ['roller signs', 'masses']
 
@@ -38,12 +39,10 @@ def refused(words):
     return pytest.raises(MeasurementError, match=words)
 
 
-@pytest.mark.parametrize(
-    'kind', ['kinematic', pytest.param('mujoco', marks=[needs_mujoco, pytest.mark.nightly])]
-)
+@pytest.mark.parametrize('kind', KINDS)
 def test_a_faultless_robot_passes_the_check(kind, tmp_path):
     output = tmp_path / 'mine.yaml'
-    with world(plant(plant=kind, rate=50.0), checking(output=str(output))) as w:
+    with world(plant(plant=kind), checking(output=str(output))) as w:
         w.spin(13.0)
         w.until(lambda: w.nodes[2].done)
         assert w.nodes[2].faultless == list(ROBOT.roller_names)
@@ -101,7 +100,7 @@ def write_checked(tmp_path):
 def fly(path, capsys, *, stops=(True, False), speed=0.0, joints=None, checks=None, **values):
     """Run the checks with a plant; return the faults and what was printed."""
     checked = {'robot': path, 'object_mass': 0.5} | (checks or {})
-    with world(plant(**values), lambda: Preflight(overrides(**checked))) as w:
+    with world(plant(rate=100.0, **values), lambda: Preflight(overrides(**checked))) as w:
         for stop in stops:
             w.probe.stops.publish(Bool(data=stop))
         if speed:
@@ -176,6 +175,7 @@ unmeasured = maker(
     object_pose=[0.6, 5.0, 0.0],
     zero_deviation=0.015,
     marker_joints=['all'],
+    rate=50.0,
     **TRACKER,
 )
 
@@ -184,7 +184,7 @@ def calibrating(tmp_path):
     return lambda: Calibration(overrides(output=str(tmp_path / 'mine.yaml')))
 
 
-@pytest.mark.parametrize('kind', ['kinematic', pytest.param('mujoco', marks=needs_mujoco)])
+@pytest.mark.parametrize('kind', KINDS)
 def test_written_home_agrees_with_the_simulated_robot(tmp_path, kind):
     with world(unmeasured(plant=kind), calibrating(tmp_path)) as w:
         w.spin(1.5)
@@ -233,7 +233,7 @@ def test_missing_markers_are_reported(tmp_path):
 HELD = {'object_diameter': 0.2, 'friction': 0.8}
 manipulation = maker(Manipulation, **HELD)
 pluck = maker(Pluck, object_diameter=0.2)
-held_in_mujoco = maker(Simulator, plant='mujoco', indentation=0.01, **HELD)
+held = maker(Simulator, indentation=0.01, **HELD)
 
 
 def test_frequency_and_damping_ratio_are_fitted_to_the_poses_after_the_push():
@@ -257,11 +257,10 @@ def test_frequency_and_damping_ratio_are_fitted_to_the_poses_after_the_push():
     assert result.damping_ratio == pytest.approx(ratio, rel=0.05)
 
 
-@needs_mujoco
 def test_active_squeeze_control_is_refused():
     with (
         pytest.raises(MeasurementError, match='squeeze_force of manipulation: must be 0'),
-        world(held_in_mujoco(), manipulation(squeeze_force=20.0, object_mass=0.5), pluck()) as w,
+        world(held(), manipulation(squeeze_force=20.0, object_mass=0.5), pluck()) as w,
     ):
         w.until(lambda: w.nodes[-1].done)
 
