@@ -192,15 +192,15 @@ def test_alternating_reasons_are_logged_at_a_limited_rate(log):
 
 @pytest.mark.parametrize(('late', 'slow'), [(1.4, True), (1.1, False)])
 def test_a_cycle_that_does_not_reach_its_rate_is_a_warning_with_the_rate(late, slow, capfd):
-    with world(manipulation(failure_time=0.0)) as w:
-        w.busy = lambda: 0.01 * late
+    with world(manipulation(rate=40.0)) as w:
+        w.busy = lambda: 0.025 * late
         w.spin(2.5, w.probe.send_all)
         report = w.report('manipulation')
     assert (report.level == DiagnosticStatus.WARN) is slow
     for words in (report.message, capfd.readouterr().err):
-        rates = re.findall(r'the loop reaches ([\d.]+) of 100 Hz', words)
+        rates = re.findall(r'the loop reaches ([\d.]+) of 40 Hz', words)
         assert bool(rates) is slow
-        assert list(map(float, rates)) == pytest.approx([100.0 / late] * len(rates), rel=0.1)
+        assert list(map(float, rates)) == pytest.approx([40.0 / late] * len(rates), rel=0.1)
 
 
 PLACE = Spec('place', 'here', 'Where', read_only=True)
@@ -460,10 +460,10 @@ def test_random_goals_are_answered_and_nodes_continue(name, monkeypatch):
         w.spin(0.2, w.probe.send_all)
         for _ in range(COUNT):
             goal = w.send_goal(vary(good(), rng))
-            w.spin(0.03, w.probe.send_all)
+            w.spin(0.02, w.probe.send_all)
             if goal.accepted and not goal.ended:
                 goal.cancel()
-                w.spin(0.03, w.probe.send_all)
+                w.spin(0.02, w.probe.send_all)
             assert w.nodes[1].active
 
 

@@ -41,7 +41,7 @@ HOME = (*CENTER, 0.0)
 PROBED = (*CENTER, 0.3)
 ERROR = 'position error [m]'
 PATIENT = {'command_timeout': 5.0, 'rate': 50.0}
-ROBOT_SETTINGS = {'command_timeout': 0.5, 'rate': 50.0}
+ROBOT_SETTINGS = {'command_timeout': 0.5, 'rate': 25.0}
 node = maker(PathFollower, **PATIENT, progress_timeout=15.0)
 
 
