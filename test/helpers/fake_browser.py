@@ -204,7 +204,7 @@ class Session:
         while not what():
             assert time.monotonic() < end, (self.control, self.refused, self.taken)
             self.step()
-            time.sleep(0.01)
+            time.sleep(0.002)
 
     def grab(self):
         """Begin a drag of the object."""
