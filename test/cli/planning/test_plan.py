@@ -126,8 +126,8 @@ def test_invalid_arguments_are_named(options, words, capsys):
 
 def test_death_of_a_worker_is_reported(capsys):
     threading.Thread(target=lambda: begun_workers(1)[0].kill()).start()
-    limit = ['--time-limit', str(DEADLINE)]
-    assert command.main([*OBJECT, *NEVER, '--workers', '1', *limit]) == 3
+    options = [*NEVER, '--workers', '1', '--time-limit', str(DEADLINE)]
+    assert command.main([*OBJECT, *options]) == 3
     assert 'a worker process died' in capsys.readouterr().err
 
 

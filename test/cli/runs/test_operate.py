@@ -11,7 +11,6 @@ from isotruss_msgs.action import MoveObject, PickObject
 from isotruss_ros.cli import operate
 from isotruss_ros.core import Pose
 from isotruss_ros.nodes.conversions.messages import to_pose_message
-from isotruss_ros.nodes.pick_and_place import action_steps
 from manual_actions import replace_clients
 from nav_msgs.msg import Path
 import pytest
@@ -78,7 +77,7 @@ def test_release_publishes_false_only_after_a_refusal(last_message, monkeypatch)
 
 
 def test_a_lost_response_is_asked_for_again(monkeypatch):
-    monkeypatch.setattr(action_steps, 'RETRY_TICKS', 2)
+    monkeypatch.setattr('isotruss_ros.nodes.pick_and_place.action_steps.RETRY_TICKS', 2)
     rclpy.try_shutdown()
     sent = [Future(), done(Trigger.Response(success=True))]  # the first is lost
     client = SimpleNamespace(wait_for_service=lambda _: True, call_async=lambda _: sent.pop(0))

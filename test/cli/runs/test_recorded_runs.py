@@ -14,7 +14,6 @@ from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.servo.recorded_servo import RecordedServo
 from isotruss_ros.core.servo.servo_settings import ServoSettings
-from isotruss_ros.identification.read_run import read_run
 import numpy as np
 import pytest
 
@@ -30,7 +29,7 @@ CARRY = Path(__file__).parents[3] / 'docs' / 'images' / 'carry.mcap'
 
 
 def test_a_carry_in_mujoco_agrees_with_the_model_and_is_drawn(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(compare, 'read_run', partial(read_run, count=12))
+    monkeypatch.setattr(compare, 'read_run', partial(compare.read_run, count=12))
     picture = tmp_path / 'carry.png'
     assert compare.main([str(CARRY), '--picture', str(picture)]) == 0
     out = capsys.readouterr().out
