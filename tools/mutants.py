@@ -56,7 +56,7 @@ FOLDERS = {
             'isotruss_ros/nodes/framework/gate.py',
             'isotruss_ros/nodes/framework/received_inputs.py',
         ],
-        ('test/core/test_inputs.py', 'test/nodes/inputs'),
+        ('test/core/test_inputs.py', 'test/nodes/inputs', 'test/nodes/faults'),
     ),
 }
 #: Tests that count; random calls and planning take long, and the others do not hold objects.
@@ -64,7 +64,7 @@ TESTS = [
     *(f'test/core/{name}' for name in ('safety', 'servo', 'estimation', 'holding')),
     *(f'test/core/{name}' for name in ('contact', 'manipulation', 'paths', 'simulation')),
     *(f'test/core/test_{name}.py' for name in ('inputs', 'symmetries')),
-    *(f'test/nodes/{name}' for name in ('inputs', 'motion', 'trajectories', 'grasp')),
+    *(f'test/nodes/{name}' for name in ('inputs', 'faults', 'motion', 'trajectories', 'grasp')),
 ]
 #: Endings of the operators of Cosmic Ray whose faults every test finds, as bits of floating point
 #: numbers, or none, as equality and identity of enumerations
