@@ -72,8 +72,8 @@ def test_active_values_depend_on_the_present_state_alone(kind):
     config = robot.home
     way = rng.uniform(-1.0, 1.0, 6)
     counts = set()
-    for step in range(120):
-        if step % 40 == 0:
+    for step in range(48):
+        if step % 16 == 0:
             way = 0.02 * rng.uniform(-1.0, 1.0, 6) - 0.003 * config.roller_positions
         try:
             config = config.moved_to(config.roller_positions + way)
@@ -411,8 +411,8 @@ def test_clearance_from_obstacles_stays_above_its_bound(robot, rng, slide):
 
 
 def test_object_comes_to_rest_before_an_obstacle_with_the_names_of_both():
-    robot = Driven(HELD, 0.02, slide_along_limits=False, obstacles=(AHEAD,))
-    for _ in range(200):
+    robot = Driven(HELD, 0.04, slide_along_limits=False, obstacles=(AHEAD,))
+    for _ in range(100):
         command = robot.step((0.0, -0.08, 0.0))
     assert command.status is core.Status.SLOWED_OBSTACLE
     assert 'the object and obstacle post' in command.limiting
@@ -425,8 +425,8 @@ def test_object_slides_along_an_obstacle():
     table = core.Obstacle('table', core.ConvexObject(box, (x, y - 0.3, 0.0)))
     moved = []
     for slide in (False, True):
-        robot = Driven(HELD, 0.02, slide_along_limits=slide, obstacles=(table,))
-        for _ in range(130):
+        robot = Driven(HELD, 0.04, slide_along_limits=slide, obstacles=(table,))
+        for _ in range(65):
             command = robot.step((0.03, -0.06, 0.0))
         moved.append(robot.held.pose.x - x)
         assert clearance(robot.held, [table]) > BOUND - 1e-4
@@ -438,11 +438,11 @@ def test_object_slides_along_an_obstacle():
 def test_start_too_near_an_obstacle_is_left_by_motion_away_only(gap):
     x, y, _ = HELD.pose
     post = core.Obstacle('post', core.ConvexObject.disc((x, y - 0.25 - gap), 0.2))
-    robot = Driven(HELD, 0.01, slide_along_limits=False, obstacles=(post,))
-    for _ in range(30):
+    robot = Driven(HELD, 0.02, slide_along_limits=False, obstacles=(post,))
+    for _ in range(15):
         command = robot.step((0.0, -0.05, 0.0))
     assert command.status is core.Status.SLOWED_OBSTACLE
     assert clearance(robot.held, [post]) > gap - 1e-5
-    for _ in range(100):
+    for _ in range(50):
         command = robot.step((0.0, 0.05, 0.0))
     assert clearance(robot.held, [post]) > gap + 0.02
