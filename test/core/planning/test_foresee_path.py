@@ -133,6 +133,7 @@ def test_foresight_and_control_loop_agree_near_a_singularity(displacement, is_re
     assert bool(foresight.why) is not is_reached
 
 
+@pytest.mark.nightly
 def test_object_that_slides_along_an_obstacle_reaches_its_goal_without_delay():
     """The member beside the post slides, so a part of the feedback is blocked."""
     center = core.tangent_center(NINE.home, 'north/Z', 0.3, 0.02)
@@ -298,6 +299,7 @@ def test_a_released_object_stays_at_its_pose(body, members, moved, parts):
     assert gaps.min() > 0.01
 
 
+@pytest.mark.nightly
 def test_contacts_that_share_a_face_do_not_slip_in_the_release():
     body = core.ConvexObject(SMALL_BOX, (0.629, 0.276, -1.671), friction=0.8)
     needs = core.GraspRequirements(members=MEMBERS, squeeze=15.0, count=1)
