@@ -182,8 +182,8 @@ def test_samples_without_a_configuration_are_left_out():
 def test_samples_without_an_equilibrium_are_not_held():
     grip = settle().equilibrium
     covariance = 100.0 * replace(CERTAIN, force=100.0).covariance(grip)
-    required = sample_friction(grip.inputs, covariance, 40, 0)
-    assert len(required) == 40
+    required = sample_friction(grip.inputs, covariance, 10, 0)
+    assert len(required) == 10
     assert np.isinf(required).mean() > 0.8
 
 
@@ -231,7 +231,7 @@ def test_opposite_offsets_of_a_belief_change_the_chance():
 @pytest.mark.parametrize(
     ('uncertainty', 'columns'),
     some_now(
-        [(CALIBRATED, range(2, 18, 5)), *product((CALIBRATED, core.Uncertainty()), [range(18)])]
+        [(CALIBRATED, range(2, 18, 8)), *product((CALIBRATED, core.Uncertainty()), [range(18)])]
     ),
 )
 def test_gradient_of_the_chance_is_that_of_grasps_settled_afresh(uncertainty, columns):
@@ -336,13 +336,13 @@ def at_rest(name):
 
 #: Functions that return equilibria, with grasps and the accuracy of the rates.
 EQUILIBRIA = [
-    *((at_rest, name, 1e-4) for name in ('brick', 'box', 'three members')),
+    (at_rest, 'three members', 1e-4),
     *((carried, name, 2e-3) for name in ('disc 0.2 m', 'brick')),
-    (at_rest, 'disc 0.2 m', 1e-4),
+    *((at_rest, name, 1e-4) for name in ('brick', 'box', 'disc 0.2 m')),
 ]
 
 
-@pytest.mark.parametrize(('find', 'name', 'accuracy'), some_now(EQUILIBRIA, 4))
+@pytest.mark.parametrize(('find', 'name', 'accuracy'), some_now(EQUILIBRIA, 2))
 def test_rates_of_criteria_are_those_of_rolled_equilibria(find, name, accuracy):
     passed, columns = find(name), GraspParameters.of(HOME)
     ends = slice(None, None, max(len(passed) - 1, 1))
@@ -380,10 +380,12 @@ def plan(carry=(), is_certain=True):
     """Return the grasps for the nominal or for an uncertain robot."""
     needs = core.GraspRequirements(carry=carry, count=2)
     uncertainty = None if is_certain else UNCALIBRATED
-    return core.plan_grasps(HOME, DISC, needs, max_rounds=1, uncertainty=uncertainty)
+    return core.plan_grasps(
+        HOME, DISC, needs, max_rounds=1, uncertainty=uncertainty, thorough=False
+    )
 
 
-@pytest.fixture(params=[(), CARRY], ids=['grasp', 'carry'])
+@pytest.fixture(params=some_now([((),), (CARRY,)]), ids=['grasp', 'carry'])
 def plans(request):
     """Return the plans for the nominal and for the uncertain robot."""
     return plan(request.param), plan(request.param, is_certain=False)
@@ -395,12 +397,16 @@ def test_grasps_are_ranked_by_their_chance(plans):
     assert [grasp.score for grasp in plans[1]] == [g.chance.reliability for g in plans[1]]
 
 
-def test_the_chance_of_planned_grasps_is_that_from_samples_unless_they_are_carried():
+def test_the_chance_of_planned_grasps_is_that_from_samples():
     grasps = plan(is_certain=False)
     best = grasps[0]
     settled = core.settle_grasp(best.config, best.grip.body, 0.5, members=best.members)
     assert best.chance == settled.chance(UNCALIBRATED, samples=200)
     assert len(grasps) == 2
+
+
+@pytest.mark.nightly
+def test_the_chance_of_grasps_that_are_carried_is_to_first_order():
     assert {grasp.chance.method for grasp in plan(CARRY, is_certain=False)} == {'first order'}
 
 
@@ -421,7 +427,8 @@ def test_the_chance_is_stated_only_with_an_uncertainty(plans):
 
 def test_the_chance_is_that_under_the_required_wrench():
     needs = core.GraspRequirements(external_wrench=(0.0, -1.0, 0.0), count=1)
-    loaded = core.plan_grasps(HOME, DISC, needs, max_rounds=1, uncertainty=UNCALIBRATED)
+    options = {'max_rounds': 1, 'uncertainty': UNCALIBRATED, 'thorough': False}
+    loaded = core.plan_grasps(HOME, DISC, needs, **options)
     assert loaded[0].chance.reliability < plan(is_certain=False)[0].chance.reliability
 
 
