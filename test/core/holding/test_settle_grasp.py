@@ -301,8 +301,8 @@ def test_squeeze_stiffness_is_the_change_by_opening(config, shape, angle, member
     ('shape', 'angle', 'friction', 'directions'),
     some_now(
         [
-            (BOX, 1.0, 0.8, 8),
-            (BOX, 0.0, 5.0, 8),
+            (BOX, 1.0, 0.8, 4),
+            (BOX, 0.0, 5.0, 4),
             (BOX, 1.0, 0.8, 24),
             (BOX, 0.0, 5.0, 24),
             (BOX, 0.0, 0.8, 24),
