@@ -227,8 +227,8 @@ def test_a_placed_obstacle_is_published_without_control_until_it_is_cleared():
         w.until(lambda: count_obstacles(w) > count + 1)
         browser.set('control', True)
         w.until(lambda: browser.shows('this one has control'))
-        browser.set('clear obstacles', True)
-        w.until(lambda: not node.picture.room.list_obstacles(0.0))
+        clears = partial(browser.set, 'clear obstacles', True)
+        w.until(lambda: not node.picture.room.list_obstacles(0.0), clears, 1.0)
         count = count_obstacles(w)
         w.spin(0.2)
         assert count_obstacles(w) == count
