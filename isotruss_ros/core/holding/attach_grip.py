@@ -91,10 +91,11 @@ def attach_grips(
     steps = MAX_SEARCH_STEPS if quick else MAX_NEWTON_ITERATIONS
     results: list[Attached] = [NotHeldError(HoldStatus.NO_BALANCE)] * len(inputs)
     searches: dict[int, ContactSearch] = {}
+    solver = ContactGroupSolver(inputs, steps, starts, accuracy, samples)
     configs: Any = [given.config for given in inputs]
     bodies: Any = [given.body for given in inputs]
     shapes = [body.shape for body in bodies]
-    if len(inputs) == 1 and not samples:
+    if solver.is_single:
         (configs,), (bodies,) = configs, bodies
     else:
         configs, bodies = ConfigurationSamples(configs), ObjectSamples(bodies)
@@ -106,7 +107,6 @@ def attach_grips(
             results[i] = error
     for i, contacts in find_pressed(configs, bodies, members, shapes).items():
         searches[i] = search_contacts(contacts, limit=limit)
-    solver = ContactGroupSolver(inputs, steps, starts, accuracy, samples)
     asked = {i: next(search)[0] for i, search in searches.items()}
     while asked:
         solved, asked = solver.solve(asked), {}

@@ -55,6 +55,8 @@ class ContactGroupSolver:
     An iteration makes at most `steps`. That of a single object, whose arrays lack the axis of the
     samples unless it is one of `samples`, begins at the first of the `starts` that has the same
     contacts, if any.
+
+    :ivar is_single: whether the arrays lack the axis of the samples.
     """
 
     def __init__(
@@ -66,7 +68,7 @@ class ContactGroupSolver:
         samples: bool = False,
     ) -> None:
         self._inputs, self._steps, self._starts = inputs, steps, starts
-        self._accuracy, self._is_single = accuracy, not samples and len(inputs) == 1
+        self._accuracy, self.is_single = accuracy, not samples and len(inputs) == 1
         self._wrenches = [scaled_wrench(given.wrench, given.body.arm) for given in inputs]
 
     def solve(self, asked: Mapping[int, ContactSet]) -> dict[int, Solved]:
@@ -100,7 +102,7 @@ class ContactGroupSolver:
         configs, bodies, _, _, pressures, stiffness = columns
         contacts = chosen.contacts
         try:
-            if self._is_single:
+            if self.is_single:
                 structure = structure_under(configs[0], pressures[0], stiffness[0])
                 objects = _Objects(np.zeros(1, int), structure, bodies[0], self._wrenches[0])
             else:
