@@ -7,6 +7,7 @@ import importlib.util
 import json
 import sys
 
+from commands import exit_code
 from isotruss_ros.cli import grasp_dataset as command
 from isotruss_ros.core import load_robot, read_object, settle_grasp
 from isotruss_ros.dataset.columns import COLUMNS
@@ -129,10 +130,7 @@ def test_a_parquet_file_has_the_columns_of_the_npz_file(columns, tmp_path):
 def call(path, *options, count='2'):
     """Return the exit code of the command."""
     arguments = ['triangle', '--out', str(path), '--count', count, '--workers', '1', *options]
-    try:
-        return command.main(arguments)
-    except SystemExit as end:
-        return end.code
+    return exit_code(command.main, arguments)
 
 
 def test_command_writes_the_rows_of_the_core_by_two_processes(tmp_path, capsys):

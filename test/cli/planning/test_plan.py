@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 
+from commands import exit_code
 from held_grips import BOX_FILE
 from isotruss_ros import core
 from isotruss_ros.cli import plan_grasps as command
@@ -116,11 +117,7 @@ def test_ends_at_the_time_limit(capsys):
     ],
 )
 def test_invalid_arguments_are_named(options, words, capsys):
-    try:
-        code = command.main([*OBJECT, *options])
-    except SystemExit as end:
-        code = end.code
-    assert code == 2
+    assert exit_code(command.main, [*OBJECT, *options]) == 2
     assert words in capsys.readouterr().err
 
 

@@ -7,6 +7,7 @@ import csv
 from pathlib import Path
 import re
 
+from commands import exit_code
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
 from nightly import some_now
 import pytest
@@ -75,9 +76,5 @@ def test_invalid_input_is_refused_before_the_sweep(table, options, words, tmp_pa
     objects = tmp_path / 'objects.csv'
     objects.write_text(table)
     arguments = ['triangle', '--objects', str(objects), '--output', str(tmp_path / 'out.csv')]
-    try:
-        code = sweeps.main([*arguments, *options])
-    except SystemExit as end:
-        code = end.code
-    assert code == 2
+    assert exit_code(sweeps.main, [*arguments, *options]) == 2
     assert words in capsys.readouterr().err
