@@ -33,6 +33,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
@@ -109,7 +110,9 @@ def follow(
         if load is not None:
             plant_object.external_wrench = load(k * PERIOD)
         wanted = rate * path.twist
-        duration, found = timed(partial(decide, path, plant, settings, control, mode, wanted))
+        sample = StampedInput(plant.object_pose, k * PERIOD), 0.0
+        cycle = partial(decide, path, plant, settings, control, mode, wanted, sample)
+        duration, found = timed(cycle)
         if isinstance(found, str):
             return found
         control, command, correction = found
@@ -134,6 +137,7 @@ def decide(
     control: SqueezeControl,
     mode: str,
     wanted: np.ndarray,
+    sample: tuple[StampedInput, float],
 ) -> tuple[SqueezeControl, RollerCommand, np.ndarray] | str:
     """Return control, command and correction of one cycle, or why there is no command."""
     config, pose = plant.config, plant.object_pose
@@ -146,7 +150,7 @@ def decide(
     if mode != MODEL:
         command = solve(wanted, 0.0)
     else:
-        control, hold = control.followed(settings, config, grip, PERIOD)
+        control, hold = control.followed(settings, config, grip, PERIOD, sample)
         if hold is not HoldStatus.HELD:
             return 'not held'
         control, command, correction = control.command(settings, wanted, PERIOD, solve)

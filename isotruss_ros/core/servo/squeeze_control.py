@@ -105,7 +105,7 @@ class SqueezeControl:
         config: Configuration,
         grip: Grip,
         elapsed: float,
-        sample: tuple[StampedInput, float] | None = None,
+        sample: tuple[StampedInput, float],
         gripped: bool = False,
         rollers: Readings = None,
     ) -> tuple[SqueezeControl, HoldStatus | IsotrussError]:
@@ -116,7 +116,7 @@ class SqueezeControl:
         searches for a new one near the measured pose; each call searches at most once.
 
         :param sample: last measured pose, which is used once, and its age relative to the
-            configuration [s]; None: a new pose, that of the grip.
+            configuration [s].
         :param rollers: measured rollers, see `GripBelief.followed`.
         :return: the control, and the hold status, or an error of the search.
         """
@@ -132,12 +132,7 @@ class SqueezeControl:
         lag = tracker.belief.lag.advanced(elapsed, 1.0 / control.gain)
         tracker = replace(tracker, belief=replace(tracker.belief, lag=lag))
         faults, since = self.faults.rested(elapsed), self.since_pose + elapsed
-        # Without a sample, the pose of the grip is new.
-        if sample is None:
-            belief, is_new = tracker.belief.observed(grip.body.pose, 0.0), True
-            tracker = replace(tracker, belief=belief)
-        else:
-            tracker, is_new = tracker.observed(*sample)
+        tracker, is_new = tracker.observed(*sample)
         if is_new:
             faults, since = faults.judged(tracker.belief, since, self.velocity), 0.0
         return replace(control, tracker=tracker, faults=faults, since_pose=since), hold
