@@ -6,7 +6,7 @@ Objects carried in MuJoCo by a loop with halts, under several simultaneous fault
 
 `python -m studies.comparison.faulty_carries` prints a line for each carry and the figures of all,
 in some ten minutes; with `--drawn 60 --clean 10 --lost 20 --nothing 10 --page docs/benchmarks.md`
-in an hour or two, and replaces the table of that page.
+in half an hour, and replaces the table of that page.
 """
 
 from __future__ import annotations
