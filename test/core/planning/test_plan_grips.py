@@ -278,9 +278,9 @@ def test_path_leads_around_an_obstacle_on_the_straight_line():
 
 
 #: A configuration from which limits of the robot end the straight line before the goal.
-BENT = ROBOT.configuration([-0.242, 0.528, -0.112, 0.007, 0.346, -0.059])
-BENT_GRIP = Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc((1.532, -0.421), 0.3, 0.8))
-BEYOND_LIMITS = (1.541, -0.402, 0.006)
+BENT = ROBOT.configuration([-0.341, 0.233, 0.417, 0.201, -0.205, -0.174])
+BENT_GRIP = Grip.at_module(ROBOT, 'north/P', ConvexObject.disc((0.959, 0.218), 0.3, 0.8))
+BEYOND_LIMITS = (0.98, 0.08, -1.441)
 
 
 def test_path_leads_around_limits_of_the_robot():
@@ -293,7 +293,7 @@ def test_search_names_the_limits_of_the_robot_in_the_way():
     plan = plan_path(BENT, BENT_GRIP, BEYOND_LIMITS, max_steps=1)
     assert len(plan) == 0
     assert 'in the way: ' in plan.why
-    assert 'module east/R and module north/R' in plan.why
+    assert 'module east/Y and member east/Q-R' in plan.why
 
 
 @pytest.mark.nightly
