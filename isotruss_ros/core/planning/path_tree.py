@@ -24,6 +24,7 @@ from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.obstacle import Obstacle
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.separation import separate
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import (
@@ -106,21 +107,36 @@ class PathTree:
                 return limit.barrier.names(touching)[0]
         return ''
 
-    def propose(self, rng: np.random.Generator) -> Iterator[Array | None]:
-        """Yield paths (n, 3) to the goal, and None after motions that do not lead to it."""
+    def propose(self, rng: np.random.Generator) -> Iterator[Node | None]:
+        """Yield nodes at the goal, and None after motions that do not lead to it."""
         # The motion toward the goal slides along limits.
         end = self.move(self.root, self.goal)
-        proposed = [self._straighten(np.array([*end.poses[:-1], self.goal]))]
-        yield proposed[0] if self.reaches(end, self.goal) else None
+        proposed = [self.path_to(end)]
+        yield end if self.reaches(end, self.goal) else None
         for sample in self._sample(rng):
             near = self._nearest(sample)
             end = near if self.find_collision(sample) else self.move(near, sample)
-            for path in self._connect(end) if end is not near else ():
+            for node in self._connect(end) if end is not near else ():
                 # Different nodes often have the same short path.
+                path = self.path_to(node)
                 if not any(is_near(path, other) for other in proposed):
                     proposed.append(path)
-                    yield path
+                    yield node
             yield None
+
+    def path_to(self, end: Node) -> Array:
+        """Return the path (n, 3) to a node at the goal, without poses near straight lines."""
+        return self._straighten(np.array([*end.poses[:-1], self.goal]))
+
+    def discard(self, end: Node, pose: Pose) -> None:
+        """Remove the nodes on the path to a node from the place nearest to a pose on."""
+        errors = (np.array(end.poses) - np.array(pose)) * self._weights
+        place = max(int(np.linalg.norm(errors, axis=1).argmin()), 1)
+        lost = end.poses[place]
+        # Nodes of one motion share the arrays of their poses.
+        self._nodes = [
+            n for n in self._nodes if len(n.poses) <= place or n.poses[place] is not lost
+        ]
 
     def _sample(self, rng: np.random.Generator) -> Iterator[Array]:
         """Yield the pose of the object with its members at home, then random poses."""
@@ -153,17 +169,16 @@ class PathTree:
         """Return the length of a difference of poses, with rotations times the radius [m]."""
         return float(np.linalg.norm(difference * self._weights))
 
-    def _connect(self, node: Node) -> Iterator[Array]:
-        """Yield a short path (n, 3) to the goal through a node, then one with all its poses."""
+    def _connect(self, node: Node) -> Iterator[Node]:
+        """Yield the end of a short path to the goal through a node, then of one with all poses."""
         end = self.move(node, self.goal)
         if self.reaches(end, self.goal):
-            poses = [*end.poses[:-1], self.goal]
-            yield self._straighten(np.array(self._shorten(poses)))
-            yield self._straighten(np.array(poses))
+            yield self._shorten(end)
+            yield end
 
-    def _shorten(self, path: list[Array]) -> list[Array]:
-        """Return a path without poses that can be left out, the farthest ones first."""
-        short, poses = self.root, path
+    def _shorten(self, path: Node) -> Node:
+        """Return the end of a path without poses that can be left out, the farthest ones first."""
+        short, poses = self.root, [*path.poses[:-1], self.goal]
         while len(poses) > 1:
             # The motion from the start to the goal was proposed first.
             last = len(poses) - (2 if short is self.root else 1)
@@ -174,7 +189,7 @@ class PathTree:
             else:  # the shorter path ends at limits
                 return path
             short, poses = end, poses[following:]
-        return [*short.poses[:-1], self.goal]
+        return short
 
     def _straighten(self, poses: Array) -> Array:
         """Return a path without poses near its straight lines (Douglas and Peucker)."""

@@ -23,7 +23,7 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_path, SPEED, TRACKING, TURN_RATE
-from isotruss_ros.core.planning.path_tree import PathTree
+from isotruss_ros.core.planning.path_tree import Node, PathTree
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -132,11 +132,13 @@ def search_path(
         angle_tolerance=TOLERANCE_SHARE * settings.angle_tolerance,
     )
     stopped = False
-    for poses in _propose(tree, rng):
-        if poses is not None:
+    for node in _propose(tree, rng):
+        if node is not None:
+            poses = tree.path_to(node)
             foresight = foresee_path(held, friction, poses, speed, turn_rate, strict, obstacles)
             if not foresight.why:
                 return PathPlan(poses, '', tree.steps)
+            tree.discard(node, foresight.pose)
             tree.steps += FORESIGHT_STEPS * len(foresight.grips)
             limits = foresight.why.partition('limits of ')[2]
             tree.blocking.update(limits.split(', ') if limits else [foresight.why])
@@ -150,8 +152,8 @@ def search_path(
     return PathPlan(np.empty((0, 3)), f'{end}; in the way: {", ".join(names)}', tree.steps)
 
 
-def _propose(tree: PathTree, rng: np.random.Generator) -> Iterator[Array | None]:
-    """Yield the straight line to the goal, then the paths of the tree; None without a path."""
+def _propose(tree: PathTree, rng: np.random.Generator) -> Iterator[Node | None]:
+    """Yield the end of the straight line to the goal, then those of the tree; None without one."""
     if names := tree.find_contact():
         tree.blocking.update([f'at the start, {names}'])
         return
@@ -163,5 +165,5 @@ def _propose(tree: PathTree, rng: np.random.Generator) -> Iterator[Array | None]
     if name := tree.find_collision(*line, clearance=LINE_CLEARANCE):
         tree.blocking.update([f'the object and obstacle {name}'])
     else:
-        yield np.array([begin, tree.goal])
+        yield Node(tree.start, (begin, tree.goal))
     yield from tree.propose(rng)
