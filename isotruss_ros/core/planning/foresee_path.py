@@ -157,7 +157,7 @@ def foresee_path(
     if not len(poses):
         raise GraspError('the path has no poses: must have one or more')
     # The equilibrium may differ from the first pose.
-    shifted = _split_turns(poses - poses[0] + np.array(held.pose))
+    shifted = split_turns(poses - poses[0] + np.array(held.pose))
     try:
         path = ObjectPath(shifted, speed, turn_rate)
     except NoMotionError:
@@ -177,8 +177,12 @@ def guard_steps(robot: Mechanism, step_time: float, obstacles: Sequence[Obstacle
     return ShapeGuard(robot, bounds, obstacles=obstacles)
 
 
-def _split_turns(poses: Array) -> Array:
-    """Return poses (n, 3) with further ones within large turns, which keep their direction."""
+def split_turns(poses: Array) -> Array:
+    """
+    Return poses (n, 3) with further ones within large turns, which keep their direction.
+
+    Angles may then be wrapped to one turn, as in messages.
+    """
     turns = np.abs(np.diff(poses[:, 2]))
     ends = np.concatenate([[0], np.cumsum(np.ceil(turns / MAX_TURN).clip(1.0))])
     places = np.interp(np.arange(ends[-1] + 1), ends, np.arange(len(poses)))

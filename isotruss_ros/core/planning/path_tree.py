@@ -31,6 +31,7 @@ from isotruss_ros.core.planning.foresee_path import (
     guard_steps,
     guard_twist,
     OUT_OF_REACH,
+    split_turns,
     TRACKING,
 )
 import numpy as np
@@ -126,7 +127,7 @@ class PathTree:
 
     def path_to(self, end: Node) -> Array:
         """Return the path (n, 3) to a node at the goal, without poses near straight lines."""
-        return self._straighten(np.array([*end.poses[:-1], self.goal]))
+        return split_turns(self._straighten(np.array([*end.poses[:-1], self.goal])))
 
     def discard(self, end: Node, pose: Pose) -> None:
         """Remove the nodes on the path to a node from the place nearest to a pose on."""

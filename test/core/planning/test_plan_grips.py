@@ -5,6 +5,7 @@
 
 import copy
 import json
+import math
 from pathlib import Path
 import re
 
@@ -19,6 +20,7 @@ from isotruss_ros.core import (
     Obstacle,
     plan_grasps,
     plan_path,
+    RollingGrip,
     settle_grasp,
     tangent_center,
 )
@@ -31,6 +33,7 @@ from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.planning import grasp_plan, violations
 from isotruss_ros.core.planning.facing import balances, friction_angles
 from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.core.planning.path_tree import Node, PathTree
 from isotruss_ros.core.planning.release import plan_release
 from nightly import some_now
 import numpy as np
@@ -287,6 +290,16 @@ def test_path_leads_around_limits_of_the_robot():
     plan = plan_path(BENT, BENT_GRIP, BEYOND_LIMITS)
     assert len(plan) > 2
     assert plan.poses[-1] == pytest.approx(BEYOND_LIMITS)
+
+
+def test_a_path_keeps_the_direction_of_a_turn_of_more_than_half_a_turn():
+    rolling = RollingGrip.attach(ROBOT.home, GRIP)
+    goal = np.add(HELD.pose, (0.1, 0.0, 0.5))
+    poses = np.array(HELD.pose), np.add(HELD.pose, (0.2, 0.1, 4.0)), goal
+    path = PathTree(rolling, goal, []).path_to(Node(rolling, poses))
+    assert np.abs(np.diff(path[:, 2])).max() < math.pi
+    assert path[:, 2].max() == pytest.approx(poses[1][2])
+    assert path[[0, -1]] == pytest.approx(np.array([HELD.pose, goal]))
 
 
 def test_search_names_the_limits_of_the_robot_in_the_way():
