@@ -26,6 +26,12 @@ STOP_TIMEOUT = 30.0
 _locks: list[DomainLock] = []
 
 
+def handle_stops() -> None:
+    """Let SIGTERM and SIGHUP interrupt this process as Ctrl-C does, so that its nodes end too."""
+    for which in STOP_SIGNALS:
+        signal.signal(which, signal.default_int_handler)
+
+
 class NodeError(IsotrussError, RuntimeError):
     """Error: the process of a node ended unexpectedly, or did not stop."""
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
-import signal
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError, load_robot
@@ -20,6 +19,7 @@ from isotruss_ros.demo.gripping import Gripping, slow_down
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import (
     deferred_interrupts,
+    handle_stops,
     keep_to_this_machine,
     parse_arguments,
     running_nodes,
@@ -102,8 +102,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     options, ros_arguments = parse_arguments(parser, arguments)
     options.output.mkdir(parents=True, exist_ok=True)
     console, round_tubes = Console(), options.plant == MUJOCO
-    for ending in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(ending, signal.default_int_handler)  # the same as Ctrl-C
+    handle_stops()
     try:
         if round_tubes:
             require_egl()

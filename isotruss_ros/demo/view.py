@@ -8,14 +8,18 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-import signal
 import sys
 import tempfile
 import time
 from typing import Any
 
 from isotruss_ros.core import IsotrussError, read_object, read_obstacles
-from isotruss_ros.demo.processes import keep_to_this_machine, parse_arguments, running_nodes
+from isotruss_ros.demo.processes import (
+    handle_stops,
+    keep_to_this_machine,
+    parse_arguments,
+    running_nodes,
+)
 from isotruss_ros.viewer.names import ELASTIC, PLANTS
 
 DIAMETER = 0.3
@@ -63,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     page = {'port': options.port, 'browser_timeout': options.browser_timeout}
     nodes = [*list_nodes(options.plant, shown, room), ('viewer', shown | page | room)]
     print(f'plant {options.plant}; ROS_DOMAIN_ID={domain}, this machine only; Ctrl-C ends it')
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    handle_stops()
     try:
         with tempfile.TemporaryDirectory() as folder:
             return _run(nodes, Path(folder), ros_arguments)

@@ -139,10 +139,12 @@ def test_verdict_fails_for_an_error_not_for_a_limit(measured, commanded, code, w
 
 
 def test_object_of_another_shape_is_passed_to_all_nodes_of_a_view(started, monkeypatch, tmp_path):
-    monkeypatch.setattr(signal, 'signal', lambda *_: None)
+    handled = {}
+    monkeypatch.setattr(signal, 'signal', handled.__setitem__)
     file = tmp_path / 'box.yaml'
     file.write_text('{shape: ellipse, semi_axes: [0.1, 0.15]}')
     assert view.main(['--object', str(file)]) == 1
+    assert {signal.SIGTERM, signal.SIGHUP} <= handled.keys()  # as Ctrl-C, which ends the nodes
     shown = {name for name, command in started.items() if 'box.yaml' in ' '.join(command)}
     assert shown == started.keys() - {'grasp_planner'}
     assert 'viewer' in shown
