@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 import itertools
 import json
 from pathlib import Path
@@ -15,7 +15,7 @@ import time
 from typing import Any
 
 from isotruss_ros.core import Robot, Status
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.errors import ConfigurationError, suggest
 from isotruss_ros.core.servo.recorded_cycle import RecordedCycle
 from isotruss_ros.core.servo.recorded_servo import find_versions
 from isotruss_ros.core.servo.recorded_values import find_changes
@@ -29,16 +29,21 @@ import numpy as np
 ROUNDING = 1e-9
 
 
+def name_settings(settings: Any) -> Iterator[str]:
+    """Yield the names of the settings that are numbers, flags or texts, as `squeeze.force`."""
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        if is_dataclass(value):
+            yield from (f'{field.name}.{name}' for name in name_settings(value))
+        elif value is None or isinstance(value, bool | float | int | str):
+            yield field.name
+
+
 def change_setting(settings: Any, name: str, value: Any) -> Any:
     """Return settings with another value of a setting, named such as `squeeze.force`."""
     first, _, rest = name.partition('.')
-    if not hasattr(settings, first):
-        raise ConfigurationError(f'--set {name}: no such setting')
-    try:
-        part = change_setting(getattr(settings, first), rest, value) if rest else value
-        return replace(settings, **{first: part})
-    except TypeError as error:
-        raise ConfigurationError(f'--set {name}: {error}') from error
+    part = change_setting(getattr(settings, first), rest, value) if rest else value
+    return replace(settings, **{first: part})
 
 
 def parse_changes(texts: Sequence[str]) -> Callable[[ServoSettings], ServoSettings]:
@@ -53,7 +58,15 @@ def parse_changes(texts: Sequence[str]) -> Callable[[ServoSettings], ServoSettin
 
     def change(settings: ServoSettings) -> ServoSettings:
         for name, value in pairs:
-            settings = change_setting(settings, name, value)
+            if name not in (known := list(name_settings(settings))):
+                hint, names = suggest(name, known), ', '.join(known)
+                raise ConfigurationError(
+                    f'--set {name}: no such setting; {hint}must be of {names}'
+                )
+            try:
+                settings = change_setting(settings, name, value)
+            except TypeError as error:
+                raise ConfigurationError(f'--set {name}: {error}') from error
         return settings
 
     return change

@@ -140,6 +140,12 @@ def test_a_setting_that_does_not_exist_or_is_out_of_range_is_refused(change, dec
     assert err.startswith('replay failed: ')
 
 
+def test_a_misspelt_setting_is_refused_with_those_that_exist(decide):
+    _, _, err = decide(TEXTS, '--set', 'time_out=1')
+    assert '--set time_out: no such setting; did you mean timeout? must be of ' in err
+    assert 'grip.friction, ' in err
+
+
 def test_a_recording_without_cycles_decides_from_its_statuses_and_names_what_is_absent(capsys):
     assert replay.main([str(CARRY), '--decide']) == 0
     out = capsys.readouterr().out
