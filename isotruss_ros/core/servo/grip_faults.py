@@ -21,11 +21,11 @@ from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
 
-#: What a client does after a fault that persists.
-NEXT_STEPS = {
-    Status.HALT_SLIPPED: 'resume the grip (service resume_grip)',
-    Status.HALT_NOT_HELD: 'pick up the object (action pick_object)',
-}
+#: What a client does after a loss, and after another fault that persists.
+PICK_UP, RESUME = (
+    'pick up the object (action pick_object)',
+    'resume the grip (service resume_grip)',
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,5 +98,6 @@ class GripFaults:
         if self.fault is Status.HALT_OSCILLATES:
             return f'the object oscillates: the pose gain is reduced to {gain:.3g} 1/s'
         if self.fault is not None:
-            return f'{self.why}; next step: {NEXT_STEPS[self.fault]}'
+            next_step = PICK_UP if self.fault is Status.HALT_NOT_HELD else RESUME
+            return f'{self.why}; next step: {next_step}'
         return ''
