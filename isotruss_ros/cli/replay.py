@@ -112,7 +112,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='isotruss replay', description=__doc__)
     parser.add_argument('file', type=Path, help='MCAP file of the node record')
     parser.add_argument(
-        '--robot', default='nine_member', help='name of a preset, or path of a robot file'
+        '--robot',
+        default='nine_member',
+        help='name of a preset, or path of a robot file; with --decide only for recordings that '
+        'contain no robot',
     )
     parser.add_argument('--diameter', type=float, default=0.3, help='diameter of the object [m]')
     parser.add_argument('--speed', type=float, default=1.0, help='playback speed, 1: as recorded')
@@ -135,6 +138,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.set and not options.decide:
         parser.error('--set needs --decide')
+    for name in ('speed', 'port', 'once', 'page'):
+        if options.decide and getattr(options, name) != parser.get_default(name):
+            parser.error(f'--{name} with --decide: nothing is shown; must be omitted')
     try:
         check_range(options.speed, '--speed', '', *SPEED_RANGE)
         check_range(options.diameter, '--diameter', 'm', MIN_DIAMETER, MAX_SIZE)

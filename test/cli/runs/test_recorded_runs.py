@@ -146,6 +146,12 @@ def test_a_misspelt_setting_is_refused_with_those_that_exist(decide):
     assert 'grip.friction, ' in err
 
 
+def test_options_of_the_view_are_refused_with_decide(decide, capsys):
+    with pytest.raises(SystemExit, match='2'):
+        decide(TEXTS, '--once')
+    assert '--once with --decide' in capsys.readouterr().err
+
+
 def test_a_recording_without_cycles_decides_from_its_statuses_and_names_what_is_absent(capsys):
     assert replay.main([str(CARRY), '--decide']) == 0
     out = capsys.readouterr().out
