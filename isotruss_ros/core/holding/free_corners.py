@@ -79,7 +79,7 @@ class Corners(NamedTuple):
 
 def skin_tolerance(grip: HeldGrip) -> float:
     """Return the largest depth without contact in the skin of a grip's tubes [m]."""
-    return SKIN_TOLERANCE * grip.statics.tube_radius
+    return SKIN_TOLERANCE * grip.origin.statics.tube_radius
 
 
 def find_free_corners(grip: HeldGrip, gap: float | None = None) -> list[FreeCorner]:
