@@ -98,9 +98,9 @@ class Iteration(NamedTuple):
         )
 
     def relinearized(
-        self, predicted: Prediction, error: Array, motion: Array
+        self, predicted: Prediction, error: Array, motion: Array, chosen: Flags
     ) -> Iterator[Iteration]:
-        """Yield the samples in groups of one layout, with tubes linearised about their state."""
+        """Yield chosen samples in groups of one layout, with tubes linearised where they are."""
         statics, indices = self.statics, self.statics.places
         bent, feet = statics.bent, self.unknowns[..., indices.feet]
         are_near = np.abs(feet - bent.places) < RING_REACH * statics.tube_radius
@@ -110,7 +110,7 @@ class Iteration(NamedTuple):
             moves_by_rounding=motion <= ROUNDING,
             steps=0 * self.steps,
         )
-        for rows, tubes in update_samples(bent, predicted):
+        for rows, tubes in update_samples(bent, predicted, chosen):
             every = current, are_near, bent.cuts.pieces
             group, near, pieces = every if rows is None else take(every, rows)
             crossings = group.crossings + (near & (tubes.cuts.pieces != pieces))
@@ -213,8 +213,8 @@ def _iterate(
     continues = is_valid & ~ends & (steps < MAX_TANGENT_STEPS)
     relinearizes = continues & ~is_linearised & (is_solved | (error < begin.least_error))
     yield from _choose(current, continues & ~relinearizes)
-    for again, *arguments in _choose((current, predicted, error, motion), relinearizes):
-        yield from again.relinearized(*arguments)
+    if relinearizes.any():
+        yield from current.relinearized(predicted, error, motion, relinearizes)
 
 
 def _choose(record: T, chosen: Flags) -> list[T]:

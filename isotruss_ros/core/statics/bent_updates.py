@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
-from isotruss_ros.core.numerics.samples import apply, column, first_sample, pick, take
+from isotruss_ros.core.numerics.samples import apply, first_sample, pick, take
 from isotruss_ros.core.statics.bent_tubes import BentState, BentTubes, Prediction
 from isotruss_ros.core.statics.blocks import Layout
 from isotruss_ros.core.statics.frame import Frame, largest_motion
@@ -40,36 +40,33 @@ def update_tubes(
 ) -> BentTubes:
     """Return the tubes linearised about the state that these predict under loads."""
     predicted = bent.predict(loads, positions)
-    active, is_near = bent.frame.layout.active, bool(_are_near(bent, predicted.cuts))
     if structure is None or structure.key == bent.structure.key:
-        active = _active(bent.frame.layout, _find_loaded(bent, predicted))
-        return _relinearize(bent, predicted, active, is_near, bent.structure)
+        ((_, updated),) = update_samples(bent, predicted)
+        return updated
     # Finding the unloaded blocks of another structure would take longer.
     every = structure.frame.layout.active
     cuts = Cuts.of(structure, bent.members, positions)
     predicted = predicted._replace(cuts=cuts, factors=bent.factors(loads, cuts.places))
     relative, absolute = bent.displace(predicted.factors)
     predicted = predicted._replace(relative=relative, absolute=absolute)
-    return _relinearize(bent, predicted, every, bool(_are_near(bent, cuts)), structure)
+    return _relinearize(*_move_tubes(bent, predicted), positions, cuts, every, structure)
 
 
 def update_samples(
-    bent: BentTubes, predicted: Prediction
+    bent: BentTubes, predicted: Prediction, chosen: Flags | None = None
 ) -> Iterator[tuple[Indices | None, BentTubes]]:
     """
-    Yield the tubes of n samples, linearised about predicted states.
+    Yield the tubes of chosen samples, or of all, linearised about predicted states.
 
     They are the indices (q,) of samples, see `group_samples`, and their tubes with one layout, for
     each layout.
     """
-    layout, cuts = bent.frame.layout, predicted.cuts
-    conditions = _find_loaded(bent, predicted), column(_are_near(bent, cuts))
-    for indices in group_samples(bent.structure, cuts, *conditions):
-        every = bent, predicted, *conditions
-        tubes, of_group, *of_samples = every if indices is None else take(every, indices)
-        loaded, is_near = map(first_sample, of_samples)
-        active = _active(layout, loaded)
-        yield indices, _relinearize(tubes, of_group, active, bool(is_near), tubes.structure)
+    values = *_move_tubes(bent, predicted), predicted.positions, predicted.cuts
+    every = *values, _find_loaded(bent, predicted)
+    for indices in group_samples(bent.structure, predicted.cuts, chosen):
+        moved, near, positions, cuts, loaded = every if indices is None else take(every, indices)
+        active = _active(bent.frame.layout, loaded)
+        yield indices, _relinearize(moved, near, positions, cuts, active, moved.structure)
 
 
 def group_key(bent: BentTubes) -> tuple[object, ...]:
@@ -78,27 +75,35 @@ def group_key(bent: BentTubes) -> tuple[object, ...]:
     return *bent.frame.layout.key, at_rings.tobytes()
 
 
-def _relinearize(
-    bent: BentTubes,
-    predicted: Prediction,
-    active: Indices,
-    is_near: bool,
-    structure: Structure,
-) -> BentTubes:
-    """Return the tubes with cuts in one layout, see `_find_loaded` and `_are_near`."""
-    cuts = predicted.cuts
-    frame = structure.frame.cut(first_sample(cuts.pieces), cuts.within, active)
-    if not is_near:  # the nodes do not move to the cuts
-        factors = bent.factors(predicted.loads, bent.cuts.places)
+def _move_tubes(bent: BentTubes, predicted: Prediction) -> tuple[BentTubes, Flags]:
+    """Return the tubes in a predicted state, without results; and whether nodes are near cuts."""
+    near = _are_near(bent, predicted.cuts)
+    if not near.all():  # nodes that are not near do not move to the cuts
+        places = np.where(near[..., None], predicted.cuts.places, bent.cuts.places)
+        factors = bent.factors(predicted.loads, places)
         relative, absolute = bent.displace(factors)
         predicted = predicted._replace(factors=factors, relative=relative, absolute=absolute)
-    state = _predict_state(bent, predicted)
-    if not is_near or frame.layout.key != bent.frame.layout.key:
-        state = _convert(bent, state, frame, is_near)
+    fields = bent.structure, bent.members, bent.places, bent.cuts, bent.lines, bent.frame
+    moved = BentTubes(*fields, _predict_state(bent, predicted))
+    moved.__dict__['kept'] = bent.kept
+    return moved, near
+
+
+def _relinearize(
+    bent: BentTubes,
+    near: Flags,
+    positions: Array,
+    cuts: Cuts,
+    active: Indices,
+    structure: Structure,
+) -> BentTubes:
+    """Return the tubes with cuts in one layout, see `_move_tubes`."""
+    frame, state = structure.frame.cut(first_sample(cuts.pieces), cuts.within, active), bent.state
+    if not near.all() or frame.layout.key != bent.frame.layout.key:
+        state = _convert(bent, frame, near)
     lines = bent.lines
     if structure is not bent.structure:
         lines = Lines.of(structure, bent.members)
-    positions = predicted.positions
     updated = BentTubes(structure, bent.members, positions, cuts, lines, frame, state)
     if structure is bent.structure and frame.layout is bent.frame.layout:
         updated.__dict__['kept'] = bent.kept
@@ -135,24 +140,28 @@ def _find_loaded(bent: BentTubes, predicted: Prediction) -> Flags:
 
 
 def _active(layout: Layout, loaded: Flags) -> Indices:
-    """Return the active blocks of a layout and the kept blocks (b,) that loads deform."""
+    """Return the active blocks of a layout, and the kept blocks (..., b) that loads deform."""
     if not loaded.any():
         return layout.active
-    return np.sort(np.append(layout.active, layout.kept_ids[loaded]))
+    in_any_sample = loaded.reshape(-1, len(layout.kept_ids)).any(axis=0)
+    return np.sort(np.append(layout.active, layout.kept_ids[in_any_sample]))
 
 
-def _convert(bent: BentTubes, state: BentState, frame: Frame, is_near: bool) -> BentState:
-    """Return the state of a similar frame; `is_near`: its cuts are displaced as these are."""
-    unknowns, layout = bent.complete(state.unknowns), frame.layout
+def _convert(bent: BentTubes, frame: Frame, near: Flags) -> BentState:
+    """Return the state of a similar frame; `near`: samples whose cuts are displaced as these."""
+    state, layout = bent.state, frame.layout
+    unknowns = bent.complete(state.unknowns)
     # Begins and middles of its parts, as positions in the members of this frame.
     length_ratios = (bent.structure.frame.length / frame.uncut.length)[..., layout.whole]
     begins = length_ratios * frame.begins
     middles = length_ratios * (frame.begins + 0.5 * frame.length)
-    if not is_near:
+    if not near.all():
         nodes, behind = bent.frame.displacements(unknowns), layout.behind
         at_cuts = bent.frame.interpolate(nodes, layout.whole[behind], begins[..., behind])
         last_nodes = slice(-len(behind), None)
-        bent.frame.displacements(unknowns)[..., last_nodes, :] = at_cuts
+        nodes[..., last_nodes, :] = np.where(
+            near[..., None, None], nodes[..., last_nodes, :], at_cuts
+        )
     part = bent.frame.locate(layout.whole, middles)
     # Tubes without parts in this frame are undeformed.
     axial = np.where(part < 0, 0.0, pick(state.axial, part))
@@ -164,7 +173,7 @@ def activate_tubes(bent: BentTubes) -> BentTubes:
     if not bent.frame.layout.kept:
         return bent
     frame = bent.structure.frame.cut(first_sample(bent.cuts.pieces), bent.cuts.within)
-    state = _convert(bent, bent.state, frame, True)
+    state = _convert(bent, frame, np.True_)
     tangent = linearize(frame, state.unknowns, state.axial)
     axial = tangent.forces.values[..., 0]
     return replace(bent, frame=frame, state=state._replace(axial=axial))

@@ -59,21 +59,22 @@ class Cuts(NamedTuple):
 
 
 def group_samples(
-    structure: Structure, cuts: Cuts, *others: Array | Flags
+    structure: Structure, cuts: Cuts, chosen: Flags | None = None
 ) -> Sequence[Indices | None]:
     """
-    Return the samples of each group with equal layouts of cuts and equal other values.
+    Return the chosen samples, or all, in groups with equal layouts of cuts.
 
     None are all samples, or the only one.
     """
     if cuts.pieces.ndim == 1 or len(cuts.pieces) == 1:
         return [None]
     order = np.lexsort((cuts.within, cuts.pieces), axis=-1)
-    columns = cuts.pieces, order, are_at_rings(structure, cuts), *others
+    rows = np.concatenate([cuts.pieces, order, are_at_rings(structure, cuts)], axis=-1)
+    numbers = range(len(rows)) if chosen is None else np.flatnonzero(chosen).tolist()
     groups = defaultdict[bytes, list[int]](list)
-    for i, row in enumerate(zip(*columns, strict=True)):
-        groups[b''.join(values.tobytes() for values in row)].append(i)
-    return [None] if len(groups) == 1 else list(map(np.array, groups.values()))
+    for i in numbers:
+        groups[rows[i].tobytes()].append(i)
+    return [None if len(group) == len(rows) else np.array(group) for group in groups.values()]
 
 
 def are_at_rings(structure: Structure, cuts: Cuts) -> Flags:
