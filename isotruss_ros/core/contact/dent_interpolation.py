@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import functools
 import math
-from typing import Any
+from typing import TypeAlias
 
 from isotruss_ros.core.contact.dent_table import dent_table, DentTable
 from isotruss_ros.core.contact.flattening import flattening_of
@@ -31,8 +31,9 @@ import numpy as np
 #: and 3 %, depths of discs err by up to 3e-4, those of polygons by up to 7e-3 (median 4e-4) of
 #: themselves, less than those of a table between its angles, see `ANGLE_STEP`.
 PRESSURE_STEP, SIZE_STEP = 0.2, 0.1
-#: Steps of the tables between which a value is interpolated.
-STEPS = (0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)
+#: Steps of pressure and size of several tables, and those between which a value is interpolated.
+Steps: TypeAlias = tuple[tuple[int, int], ...]
+STEPS: Steps = (0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)
 
 
 class DentFamily:
@@ -41,6 +42,7 @@ class DentFamily:
     def __init__(self, robot: Mechanism, pressure: float, shape: Shape, corner: int) -> None:
         self._robot, self._pressure, self._shape, self._corner = robot, pressure, shape, corner
         self._splines: dict[tuple[int, int, int], tuple[Array, Array]] = {}
+        self._joined: dict[tuple[Steps, int], tuple[Array, Array]] = {}
         self.nominal = self.table(0, 0)
 
     def table(self, of_pressure: int, of_size: int) -> DentTable:
@@ -78,6 +80,14 @@ class DentFamily:
             self._splines[key] = np.array(splines), np.log(scales)
         return self._splines[key]
 
+    def splines_at(self, steps: Steps, base: int) -> tuple[Array, Array]:
+        """Return `splines_near` of the tables at t steps, joined: (t, 4, q) and (t, 4)."""
+        if (steps, base) not in self._joined:
+            near = [self.splines_near(*step, base) for step in steps]
+            splines, logarithms = (np.array(arrays) for arrays in zip(*near, strict=True))
+            self._joined[steps, base] = splines, logarithms
+        return self._joined[steps, base]
+
 
 #: Returns a `DentFamily`, cached.
 _dent_family = functools.lru_cache(maxsize=256)(DentFamily)
@@ -87,46 +97,43 @@ class InterpolatedTable:
     """Interpolated `DentTable` of an object with a factor on its size, under a pressure [Pa]."""
 
     def __init__(self, family: DentFamily, pressure: float, factor: float) -> None:
-        self._family = family
+        self.family = family
         #: numbers of the splines near a sample, see `splines_of`
         self.numbers = dict[int, Array]()
         self.is_round, self.angles = family.nominal.is_round, family.nominal.angles
         # Parabolas through three tables in each direction, whose ends are even numbers of steps
         # beside the middle.
         at = family.coordinates(pressure, factor)
-        self._middle = tuple(2 * round(0.5 * x) for x in at)
-        t, s = (x - middle for x, middle in zip(at, self._middle, strict=True))
+        middle = [2 * round(0.5 * x) for x in at]
+        t, s = at[0] - middle[0], at[1] - middle[1]
         ends = [0.5 * x * (x + way) for x in (t, s) for way in (-1.0, 1.0)]
-        #: weights of the tables at `STEPS`
+        #: weights of tables, and their steps; a table without weight is replaced by the middle
         self.weights = [1.0 - t * t - s * s, *ends]
+        self.steps = tuple(
+            (middle[0] + i, middle[1] + j) if weight else (middle[0], middle[1])
+            for weight, (i, j) in zip(self.weights, STEPS, strict=True)
+        )
 
     def splines_near(self, base: int) -> Array:
         """Return the numbers (4, q) of the splines near a sample that `splines_of` computed."""
         return self.numbers[base]
 
-    def tables_near(self, base: int) -> tuple[DentFamily, tuple[tuple[int, int, int], ...]]:
-        """Return the family, and the keys of its tables whose weights are not zero."""
-        at = (
-            (self._middle[0] + of_pressure, self._middle[1] + of_size, base)
-            for of_pressure, of_size in STEPS
-        )
-        used = zip(at, self.weights, strict=True)
-        return self._family, tuple(key for key, weight in used if weight)
-
 
 def splines_of(tables: Sequence[DentTable | InterpolatedTable], bases: Sequence[int]) -> Array:
     """Return the numbers (c, m, q) of the splines of tables (c,), each near a sample."""
-    missing: dict[Any, list[tuple[InterpolatedTable, int]]] = {}
-    for table, base in zip(tables, bases, strict=True):
-        if isinstance(table, InterpolatedTable) and base not in table.numbers:
-            missing.setdefault(table.tables_near(base), []).append((table, base))
-    for (family, keys), interpolated in missing.items():
-        near = [family.splines_near(*key) for key in keys]
+    missing = [
+        (table, base)
+        for table, base in zip(tables, bases, strict=True)
+        if isinstance(table, InterpolatedTable) and base not in table.numbers
+    ]
+    if missing:
+        near = [table.family.splines_at(table.steps, base) for table, base in missing]
         splines, logarithms = (np.array(arrays) for arrays in zip(*near, strict=True))
-        weights = np.array([[w for w in table.weights if w] for table, _ in interpolated])
-        scales = np.exp((weights @ logarithms)[..., None] * _powers(splines.shape[-1]))
-        values = scales * np.tensordot(weights, splines, 1)
-        for (table, base), numbers in zip(interpolated, values, strict=True):
+        weights = np.array([[table.weights] for table, _ in missing])
+        scales = np.exp((weights @ logarithms)[:, 0, :, None] * _powers(splines.shape[-1]))
+        sums = weights @ splines.reshape(*splines.shape[:2], -1)
+        values = scales * sums.reshape(scales.shape)
+        for (table, base), numbers in zip(missing, values, strict=True):
             table.numbers[base] = numbers
     return np.array([table.splines_near(base) for table, base in zip(tables, bases, strict=True)])
 
