@@ -165,7 +165,7 @@ def straight(rng: np.random.Generator) -> Task | None:
 #: around limits.
 STRAIGHT = (*range(7), *range(8, 22), *range(23, 26), *range(27, 33))
 POST = (95, 618, 1037, 1071, 1245, 1697, 2057, 2065, 2114, 2136, 2441, 2613, 3610, 3918, 4669)
-LIMITS = (28, 46, 83, 85, 143, 157, 169, 171, 262, 375, 442)
+LIMITS = (28, 46, 143, 169, 171, 262, 375, 442, 468, 507, 563, 625, 780, 818, 883)
 #: Functions that draw the goals, their seed and numbers, and how many of them are carried in
 #: MuJoCo as well [-], by the reason of the refusal.
 KINDS = {
