@@ -40,7 +40,7 @@ def _place(file: str, *pose: str) -> ConvexObject:
         x, y, angle = map(float, pose)
     except ValueError as error:
         raise ObjectFileError(f'--shape {file} {" ".join(pose)}: {error}') from error
-    return read_object(file).moved_to(Pose(x, y, angle))
+    return read_object(file).placed_at(Pose(x, y, angle))
 
 
 def _parser() -> argparse.ArgumentParser:

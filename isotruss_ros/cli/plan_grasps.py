@@ -61,7 +61,7 @@ def _read_object(options: argparse.Namespace) -> ConvexObject:
     """Return the object that the options describe, at its pose."""
     if options.object is None:
         return ConvexObject.disc(tuple(options.center), options.diameter)
-    return read_object(options.object).moved_to((*options.center, options.angle))
+    return read_object(options.object).placed_at((*options.center, options.angle))
 
 
 def _search(

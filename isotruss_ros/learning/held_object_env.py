@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError, suggest
-from isotruss_ros.core.model.pose import check_range, Pose, pose_difference
+from isotruss_ros.core.model.pose import check_range, Pose, pose_difference, pose_fault
 from isotruss_ros.core.model.robot_schema import plausible_range
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD
@@ -151,6 +151,8 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         goal = options.get('goal', robot.object_pose + self._goal_range * shift)
         self._object.external_wrench = wrench
         self._goal = Pose(*finite_array(goal, 3, 'goal (x, y [m], angle [rad])', GraspError))
+        if 'goal' in options and (fault := pose_fault(*self._goal)):
+            raise GraspError(f'goal {goal}: {fault}')
         self._robot = robot
         return self._observe(), self._info(core.Status.IDLE, '')
 

@@ -158,6 +158,7 @@ def test_invalid_arguments_are_named(arguments, words):
     [
         ({'gaol': (0.0, 0.0, 0.0)}, "option 'gaol': did you mean goal?"),
         ({'goal': (0.0, 0.0)}, 'goal .*must be 3 finite numbers'),
+        ({'goal': (750.0, 760.0, 0.0)}, r'goal \(750.*: x must be .* if it is in mm'),
         ({'external_wrench': 'down'}, 'external wrench'),
     ],
 )

@@ -66,7 +66,7 @@ def check_grasps(
     for i, row in enumerate(zip(*columns, strict=True)):
         config, body, mu, wrench, pressure, pose, factor = row
         try:
-            placed = body if pose is None else body.moved_to(pose)
+            placed = body if pose is None else body.placed_at(pose)
             checked = check_inputs(config, placed, mu, wrench, pressure, indices, factor)
         except IsotrussError as error:
             raise type(error)(f'grasp {i}: {error}') from error

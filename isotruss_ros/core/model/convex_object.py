@@ -66,8 +66,7 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         """Check the fields, and set the derived quantities."""
         check_kind('shape', self.shape, 'Shape')
         self._place(self.pose)
-        if fault := pose_fault(*self.pose):
-            raise GraspError(f"the object's pose {tuple(self.pose)}: {fault}")
+        self._check_pose()
         if self.mass is not None:
             mass = check_range(self.mass, "the object's mass", 'kg', ROUNDING, MAX_MASS)
             object.__setattr__(self, 'mass', mass)
@@ -82,6 +81,11 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         if self.friction is not None:
             friction = check_friction(self.friction, "the object's friction")
             object.__setattr__(self, 'friction', friction)
+
+    def _check_pose(self) -> None:
+        """Raise a `GraspError` if the pose is out of the range of poses from outside."""
+        if fault := pose_fault(*self.pose):
+            raise GraspError(f"the object's pose {tuple(self.pose)}: {fault}")
 
     def _place(self, pose: ArrayLike) -> None:
         """Set the pose, and the quantities that follow from shape and pose."""
@@ -141,11 +145,22 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         Return the object at another pose.
 
         :param pose: pose (x, y, angle) of the object's frame in the robot frame [m, rad].
-        :raises GraspError: the pose is not three finite numbers within range.
+        :raises GraspError: the pose is not three finite numbers; see `placed_at` for their range.
         """
         moved = copy.copy(self)  # the other fields were checked when this object was created
         moved._place(pose)
         return moved
+
+    def placed_at(self, pose: ArrayLike) -> ConvexObject:
+        """
+        Return the object at a pose from outside, whose range is checked as that of a new object.
+
+        :param pose: pose (x, y, angle) of the object's frame in the robot frame [m, rad].
+        :raises GraspError: the pose is not three finite numbers within range.
+        """
+        placed = self.moved_to(pose)
+        placed._check_pose()
+        return placed
 
     def smoothed(self, length: float) -> ConvexObject:
         """

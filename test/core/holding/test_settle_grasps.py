@@ -163,6 +163,7 @@ def test_nodes_that_can_move_in_an_unbraced_robot_are_named(force):
         ({'pressure': [5e4, 5e4]}, r'pressure: 2 values: .* 3 tubes; .* grasps .* \(n, 1\)'),
         ({'stiffness': [1.0, 0.0, 1.0]}, r'grasp 1: stiffness'),
         ({'poses': [(0, 0, 0), (0, 0), (0, 0, 0)]}, r'grasp 1: .*pose'),
+        ({'poses': [(0, 0, 0), (716, 749, 0), (0, 0, 0)]}, r'grasp 1: .*pose.* if it is in mm'),
         ({'friction': [0.5, 0.5]}, r'friction: 2 values: must be 1, or one for each grasp'),
         ({'configs': [HOME, HOME, preset('triangle').home]}, r'configs\[2\]: .*nine_member'),
         ({'configs': []}, r'configs: 0 values'),
