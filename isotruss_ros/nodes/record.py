@@ -19,7 +19,7 @@ from isotruss_ros.extras import MissingPackageError
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import EVENTS, LATCHED, NEWEST_MESSAGES
+from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST_MESSAGES, RECORDS
 from isotruss_ros.nodes.framework.transforms import TFMessage
 from nav_msgs.msg import Path as PathMessage
 from sensor_msgs.msg import JointState
@@ -46,7 +46,7 @@ TOPICS = {
     '/diagnostics': DiagnosticArray,
 } | ({} if TFMessage is None else {'/tf': TFMessage})
 #: Profiles of topics of which every message is recorded.
-PROFILES = {'emergency_stop': EVENTS, 'manipulation/cycle': LATCHED}
+PROFILES = {'emergency_stop': EVENTS, 'manipulation/cycle': RECORDS}
 #: Sequence number written for all messages, because subscribers do not receive the number.
 UNKNOWN_SEQUENCE_NUMBER = 0
 #: Period of writing to the file [s]; messages of one period may be lost if the recorder is killed.

@@ -140,7 +140,7 @@ class World(Watched):
         self.nodes: list[Node] = []
         self._remaps = remaps
         self._queue: deque[tuple[str, Any, QoSProfile, int]] = deque()
-        self._latched: dict[tuple[Publisher, str], tuple[str, Any, QoSProfile, int]] = {}
+        self._latched: dict[tuple[Publisher, str], deque[tuple[str, Any, QoSProfile, int]]] = {}
         self._numbers: WeakKeyDictionary[Publisher, Iterator[int]] = WeakKeyDictionary()
         self._served: set[Subscription] = set()
         self._present: list[Subscription] = []
@@ -184,7 +184,8 @@ class World(Watched):
         sent = (topic, copied, offered, number)
         self._queue.append(sent)
         if is_latched:
-            self._latched[publisher, topic] = sent
+            kept = self._latched.setdefault((publisher, topic), deque(maxlen=offered.depth))
+            kept.append(sent)
 
     def count_subscriptions(self, publisher: Publisher) -> int:
         topic = self._resolve(publisher)
@@ -265,9 +266,11 @@ class World(Watched):
                 if subscription.qos_profile.durability != TRANSIENT:
                     continue
                 waiting = {id(message) for _, message, *_ in self._queue}
-                for topic, message, _, number in self._latched.values():
-                    if topic == subscription.topic_name and id(message) not in waiting:
-                        call_back(subscription, message, number)
+                first = -subscription.qos_profile.depth
+                for kept in self._latched.values():
+                    for topic, message, _, number in [*kept][first:]:
+                        if topic == subscription.topic_name and id(message) not in waiting:
+                            call_back(subscription, message, number)
 
     # -- What tests ask for --
 

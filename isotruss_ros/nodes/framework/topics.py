@@ -42,6 +42,12 @@ ACKNOWLEDGE_TIME = Duration(seconds=0.5)
 EVENTS = QoSProfile(depth=100)
 #: Profile for messages that are valid until the next message; late subscribers receive them.
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+#: Number of cycles that are published without a subscriber: 5 s at 100 Hz, because on a busy
+#: machine the discovery of a running recorder took 3 s.
+FIRST_RECORDS = 500
+#: Profile for the records of cycles. Its depth is twice that number, so that a late subscriber
+#: receives the first records before later ones replace them.
+RECORDS = QoSProfile(depth=2 * FIRST_RECORDS, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: Profile for all messages of all publishers, for `SparseMessages`. It is reliable, because
 #: best-effort subscriptions lose messages sent before discovery. Fast DDS stores up to 5000
 #: messages; with more, publishers block, or an event reports the loss.

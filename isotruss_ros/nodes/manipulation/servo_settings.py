@@ -28,7 +28,7 @@ from isotruss_ros.nodes.conversions.state_messages import to_grip_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
-from isotruss_ros.nodes.framework.topics import LATCHED
+from isotruss_ros.nodes.framework.topics import FIRST_RECORDS, RECORDS
 from std_msgs.msg import String
 
 #: Statuses that cause no warning.
@@ -178,7 +178,7 @@ class StatusReport:
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._publisher = node.advertise(ManipulationStatus, 'manipulation/status')
         self._grips = node.advertise(HeldGrip, 'manipulation/grip')
-        self._cycles = node.advertise(String, 'manipulation/cycle', LATCHED)
+        self._cycles = node.advertise(String, 'manipulation/cycle', RECORDS)
         self._recorded = 0  # number of published records
         self._robot, self._frame, self._node = robot, robot.frame, node
         self._told = 0.0
@@ -192,7 +192,7 @@ class StatusReport:
 
         :param describe: function that returns the text of the record.
         """
-        if self._recorded < LATCHED.depth or self._cycles.get_subscription_count():
+        if self._recorded < FIRST_RECORDS or self._cycles.get_subscription_count():
             self._cycles.publish(String(data=describe()))
             self._recorded += 1
 

@@ -25,7 +25,7 @@ from isotruss_ros.core.servo.recorded_cycle import read_cycle
 from isotruss_ros.core.servo.repeated_run import decide_again, read_robot
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.nodes.conversions.messages import read_pose, read_stamp, read_twist
-from isotruss_ros.nodes.framework.topics import LATCHED
+from isotruss_ros.nodes.framework.topics import RECORDS
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.manipulation.servo_settings import make_settings, SPECS, StatusReport
@@ -355,8 +355,9 @@ def test_pressures_that_are_old_or_invalid_halt_until_valid_ones_arrive():
 def test_published_records_decide_again_as_the_node_did():
     with world(plant, squeezing()) as w:
         w.until_code(Status.OK, still(w))
+        w.spin(6.0, still(w))  # more than 100 cycles: a recorder may be discovered late
         w.probe.create_subscription(
-            String, 'manipulation/cycle', lambda message: texts.append(message.data), LATCHED
+            String, 'manipulation/cycle', lambda message: texts.append(message.data), RECORDS
         )
         texts, move = [], lambda: w.probe.send_twist(FORWARD)
         w.spin(0.2, move)
