@@ -28,8 +28,8 @@ from isotruss_ros.dataset.table_files import (
 )
 from numpy.typing import NDArray
 
-#: Default number of grasps in a part [-].
-PART_SIZE = 1024
+#: Default number of grasps in a part [-], those that `settle_grasps` computes together.
+PART_SIZE = 256
 #: Largest number of grasps of a data set [-].
 MAX_GRASPS = 10**9
 #: Largest number of parts that an executor has at once [-]: enough for all processes.

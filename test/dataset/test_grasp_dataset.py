@@ -201,6 +201,19 @@ def test_a_file_of_another_run_is_refused_with_the_setting(tmp_path, capsys):
     assert 'belongs to another run: travel 0.1, now 0.05' in capsys.readouterr().err
 
 
+def test_parts_of_another_size_are_refused_with_both_sizes(tmp_path, capsys):
+    path = tmp_path / 'grasps.npz'
+
+    def stop(stored):
+        if stored:
+            raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        write_dataset(DatasetRun(ROBOT, 2, part_size=1), path, on_progress=stop)
+    assert call(path) == 2
+    assert 'belongs to another run: part_size 1, now 256' in capsys.readouterr().err
+
+
 def test_a_damaged_part_is_named(tmp_path, capsys):
     path = tmp_path / 'grasps.npz'
     run = DatasetRun(ROBOT, 2, part_size=1)
