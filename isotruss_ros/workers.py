@@ -5,16 +5,17 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
 import contextlib
 import math
 import multiprocessing
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnContext, SpawnProcess
 import os
 import signal
 import threading
 import time
+from typing import Any
 
 #: Largest number of processes [-].
 MAX_WORKERS = 256
@@ -40,8 +41,11 @@ class WorkerPool(contextlib.AbstractContextManager):
 
     def __init__(self, workers: int = 0) -> None:
         wanted, self._wanted = multiprocessing.Pipe(duplex=False)
-        self.executor = ProcessPoolExecutor(
-            workers or core_count(), _Context(), initializer=_begin, initargs=(wanted,)
+        self.executor: ProcessPoolExecutor = _Executor(
+            workers or core_count(),
+            multiprocessing.get_context('spawn'),
+            initializer=_begin,
+            initargs=(wanted,),
         )
 
     def __exit__(self, *_error: object) -> None:
@@ -71,21 +75,16 @@ class Stop:
         return self.requested or self.time_left == 0.0
 
 
-class _Worker(SpawnProcess):
-    """Process that ignores Ctrl-C."""
+class _Executor(ProcessPoolExecutor):
+    """Executor whose processes ignore Ctrl-C, which raises only after they have started."""
 
-    def start(self) -> None:
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        # `submit` starts processes, which inherit the mask, and then the thread that joins them.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            super().start()
+            return super().submit(fn, *args, **kwargs)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-class _Context(SpawnContext):
-    """Multiprocessing context whose processes are workers."""
-
-    Process = _Worker
 
 
 def _begin(wanted: Connection) -> None:

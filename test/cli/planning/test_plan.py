@@ -5,6 +5,8 @@
 
 from concurrent.futures.process import BrokenProcessPool
 import json
+import multiprocessing
+from multiprocessing.context import SpawnProcess
 import os
 import signal
 import subprocess
@@ -145,6 +147,20 @@ def test_ctrl_c_in_a_terminal_prints_no_traceback():
     assert 'stopped before its end' in out
     assert err == ''
     assert not psutil.wait_procs(children, DEADLINE)[1]
+
+
+def test_an_interrupt_while_a_worker_starts_ends_it_without_a_traceback(monkeypatch, capfd):
+    start = SpawnProcess.start
+
+    def start_and_interrupt(process):
+        start(process)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(SpawnProcess, 'start', start_and_interrupt)
+    with pytest.raises(KeyboardInterrupt), WorkerPool(2) as pool:
+        pool.executor.submit(int)
+    assert not multiprocessing.active_children()
+    assert capfd.readouterr().err == ''
 
 
 def test_workers_end_when_the_pool_is_closed():
