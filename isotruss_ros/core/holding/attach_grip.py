@@ -109,8 +109,8 @@ def attach_grips(
         searches[i] = search_contacts(contacts, limit=limit)
     asked = {i: next(search)[0] for i, search in searches.items()}
     while asked:
-        solved, asked = solver.solve(asked), {}
-        for i, answer in solved.items():
+        for i, answer in solver.solve(asked).items():
+            del asked[i]
             if isinstance(answer, StructureError):
                 results[i] = answer
                 continue
