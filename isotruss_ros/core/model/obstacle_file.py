@@ -7,9 +7,9 @@ Reading of obstacles from YAML, given as a file or as the text of a parameter.
 Each obstacle has a name, the keys of a shape as in object files, and a pose in the robot frame. A
 wall is a half plane, see `HalfPlane`.
 
-    post: {shape: disc, diameter: 0.1, pose: [1.2, 0.4, 0]}
+    post: {shape: disc, diameter: 0.1, pose: [1.3, 0.8, 0]}
     table: {shape: polygon, vertices: [[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]], pose: [2, 1, 0.3]}
-    south wall: {shape: half_plane, pose: [0, -1, 1.5708]}
+    south wall: {shape: half_plane, pose: [0, -1.5, 1.5708]}
 """
 
 from __future__ import annotations

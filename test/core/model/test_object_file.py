@@ -20,6 +20,7 @@ from isotruss_ros.core import (
     Pose,
     read_object,
     read_obstacles,
+    ShapeGuard,
 )
 from isotruss_ros.core.errors import GraspError, ObjectFileError
 from isotruss_ros.core.model.convex_object import segment_gaps
@@ -32,7 +33,7 @@ from isotruss_ros.core.model.smooth_outline import SmoothOutline
 import numpy as np
 import pytest
 import robots
-from robots import examples, generators
+from robots import examples, generators, preset
 from shapes import dense_outline, random_polygon, random_shape, regular_polygon, sampled, SHAPES
 
 BOX_TEXT = """
@@ -199,9 +200,9 @@ def test_obstacle_moves_by_its_velocity_from_the_time_of_its_stamp():
 
 
 ROOM = """
-post: {shape: disc, diameter: 0.1, pose: [1.2, 0.4, 0]}
+post: {shape: disc, diameter: 0.1, pose: [1.3, 0.8, 0]}
 table: {shape: polygon, vertices: [[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]], pose: [2, 1, 0.3]}
-south wall: {shape: half_plane, pose: [0, -1, 1.5708]}
+south wall: {shape: half_plane, pose: [0, -1.5, 1.5708]}
 """
 
 
@@ -209,10 +210,13 @@ def test_reads_obstacles_from_a_file(tmp_path):
     path = tmp_path / 'room.yaml'
     path.write_text(ROOM, encoding='utf-8')
     post, table, wall = read_obstacles(path)
-    assert post == Obstacle('post', ConvexObject.disc((1.2, 0.4), 0.1))
+    assert post == Obstacle('post', ConvexObject.disc((1.3, 0.8), 0.1))
     assert (table.name, table.body.pose) == ('table', (2.0, 1.0, 0.3))
     assert (wall.name, wall.body.shape) == ('south wall', HalfPlane())
     assert read_obstacles('{}') == ()
+    home = preset('nine_member').home
+    limits = ShapeGuard(home.robot, obstacles=(post, table, wall)).watch(home, None).limits
+    assert all((limit.margins > 0.0).all() for limit in limits)
 
 
 @pytest.mark.parametrize(
