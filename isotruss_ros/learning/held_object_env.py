@@ -17,6 +17,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.model.pose import check_range, Pose, pose_difference, pose_fault
 from isotruss_ros.core.model.robot_schema import plausible_range
 from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +84,7 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     :raises RobotFileError: the robot file is invalid.
     """
 
+    @check_kinds
     def __init__(
         self,
         robot: str = 'nine_member',

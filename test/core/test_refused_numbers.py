@@ -131,6 +131,8 @@ DOORS = [
 @pytest.mark.parametrize(('door', 'parameter'), DOORS, ids=lambda x: getattr(x, '__qualname__', x))
 @pytest.mark.parametrize('given', [core.Disc, 0.3], ids=repr)
 def test_arguments_of_another_kind_are_refused_with_an_example(door, parameter, given):
+    if given is core.Disc and 'Callable' in str(inspect.signature(door).parameters[parameter]):
+        given = True  # a class can be called
     with pytest.raises(ArgumentError, match=f'{parameter}: .*: must be an? .*, such as `'):
         door(**{parameter: given})
 

@@ -8,7 +8,7 @@ import sys
 import warnings
 
 from isotruss_ros.core import Ellipse, HoldStatus, Pose
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.extras import MissingPackageError
 import numpy as np
 import pytest
@@ -146,10 +146,11 @@ def test_default_reward_is_the_progress_less_a_penalty_for_a_loss():
         ({'friction': 0.01}, 'must hold the object at the start: .*friction'),
         ({'max_twist': (0.1, -0.1, 0.1)}, r'max_twist .*: must not be negative'),
         ({'members': ('north/P-Z', 'nowhere')}, "'nowhere'"),
+        ({'reward': 3}, r'argument reward: .*such as `progress_reward`'),
     ],
 )
 def test_invalid_arguments_are_named(arguments, words):
-    with pytest.raises(GraspError, match=words):
+    with pytest.raises(IsotrussError, match=words):
         HeldObjectEnv(**arguments)
 
 

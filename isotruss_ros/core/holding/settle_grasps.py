@@ -25,6 +25,7 @@ from isotruss_ros.core.holding.settle_grasp import judge, lose_grasp
 from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.holding.settled_grasps import SettledGrasps
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.samples import take
@@ -36,6 +37,7 @@ from numpy.typing import ArrayLike
 GROUP_SIZE = 256
 
 
+@check_kinds
 @single_threaded
 def settle_grasps(
     configs: Configurations,

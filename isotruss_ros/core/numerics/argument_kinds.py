@@ -15,10 +15,15 @@ from isotruss_ros.core.errors import ArgumentError
 #: Expression that returns an object of a kind, by the name of this class. Arguments with these
 #: annotations are checked.
 EXAMPLES = {
+    'Callable[[Progress], None]': 'print',
+    'Callable[[Transition], float]': 'progress_reward',
+    'Callable[[], bool]': 'lambda: False',
+    'Callable[[float], None]': 'print',
     'Collection[str]': "['north/Z']",
     'Configuration': 'robot.home',
     'ConvexObject': 'ConvexObject.disc((x, y), diameter)',
     'EstimatorSettings': 'EstimatorSettings()',
+    'Executor': 'ProcessPoolExecutor()',
     'EstimatedTravel': 'EstimatedTravel(offsets, covariance)',
     'GraspGradient': 'grasp_gradient(settled)',
     'GraspRequirements': 'GraspRequirements(friction=0.7)',
@@ -48,7 +53,8 @@ EXAMPLES = {
 }
 
 #: Abstract classes of the package's annotations, which are no base classes of their subclasses.
-ABSTRACT_KINDS = {
+ABSTRACT_KINDS: dict[str, Any] = {
+    **dict.fromkeys((kind for kind in EXAMPLES if kind.startswith('Callable')), Callable),
     'Collection[str]': Collection,
     'Mapping[str, ArrayLike]': Mapping,
     'Sequence[Barrier]': Sequence,
