@@ -47,7 +47,7 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
 
 def read_content(path_or_text: str | Path, what: str) -> tuple[Any, str]:
     """Return the content of a YAML file or text, and the name of its source in messages."""
-    if isinstance(path_or_text, str) and path_or_text.lstrip().startswith('{'):
+    if isinstance(path_or_text, str) and path_or_text.lstrip().startswith(('{', '[')):
         source, text = what, path_or_text
     else:
         source = str(path_or_text)

@@ -232,7 +232,7 @@ def test_reads_obstacles_from_a_file(tmp_path):
         ('{a: {shape: disc, diameter: 0.1, mass: 1, pose: [0, 0, 0]}}', "unknown key 'mass'"),
         ('{1: {shape: disc, diameter: 0.1, pose: [0, 0, 0]}}', "'1': name of an obstacle 1: "),
         ('{a: 3}', "'a': '3': must be keys and values"),
-        ('[a, b]', 'must be the path of a file|cannot be read'),
+        ('[{a: 3}]', 'obstacles: .*: must be obstacles by their names'),
     ],
 )
 def test_invalid_obstacles_are_refused_with_name_key_and_range(text, words):
