@@ -111,7 +111,8 @@ def test_carries_the_object_along_a_straight_or_smooth_path_to_its_end(smooth):
         assert 0.0 < result.rms_position_error < result.max_position_error < 0.02
         assert result.position_error <= result.max_position_error
         assert 0.0 < result.angle_error <= result.max_angle_error < 0.1
-        assert all(part.position_error > 0.0 < part.angle_error for part in handle.feedback[1:])
+        assert all(part.position_error > 0.0 for part in handle.feedback[1:])
+        assert handle.feedback[-1].angle_error > 0.0  # the object turns on the second leg only
         # Feedback: about 10 Hz, forward, and the time it takes.
         progress = [part.progress for part in handle.feedback]
         assert len(progress) > 10
