@@ -41,7 +41,7 @@ class WorkerPool(contextlib.AbstractContextManager):
 
     def __init__(self, workers: int = 0) -> None:
         wanted, self._wanted = multiprocessing.Pipe(duplex=False)
-        self.executor: ProcessPoolExecutor = _Executor(
+        self.executor: ProcessPoolExecutor = WorkerExecutor(
             workers or core_count(),
             multiprocessing.get_context('spawn'),
             initializer=_begin,
@@ -75,11 +75,12 @@ class Stop:
         return self.requested or self.time_left == 0.0
 
 
-class _Executor(ProcessPoolExecutor):
+class WorkerExecutor(ProcessPoolExecutor):
     """Executor whose processes ignore Ctrl-C, which raises only after they have started."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        # `submit` starts processes, which inherit the mask, and then the thread that joins them.
+        """Submit a task, and start the processes with Ctrl-C blocked, which they inherit."""
+        # After the processes it starts the thread that joins them.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             return super().submit(fn, *args, **kwargs)

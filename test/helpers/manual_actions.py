@@ -113,7 +113,7 @@ def connect(w: World, patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Client, 'service_is_ready', is_ready)
     # A search computes at once: no thread and no process, whose time is not the test's.
     patch.setattr(Thread, 'start', Thread.run)
-    patch.setattr(workers, 'ProcessPoolExecutor', lambda *_, **__: ThreadPoolExecutor(1))
+    patch.setattr(workers, 'WorkerExecutor', lambda *_, **__: ThreadPoolExecutor(1))
 
 
 def _finished(value: Any) -> Future:
