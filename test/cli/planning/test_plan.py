@@ -157,8 +157,12 @@ def test_an_interrupt_while_a_worker_starts_ends_it_without_a_traceback(monkeypa
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(SpawnProcess, 'start', start_and_interrupt)
-    with pytest.raises(KeyboardInterrupt), WorkerPool(2) as pool:
-        pool.executor.submit(int)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # as in a program
+    try:
+        with pytest.raises(KeyboardInterrupt), WorkerPool(2) as pool:
+            pool.executor.submit(int)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert not multiprocessing.active_children()
     assert capfd.readouterr().err == ''
 
