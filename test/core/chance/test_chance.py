@@ -3,7 +3,7 @@
 
 """Chance that an object is held, by exact equilibria and differences, and grasps ranked by it."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache, partial
 from itertools import product
 from pathlib import Path
@@ -12,7 +12,6 @@ from carries import make_robot, place
 from grips import gripped
 from held_grips import APART, BOX, CORNER, HOME
 from isotruss_ros import core
-from isotruss_ros.core import settle_grasp, Uncertainty
 from isotruss_ros.core.chance.criteria import find_criteria
 from isotruss_ros.core.chance.probability import failure_probability, find_chance
 from isotruss_ros.core.chance.random_inputs import changed_grip, sample_friction
@@ -26,7 +25,7 @@ from nightly import some_now
 import numpy as np
 import pytest
 import robots
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import multivariate_normal
 
 #: The robot after calibration, with a disc whose size and pose are known well.
 CALIBRATED = core.Uncertainty(stiffness=0.1, roller_offset=0.002, friction=0.08)
@@ -75,11 +74,6 @@ def test_probability_of_two_violations_is_exact(correlation, sigmas):
     matrix, sigmas = np.array([[1.0, correlation], [correlation, 1.0]]), np.array(sigmas)
     both = multivariate_normal(cov=matrix, allow_singular=True).cdf(sigmas)
     assert failure_probability(sigmas, matrix) == pytest.approx(1.0 - both, abs=1e-7)
-
-
-def test_repeated_violations_count_once():
-    failure = failure_probability(np.full(4, 1.2), np.ones((4, 4)))
-    assert failure == pytest.approx(norm.sf(1.2), abs=1e-6)
 
 
 @pytest.mark.parametrize('seed', range(5))
@@ -171,9 +165,7 @@ def test_the_weakest_equilibrium_of_a_path_limits_its_chance():
 
 def test_samples_without_a_configuration_are_left_out():
     # Beyond 0.3 m to 0.6 m of travel of this roller, either way, there is no configuration.
-    covariance = np.zeros((18, 18))
-    roller = HOME.robot.roller_names.index('east/Q')
-    covariance[roller, roller] = 1.0
+    covariance = np.diag(np.eye(18)[HOME.robot.roller_names.index('east/Q')])
     grip = settle().equilibrium
     required = sample_friction(grip.inputs, covariance, 40, 0)
     assert 5 < len(required) < 30
@@ -286,6 +278,8 @@ def test_files_describe_the_uncertainty():
     assert (read.friction, read.stiffness, read.size) == (0.03, 0.06, 0.02)
     assert read.offset_covariance[0, 0] == pytest.approx(1e-6)
     assert core.Uncertainty.of(robot, None, {'roller_offset': 0.003}).offset_covariance is None
+    document = robots.preset_document('nine_member') | {'uncertainty': {'friction': [0.5, 0.8]}}
+    assert core.Uncertainty.of(robots.load(document)).friction == (0.5, 0.8)
 
 
 def test_files_with_implausible_uncertainty_are_refused(tmp_path):
@@ -367,14 +361,6 @@ def test_rates_of_criteria_are_those_of_rolled_equilibria(find, name, accuracy):
         ).all()
 
 
-def test_a_longer_path_has_a_smaller_chance():
-    passed = carried()
-    friction = 0.05 + passed[0].required_friction
-    covariance = UNCALIBRATED.covariance(passed[0])
-    chances = [find_chance(passed[:n], friction, covariance) for n in (1, len(passed))]
-    assert chances[1].probability < chances[0].probability
-
-
 @cache
 def plan(carry=(), is_certain=True):
     """Return the grasps for the nominal or for an uncertain robot."""
@@ -433,18 +419,8 @@ def test_the_chance_is_that_under_the_required_wrench():
 
 
 CONFIG, CYLINDER = gripped(40.0, squeeze=0.04)
-SETTLED = settle_grasp(CONFIG, CYLINDER, 0.9)
+SETTLED = core.settle_grasp(CONFIG, CYLINDER, 0.9)
 REQUIRED = SETTLED.required_friction
-ONLY_FRICTION = {
-    field.name: 0.0
-    for field in fields(Uncertainty)
-    if field.name not in ('friction', 'offset_covariance')
-}
-
-
-def uncertain(smallest, largest):
-    """Return an uncertainty of friction alone."""
-    return Uncertainty(friction=(smallest, largest), **ONLY_FRICTION)
 
 
 @pytest.mark.parametrize(
@@ -452,21 +428,16 @@ def uncertain(smallest, largest):
     [(-0.2, -0.1, 0.0), (-0.2, 0.1, 1.0 / 3.0), (0.1, 0.2, 1.0), (0.1, 0.1, 1.0)],
 )
 def test_chance_from_samples_is_the_share_of_the_interval_that_suffices(below, above, share):
-    uncertainty = uncertain(REQUIRED + below, REQUIRED + above)
+    uncertainty = replace(CERTAIN, friction=(REQUIRED + below, REQUIRED + above))
     assert SETTLED.chance(uncertainty, samples=4).probability == pytest.approx(share, abs=1e-4)
 
 
 def test_chance_to_first_order_has_the_mean_and_variance_of_the_interval():
     half_width = 3.0**0.5 * 0.05  # of a uniform distribution with a standard deviation of 0.05
-    interval = uncertain(0.5 - half_width, 0.5 + half_width)
-    normal = Uncertainty(friction=0.05, **ONLY_FRICTION)
-    expected = settle_grasp(CONFIG, CYLINDER, 0.5).chance(normal, samples=0)
+    interval = replace(CERTAIN, friction=(0.5 - half_width, 0.5 + half_width))
+    normal = replace(CERTAIN, friction=0.05)
+    expected = core.settle_grasp(CONFIG, CYLINDER, 0.5).chance(normal, samples=0)
     assert SETTLED.chance(interval, samples=0).probability == pytest.approx(expected.probability)
-
-
-def test_robot_file_states_the_interval_as_a_list():
-    document = robots.preset_document('nine_member') | {'uncertainty': {'friction': [0.5, 0.8]}}
-    assert Uncertainty.of(robots.load(document)).friction == (0.5, 0.8)
 
 
 @pytest.mark.parametrize(

@@ -510,6 +510,7 @@ def test_an_absent_object_is_not_held():
 
 def test_estimate_without_measurements_is_that_of_the_encoders():
     estimator = StateEstimator(ROBOT)
+    assert estimator.estimate() is None
     for number, share in enumerate(np.linspace(0.0, 1.0, 20)):
         readings = 0.15 * share * np.array([1.0, -0.5, 0.3, 0.8, -1.0, 0.2])
         estimator.take_encoders(0.1 * number, readings)
@@ -525,7 +526,3 @@ def test_offsets_of_restarted_encoders_are_corrected():
     drawn.readings, drawn.offsets = drawn.readings - jump, drawn.offsets + jump
     found = drawn.run(6.0, ALL)
     assert found.offsets == pytest.approx(drawn.offsets, abs=3e-3)
-
-
-def test_nothing_is_estimated_before_the_first_reading():
-    assert StateEstimator(ROBOT).estimate() is None

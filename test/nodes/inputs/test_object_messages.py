@@ -459,17 +459,15 @@ def test_stamps_survive_a_round_trip(sec, nanosec):
     assert messages.read_stamp(messages.make_header(-when)) == 0.0
 
 
-@pytest.mark.parametrize('frame', ['', f'{FRAME}_object_aligned'])
-def test_planar_components_of_external_wrenches_are_read(frame):
+@pytest.mark.parametrize(
+    ('frame', 'force'),
+    [('', (1.0, -2.0)), (f'{FRAME}_object_aligned', (1.0, -2.0)), (f'{FRAME}_object', (2.0, 1.0))],
+)
+def test_a_wrench_is_planar_and_turns_with_the_object_in_its_frame(frame, force):
     message = wrench(frame, fx=1.0, fy=-2.0, m=MAX_LOAD)
     message.wrench.force.z = message.wrench.torque.x = math.nan
-    assert read_external_wrench(message, FRAME) == (1.0, -2.0, MAX_LOAD)
-
-
-def test_a_wrench_in_the_frame_of_the_object_turns_with_it():
-    message = wrench(f'{FRAME}_object', fx=1.0, fy=-2.0, m=3.0)
     result = read_external_wrench(message, FRAME, 0.5 * math.pi)
-    assert result == pytest.approx((2.0, 1.0, 3.0))
+    assert result == pytest.approx((*force, MAX_LOAD))
 
 
 def test_ambient_pressure_is_subtracted_from_absolute_pressures():

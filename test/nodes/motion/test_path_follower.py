@@ -332,19 +332,15 @@ def publisher(w):
     return send
 
 
-def test_obstacle_of_the_parameter_slows_the_object_with_its_name():
-    with world(manipulation(obstacles=POST, slide_along_limits=False)) as w:
-        status = w.until_code(core.Status.SLOWED_OBSTACLE, w.probe.send_all)
-    assert 'the object and obstacle post' in status.message
+HAND = core.Obstacle('hand', core.ConvexObject(core.Disc(0.1), ABOVE))
 
 
-def test_moving_obstacle_of_the_topic_slows_the_object_with_its_name():
-    with world(manipulation(slide_along_limits=False)) as w:
+@pytest.mark.parametrize(('room', 'moving', 'name'), [(POST, (), 'post'), ('', (HAND,), 'hand')])
+def test_obstacle_at_rest_or_in_motion_slows_the_object_with_its_name(room, moving, name):
+    with world(manipulation(obstacles=room, slide_along_limits=False)) as w:
         send = publisher(w)
-        w.until_code(core.Status.OK, send)
-        hand = core.Obstacle('hand', core.ConvexObject(core.Disc(0.1), ABOVE))
-        status = w.until_code(core.Status.SLOWED_OBSTACLE, lambda: send(hand))
-    assert 'the object and obstacle hand' in status.message
+        status = w.until_code(core.Status.SLOWED_OBSTACLE, lambda: send(*moving))
+    assert f'the object and obstacle {name}' in status.message
 
 
 def test_silent_obstacle_stops_the_rollers_until_it_is_cleared():
@@ -368,15 +364,8 @@ def test_silent_obstacle_stops_the_rollers_until_it_is_cleared():
 
 def test_invalid_first_message_of_obstacles_stops_the_rollers_with_the_reason():
     with world(manipulation()) as w:
-        sender = w.probe.create_publisher(Obstacles, 'obstacles', 10)
-        hand = core.Obstacle('hand', core.ConvexObject(core.Disc(0.1), ABOVE))
-
-        def send():
-            w.probe.send_all()
-            message = to_obstacles_message([hand, hand], w.probe.past(0.0), 'truss')
-            sender.publish(message)
-
-        status = w.until_code(core.Status.HALT_INVALID_OBSTACLES, send)
+        send = publisher(w)
+        status = w.until_code(core.Status.HALT_INVALID_OBSTACLES, lambda: send(HAND, HAND))
     assert "'hand': named twice" in status.message
 
 
@@ -483,13 +472,10 @@ def test_motion_to_one_pose_follows_the_planned_path(monkeypatch):
 @pytest.mark.parametrize('is_published', [False, True])
 def test_motion_to_a_pose_within_an_obstacle_is_refused_with_its_name(monkeypatch, is_published):
     place, goal = (START[0], START[1] - 0.4, 0.0), (START[0], START[1] - 0.3, 0.0)
-    if is_published:
-        result, asked, _ = move(
-            monkeypatch, goal, core.Obstacle('post', core.ConvexObject(core.Disc(0.1), place))
-        )
-    else:
-        post = f'{{post: {{shape: disc, diameter: 0.1, pose: {list(map(float, place))}}}}}'
-        result, asked, _ = move(monkeypatch, goal, obstacles=post)
+    post = core.Obstacle('post', core.ConvexObject(core.Disc(0.1), place))
+    room = f'{{post: {{shape: disc, diameter: 0.1, pose: {list(map(float, place))}}}}}'
+    moving, at_rest = ((post,), '') if is_published else ((), room)
+    result, asked, _ = move(monkeypatch, goal, *moving, obstacles=at_rest)
     assert result.code == MoveObject.Result.STOPPED
     assert 'no way found' in result.message
     assert 'obstacle post' in result.message
