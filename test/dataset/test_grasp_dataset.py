@@ -193,17 +193,20 @@ def test_files_that_are_no_data_set_are_refused(name, content, words, tmp_path, 
     assert file.read_text() == content
 
 
-def test_a_file_of_another_run_is_refused_with_the_setting(tmp_path, capsys):
+def test_a_file_and_parts_of_another_run_are_refused_with_the_setting(tmp_path, capsys):
     path = tmp_path / 'grasps.npz'
     write_dataset(DatasetRun(ROBOT, 1), path)
     assert call(path, count='1') == 0
     assert call(path, '--travel', '0.05', count='1') == 2
     assert 'belongs to another run: travel 0.1, now 0.05' in capsys.readouterr().err
+    path.unlink()
 
+    def stop(stored):
+        if stored:
+            raise InterruptedError
 
-def test_parts_of_another_size_are_refused_with_both_sizes(tmp_path, capsys):
-    path = tmp_path / 'grasps.npz'
-    write_dataset(DatasetRun(ROBOT, 2, part_size=1), path)
+    with pytest.raises(InterruptedError):
+        write_dataset(DatasetRun(ROBOT, 2, part_size=1), path, on_progress=stop)
     assert call(path) == 2
     assert 'belongs to another run: part_size 1, now 256' in capsys.readouterr().err
 

@@ -25,7 +25,7 @@ from nightly import some_now
 import numpy as np
 import pytest
 import robots
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 #: The robot after calibration, with a disc whose size and pose are known well.
 CALIBRATED = core.Uncertainty(stiffness=0.1, roller_offset=0.002, friction=0.08)
@@ -74,6 +74,11 @@ def test_probability_of_two_violations_is_exact(correlation, sigmas):
     matrix, sigmas = np.array([[1.0, correlation], [correlation, 1.0]]), np.array(sigmas)
     both = multivariate_normal(cov=matrix, allow_singular=True).cdf(sigmas)
     assert failure_probability(sigmas, matrix) == pytest.approx(1.0 - both, abs=1e-7)
+
+
+def test_repeated_violations_count_once():
+    failure = failure_probability(np.full(4, 1.2), np.ones((4, 4)))
+    assert failure == pytest.approx(norm.sf(1.2), abs=1e-6)
 
 
 @pytest.mark.parametrize('seed', range(5))

@@ -148,10 +148,6 @@ def estimated(names=THREE, held=True, speed=0.03, duration=1.5):
     return deepcopy(_estimated(names, held, speed, duration))
 
 
-#: Of a held object; each takes a quarter of a second.
-RUNS = 80
-
-
 def test_large_offsets_are_consistent_after_the_first_message():
     """A single linearisation at zero offsets leaves errors of several standard deviations."""
     surprises = []
@@ -274,7 +270,7 @@ def test_errors_of_a_held_object_are_no_larger_than_stated():
     surprises, squeezes, poses = [], [], []
     # The zeros are corrected to first order only.
     settings = replace(EXACT, joint_error=5e-4, squeeze_error=0.04)
-    for seed in range(RUNS):
+    for seed in range(80):
         drawn = DrawnRobot(seed, held=True, settings=settings)
         found = drawn.run(1.0)
         if found.pose is None:  # the squeeze is unknown with improbable offsets

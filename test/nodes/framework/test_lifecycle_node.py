@@ -111,7 +111,6 @@ def test_manipulation_is_configured_for_another_robot():
         assert all(manager.ask(transition) for transition in UP)
         triangle = load_robot('triangle')
         center = tangent_center(triangle.home, 'main/T', 0.3)
-
         names = list(triangle.roller_names)
 
         def send():

@@ -311,9 +311,8 @@ def test_a_path_of_one_pose_begins_at_the_object():
     assert read(start) is None
 
 
-#: Gap between the object and an obstacle in the way of the twists of the probe [m].
-GAP = 0.021
-ABOVE = CENTER[0], CENTER[1] + 0.5 * DIAMETER + 0.05 + GAP, 0.0
+#: Pose of an obstacle 21 mm from the object, in the way of the twists of the probe [m, rad].
+ABOVE = CENTER[0], CENTER[1] + 0.5 * DIAMETER + 0.05 + 0.021, 0.0
 POST = f'{{post: {{shape: disc, diameter: 0.1, pose: {list(map(float, ABOVE))}}}}}'
 START = core.tangent_center(ROBOT.home, MODULE, DIAMETER, 0.02)
 #: Function of thread pools that a manual world replaces.
@@ -339,6 +338,7 @@ HAND = core.Obstacle('hand', core.ConvexObject(core.Disc(0.1), ABOVE))
 def test_obstacle_at_rest_or_in_motion_slows_the_object_with_its_name(room, moving, name):
     with world(manipulation(obstacles=room, slide_along_limits=False)) as w:
         send = publisher(w)
+        w.until_code(core.Status.SLOWED_OBSTACLE if room else core.Status.OK, send)
         status = w.until_code(core.Status.SLOWED_OBSTACLE, lambda: send(*moving))
     assert f'the object and obstacle {name}' in status.message
 
