@@ -16,6 +16,7 @@ import shutil
 from typing import Any
 
 from isotruss_ros.core import ConvexObject, Robot
+from isotruss_ros.core.holding.settle_grasps import GROUP_SIZE
 from isotruss_ros.core.numerics.arrays import check_count
 from isotruss_ros.dataset.columns import check_columns, compute_columns, corner_count
 from isotruss_ros.dataset.random_grasps import DatasetError, draw_grasp, GraspDistribution
@@ -29,7 +30,7 @@ from isotruss_ros.dataset.table_files import (
 from numpy.typing import NDArray
 
 #: Default number of grasps in a part [-], those that `settle_grasps` computes together.
-PART_SIZE = 256
+PART_SIZE = GROUP_SIZE
 #: Largest number of grasps of a data set [-].
 MAX_GRASPS = 10**9
 #: Largest number of parts that an executor has at once [-]: enough for all processes.
