@@ -171,8 +171,7 @@ def test_the_weakest_equilibrium_of_a_path_limits_its_chance():
 def test_samples_without_a_configuration_are_left_out():
     # Beyond 0.3 m to 0.6 m of travel of this roller, either way, there is no configuration.
     covariance = np.diag(np.eye(18)[HOME.robot.roller_names.index('east/Q')])
-    grip = settle().equilibrium
-    required = sample_friction(grip.inputs, covariance, 40, 0)
+    required = sample_friction(settle().equilibrium.inputs, covariance, 40, 0)
     assert 5 < len(required) < 30
 
 
