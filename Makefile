@@ -125,7 +125,7 @@ session: venv
 matrix:
 	set -e; for versions in $(MATRIX); do tools/version_matrix.sh $$versions .matrix \
 		$(addprefix test/, core/numerics core/model core/statics core/contact core/holding core/manipulation \
-		core/estimation core/servo mujoco_plant programs/test_plotting.py); done
+		core/estimation core/servo core/recording mujoco_plant programs/test_plotting.py); done
 
 noble-venv:
 	+$(MAKE) venv $(NOBLE)

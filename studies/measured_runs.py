@@ -23,8 +23,8 @@ from isotruss_ros.core import ConvexObject, Disc, Grip, load_robot, Pose, Robot,
 from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.servo.recorded_cycle import read_cycle
-from isotruss_ros.core.servo.recorded_servo import RecordedServo
+from isotruss_ros.core.recording.recorded_cycle import read_cycle
+from isotruss_ros.core.recording.recorded_servo import RecordedServo
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.identification.gauge import Gauge
 from isotruss_ros.identification.hypotheses import compare_run, ComparedRun, NONE

@@ -48,6 +48,7 @@ CORE = 'isotruss_ros/core/'
 FOLDERS = {
     'safety': ([CORE + 'safety/*.py'], ('test/core/safety',)),
     'servo': ([CORE + 'servo/*.py'], ('test/core/servo',)),
+    'recording': ([CORE + 'recording/*.py'], ('test/core/recording',)),
     'estimation': ([CORE + 'estimation/*.py'], ('test/core/estimation',)),
     'holding': ([CORE + 'holding/*.py'], ('test/core/holding',)),
     'gate': (
@@ -61,7 +62,7 @@ FOLDERS = {
 }
 #: Tests that count; random calls and planning take long, and the others do not hold objects.
 TESTS = [
-    *(f'test/core/{name}' for name in ('safety', 'servo', 'estimation', 'holding')),
+    *(f'test/core/{name}' for name in ('safety', 'servo', 'recording', 'estimation', 'holding')),
     *(f'test/core/{name}' for name in ('contact', 'manipulation', 'paths', 'simulation')),
     *(f'test/core/test_{name}.py' for name in ('inputs', 'symmetries')),
     *(f'test/nodes/{name}' for name in ('inputs', 'faults', 'motion', 'trajectories', 'grasp')),

@@ -11,7 +11,7 @@ from pathlib import Path
 import sys
 
 from isotruss_ros.core import IsotrussError, load_robot
-from isotruss_ros.core.servo.recorded_cycle import RecordedCycle
+from isotruss_ros.core.recording.recorded_cycle import RecordedCycle
 from isotruss_ros.extras import MissingPackageError
 from isotruss_ros.identification.gauge import COLUMNS, read_gauge
 from isotruss_ros.identification.hypotheses import compare_run

@@ -16,10 +16,10 @@ from typing import Any
 
 from isotruss_ros.core import Robot, Status
 from isotruss_ros.core.errors import ConfigurationError, suggest
-from isotruss_ros.core.servo.recorded_cycle import RecordedCycle
-from isotruss_ros.core.servo.recorded_servo import find_versions
-from isotruss_ros.core.servo.recorded_values import find_changes
-from isotruss_ros.core.servo.repeated_run import decide_again, read_robot, RepeatedCycle
+from isotruss_ros.core.recording.encoded_values import find_changes
+from isotruss_ros.core.recording.recorded_cycle import RecordedCycle
+from isotruss_ros.core.recording.recorded_servo import find_versions
+from isotruss_ros.core.recording.repeated_run import decide_again, read_robot, RepeatedCycle
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.viewer.recorded_cycles import find_cycles
 from isotruss_ros.viewer.recording import BrokenRecordingError, RecordingError

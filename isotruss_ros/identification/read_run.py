@@ -14,8 +14,8 @@ from isotruss_ros.core import Robot, Status
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.servo.recorded_cycle import RecordedCycle
-from isotruss_ros.core.servo.repeated_run import read_robot
+from isotruss_ros.core.recording.recorded_cycle import RecordedCycle
+from isotruss_ros.core.recording.repeated_run import read_robot
 from isotruss_ros.identification.gauge import Gauge
 from isotruss_ros.identification.measured_run import (
     Halt,

@@ -16,7 +16,7 @@ from isotruss_ros.core.errors import quote
 from isotruss_ros.core.inputs import MAX_TIMEOUT, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.servo.recorded_cycle import read_cycle, RecordedCycle
+from isotruss_ros.core.recording.recorded_cycle import read_cycle, RecordedCycle
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording, RecordingError
 import numpy as np

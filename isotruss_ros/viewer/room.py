@@ -13,8 +13,8 @@ from isotruss_ros.core import Obstacle, Pose
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.model.obstacle_file import MAX_OBSTACLES
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.servo.recorded_cycle import read_cycle
-from isotruss_ros.core.servo.recorded_values import RecordedCycleError
+from isotruss_ros.core.recording.encoded_values import RecordedCycleError
+from isotruss_ros.core.recording.recorded_cycle import read_cycle
 from isotruss_ros.core.servo.servo_settings import OBSTACLE_TIMEOUT
 from isotruss_ros.viewer.message_checks import MAX_DISTANCE, PictureError
 import numpy as np

@@ -10,7 +10,7 @@ from held_grips import CORNER, HOME, NINE
 from isotruss_ros import core
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.servo.recorded_cycle import RecordedCycle
+from isotruss_ros.core.recording.recorded_cycle import RecordedCycle
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.identification.gauge import Gauge, read_gauge
 from isotruss_ros.identification.hypotheses import compare_run, find_prior

@@ -11,7 +11,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core import Status
 from isotruss_ros.core.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.model.topology import check_names
-from isotruss_ros.core.servo.recorded_servo import RecordedServo
+from isotruss_ros.core.recording.recorded_servo import RecordedServo
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.nodes.conversions.markers import to_obstacle_markers
 from isotruss_ros.nodes.conversions.messages import check_frame, read_twist

@@ -12,7 +12,7 @@ from held_grips import HOME
 from isotruss_ros.core import ConvexObject, Disc, Grip, Pose, Status, tangent_center
 from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.servo.recorded_servo import RecordedServo
+from isotruss_ros.core.recording.recorded_servo import RecordedServo
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 import pytest

@@ -11,8 +11,8 @@ from grips import held_at
 from isotruss_ros.core import ConvexObject, Disc, load_robot, Obstacle, Robot, Status
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.model.obstacle import HalfPlane
-from isotruss_ros.core.servo.recorded_cycle import INPUTS
-from isotruss_ros.core.servo.recorded_values import decode, encode
+from isotruss_ros.core.recording.encoded_values import decode, encode
+from isotruss_ros.core.recording.recorded_cycle import INPUTS
 from nightly import some_now
 import numpy as np
 import pytest

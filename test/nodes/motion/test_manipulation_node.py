@@ -19,10 +19,10 @@ from isotruss_ros.core import Status
 from isotruss_ros.core.inputs import find_fresh
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.recording.recorded_cycle import read_cycle
+from isotruss_ros.core.recording.repeated_run import decide_again, read_robot
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.recorded_cycle import read_cycle
-from isotruss_ros.core.servo.repeated_run import decide_again, read_robot
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.nodes.conversions.messages import read_pose, read_stamp, read_twist
 from isotruss_ros.nodes.framework.topics import RECORDS

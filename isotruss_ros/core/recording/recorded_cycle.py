@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 from isotruss_ros.core.errors import IsotrussError, quote
 from isotruss_ros.core.inputs import LatestInputs
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.recording.encoded_values import decode, encode, RecordedCycleError
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.recorded_values import decode, encode, RecordedCycleError
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 

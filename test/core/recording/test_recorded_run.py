@@ -14,11 +14,11 @@ from isotruss_ros.core import Disc, Grip, place_between, Status, TwistServo
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
+from isotruss_ros.core.recording.encoded_values import find_changes, RecordedCycleError
+from isotruss_ros.core.recording.recorded_cycle import read_cycle
+from isotruss_ros.core.recording.recorded_servo import RecordedServo
+from isotruss_ros.core.recording.repeated_run import decide_again, read_robot
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
-from isotruss_ros.core.servo.recorded_cycle import read_cycle
-from isotruss_ros.core.servo.recorded_servo import RecordedServo
-from isotruss_ros.core.servo.recorded_values import find_changes, RecordedCycleError
-from isotruss_ros.core.servo.repeated_run import decide_again, read_robot
 from nightly import some_now
 import numpy as np
 import pytest

@@ -18,9 +18,9 @@ from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.model.safe_yaml import parse_yaml
 from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.recording.encoded_values import encode, RecordedCycleError
+from isotruss_ros.core.recording.recorded_cycle import INPUTS, RecordedCycle
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.recorded_cycle import INPUTS, RecordedCycle
-from isotruss_ros.core.servo.recorded_values import encode, RecordedCycleError
 from isotruss_ros.core.servo.servo_memory import ServoMemory
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.core.servo.twist_servo import TwistServo

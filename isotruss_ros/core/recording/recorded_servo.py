@@ -15,8 +15,8 @@ from isotruss_ros.core.inputs import LatestInputs
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.recording.recorded_cycle import describe_cycle, describe_setup
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.recorded_cycle import describe_cycle, describe_setup
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.core.servo.twist_servo import TwistServo
 import numpy as np
