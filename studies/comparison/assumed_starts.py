@@ -54,11 +54,11 @@ def start(shape: str, seed: int, indentation: float) -> tuple[bool, float] | Non
     loop = Loop(plant, robot, replace(grip, body=body), settings, Draw((), zeros), rng)
     for _ in range(round(WAIT * RATE)):
         loop.step(np.zeros(3))
-        if loop.control.belief is not None:
+        if loop.control.tracker.belief is not None:
             break
     else:
         return None
-    is_assumed = loop.control.belief.is_assumed
+    is_assumed = loop.control.tracker.belief.is_assumed
     loop.run(REST)
     squeeze = squeeze_in(plant)
     return (is_assumed, squeeze / held.squeeze) if squeeze else None

@@ -309,7 +309,7 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
         alone = alone + 1 if squeezes[-1] == 0.0 else 0
         if alone == round(LOST_TIME * RATE):
             found.lost = now - LOST_TIME
-        belief = loop.control.belief
+        belief = loop.control.tracker.belief
         if belief is not None and belief.state.innovation not in found.innovations[-1:]:
             found.innovations.append(belief.state.innovation)
             if found.halt is None:

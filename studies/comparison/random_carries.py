@@ -176,7 +176,7 @@ def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
 
 def _is_refused(steering: Regulated, grip: Grip, steps: Array) -> bool:
     """Return whether the loop's model predicts a loss on legs (n, 3), as the path follower."""
-    belief, config = steering.control.belief, steering.servo.robot.home
+    belief, config = steering.control.tracker.belief, steering.servo.robot.home
     if belief is None:
         return False
     config = config.moved_to(steering.plant.travel)

@@ -113,7 +113,8 @@ def test_the_frequency_is_that_of_a_plucked_object(grasp, masses):
     carry.run(0.1)
     expected, still = carry.control.frequency, np.zeros(len(carry.plant.travel))
     poses = []
-    softest = np.linalg.svd(carry.even[:, None] * carry.control.belief.held.response.pose)[2][0]
+    held = carry.control.tracker.belief.held
+    softest = np.linalg.svd(carry.even[:, None] * held.response.pose)[2][0]
     carry.plant.pull(0.3 * softest * carry.even)
     carry.plant.advance(2.0, still)
     carry.plant.pull((0.0, 0.0, 0.0))
@@ -189,7 +190,7 @@ def test_predicted_motion_agrees_with_mujoco(turn):
     """The servo stands where the model foresees that the margin ends, or arrives."""
     carry = Carry('brick')
     carry.run(1.0)
-    grip, start = carry.control.belief.held, np.array(carry.plant.object_pose())
+    grip, start = carry.control.tracker.belief.held, np.array(carry.plant.object_pose())
     path = np.array([grip.pose, np.add(grip.pose, (0.0, 0.0, turn))])
     result = foresee_path(grip, FRICTION, path)
     assert result.share < 1.0

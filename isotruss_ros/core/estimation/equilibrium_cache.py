@@ -67,10 +67,9 @@ GAP_SHARE = 0.05
 NEAR_SLIP_SHARE = 0.05
 
 
-class UsageErrors(NamedTuple):
-    """Prediction at the last equilibrium, from which `UsageLimits` learn when they follow."""
+class UsageError(NamedTuple):
+    """Error of a predicted slip margin, from which `UsageLimits` learn when they follow."""
 
-    usage: UsageLimits  #: limits predicted by travel
     margin_error: float  #: slip margin minus its prediction [N]
     travel: Array  #: (r,) travel of the prediction [m]
 
@@ -94,13 +93,15 @@ class EquilibriumCache:
     :ivar shift_changes: (3 + 4k,) changes of the unknowns by shifts since the equilibrium.
     :ivar zero_corrections: (r,) corrections of the roller offsets since the equilibrium [m].
     :ivar corrections_since_search: (r,) the same since the last search for contacts [m].
-    :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
-    :ivar usage_errors: prediction at the equilibrium while its utilisation is unknown, so that
-        `usage` is that of the last equilibrium before; None if it is known.
+    :ivar usage: limits at the equilibrium on motion that reduces the slip margin or increases the
+        utilisation.
+    :ivar usage_error: error at the equilibrium while its utilisation is unknown, so that `usage`
+        is predicted from the equilibrium before; None if it is known.
     :ivar begun: the grip after the first step to the equilibrium in the configuration that is
         expected when it is due; None before them.
     :ivar travel: (r,) roller travel since the equilibrium [m].
     :ivar step: (r,) roller travel in the last cycle [m].
+    :ivar moved: (4,) change of the outputs by it.
     :ivar drift: present rate (4,) of the changes that (19) neglects [m/s, m/s, rad/s, N/s].
     """
 
@@ -121,8 +122,9 @@ class EquilibriumCache:
     usage: UsageLimits
     travel: Array
     step: Array
+    moved: Array
     drift: Array
-    usage_errors: UsageErrors | None = None
+    usage_error: UsageError | None = None
     begun: HeldGrip | None = None
 
     @classmethod
@@ -138,12 +140,8 @@ class EquilibriumCache:
             **_at_equilibrium(held, friction),
         )
 
-    def taken(self, held: HeldGrip, errors: UsageErrors | None = None) -> EquilibriumCache:
-        """
-        Return another equilibrium and the derivatives at it, without changes since then.
-
-        For the errors of the prediction there see `usage_errors_at`.
-        """
+    def taken(self, held: HeldGrip) -> EquilibriumCache:
+        """Return another equilibrium and the derivatives at it, without changes since then."""
         start, has_all, by_travel = self.held, self.is_complete, self.by_travel
         positions, keeps_contacts = held.config.roller_positions, held.contacts is start.contacts
         travel = positions - start.config.roller_positions
@@ -152,10 +150,17 @@ class EquilibriumCache:
             change = held.state.unknowns - start.state.unknowns - self.shift_changes
             by_travel = by_travel.continued(travel, change)
         # Derivatives by offsets take longest; they and the utilisation follow in a later cycle.
+        usage, error, drift = UsageLimits.of(held), None, np.zeros(4)
+        if keeps_contacts:
+            usage, drift = self.usage.rolled(self.travel), self.drift
+            error = UsageError(0.0, 0.0 * travel)
+            if not self.zero_corrections.any():
+                error = UsageError(held.slip_margin(self.grip.friction) - self.margin, self.travel)
         cache = replace(
             self,
-            usage_errors=errors or UsageErrors(self.usage, 0.0, 0.0 * travel),
-            drift=self.drift if keeps_contacts else np.zeros(4),
+            usage=usage,
+            usage_error=error,
+            drift=drift,
             by_travel=by_travel,
             **_at_equilibrium(held, self.grip.friction),
         )
@@ -168,7 +173,7 @@ class EquilibriumCache:
     @property
     def is_complete(self) -> bool:
         """Return whether utilisation and derivatives by offsets are those at this equilibrium."""
-        return self.by_offsets.held is self.held and self.usage_errors is None
+        return self.by_offsets.held is self.held and self.usage_error is None
 
     def completed(self) -> EquilibriumCache:
         """Return the equilibrium with its utilisation and the derivatives by offsets at it."""
@@ -180,12 +185,11 @@ class EquilibriumCache:
         return replace(self.with_own_usage(), by_offsets=by_offsets, by_travel=by_travel)
 
     def with_own_usage(self) -> EquilibriumCache:
-        """Return the equilibrium with `usage` at it, learned from the errors of its prediction."""
-        if self.usage_errors is None:
+        """Return the equilibrium with `usage` at it, learned from the error of its prediction."""
+        if self.usage_error is None:
             return self
-        before, margin_error, travel = self.usage_errors
-        usage = before.learned(self.held, margin_error, travel).rolled(self.travel)
-        return replace(self, usage=usage, usage_errors=None)
+        usage = self.usage.learned(self.held, *self.usage_error)
+        return replace(self, usage=usage, usage_error=None)
 
     def motion(self, travel: Array) -> Array:
         """Return the change (4,) of the outputs by travel (r,) since the equilibrium [m]."""
@@ -200,11 +204,11 @@ class EquilibriumCache:
         start = self.held.config.roller_positions + self.zero_corrections
         travel = config.roller_positions - start
         step, drift = travel - self.travel, self.drift
-        usage, predicted = self.usage.rolled(step), self.motion(travel)
+        predicted, moved = self.motion(travel), self.motion(step)
         if elapsed > 0.0:
-            drift = (self.motion(step) - self.travel_rates @ step) / elapsed
-        changes = {'predicted': predicted, 'travel': travel, 'step': step, 'drift': drift}
-        return replace(self, usage=usage, **changes)
+            drift = (moved - self.travel_rates @ step) / elapsed
+        changes = {'predicted': predicted, 'travel': travel, 'step': step, 'moved': moved}
+        return replace(self, drift=drift, **changes)
 
     def travel_limit(self, pressures: Pressures, margin: float) -> float:
         """
@@ -218,8 +222,8 @@ class EquilibriumCache:
         held = self.held
         if self.zero_corrections.any() or pressures not in (None, held.pressures):
             return -1.0
-        x, y, angle, squeeze = self.outputs.tolist()
-        shift = math.hypot(x - held.pose.x, y - held.pose.y, held.arm * (angle - held.pose.angle))
+        (x, y, angle, squeeze), pose = self.outputs.tolist(), held.pose
+        shift = math.hypot(x - pose.x, y - pose.y, held.arm * (angle - pose.angle))
         changes = shift, abs(squeeze - held.squeeze)
         rows = zip(MAX_ERRORS.tolist(), changes, CURVATURES.tolist(), strict=True)
         squares = [(limit - SHIFT_SHARE * change) / by_travel for limit, change, by_travel in rows]
@@ -236,7 +240,7 @@ class EquilibriumCache:
         travels = (math.hypot(*(self.travel + n * self.step)) for n in (1, 2))
         cycles = next((n for n, travel in enumerate(travels, 1) if travel > limit), None)
         if not self.is_complete:
-            if cycles is not None or self.usage_errors is None:
+            if cycles is not None or self.usage_error is None:
                 return self.completed()
             self.held.statics.dents.sample_ahead(self.held.angles)
             return self.with_own_usage()
@@ -321,13 +325,6 @@ class EquilibriumCache:
         reserves = planes.reserve + planes.rows @ forces
         return float((reserves / planes.size).min()) - float(self.usage.rates[1] @ self.travel)
 
-    def usage_errors_at(self, held: HeldGrip) -> UsageErrors:
-        """Return the predicted limits at the next equilibrium, and the error of the margin."""
-        if held.contacts is not self.held.contacts:  # a discontinuity
-            return UsageErrors(UsageLimits.of(held), 0.0, 0.0 * self.travel)
-        margin_error = held.slip_margin(self.grip.friction) - self.margin
-        return UsageErrors(self.usage, margin_error, self.travel)
-
 
 def _at_equilibrium(held: HeldGrip, friction: float) -> dict[str, Any]:
     """Return the fields that an equilibrium determines, without changes since then."""
@@ -349,5 +346,6 @@ def _at_equilibrium(held: HeldGrip, friction: float) -> dict[str, Any]:
         'zero_corrections': np.zeros(len(held.config.roller_positions)),
         'travel': np.zeros(len(held.config.roller_positions)),
         'step': np.zeros(len(held.config.roller_positions)),
+        'moved': np.zeros(4),
         'begun': None,
     }

@@ -69,7 +69,8 @@ class GripTracker:
 
     def with_pressures(self, pressures: Pressures) -> GripTracker:
         """Return the tracker with measured gauge pressures [Pa], see `steady_pressures`."""
-        return replace(self, pressures=steady_pressures(self.pressures, pressures))
+        steady = steady_pressures(self.pressures, pressures)
+        return self if steady is self.pressures else replace(self, pressures=steady)
 
     def with_offsets(
         self, offsets: Array | float, covariance: Array | None, stamp: float | None = None

@@ -24,6 +24,7 @@ from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.servo.decision import HaltError
 from isotruss_ros.core.servo.obstacle_evasion import evade
 from isotruss_ros.core.servo.servo_memory import ServoMemory, ServoSetup
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 
 
@@ -51,8 +52,9 @@ def predict(
     config = measured.predict(travel)
     if pose is None:
         return PredictedState(config, None, last)
-    if memory.squeeze is not None and memory.squeeze.belief is not None:
-        return PredictedState(config, memory.squeeze.belief.cache.grip, last)
+    belief = None if memory.squeeze is None else memory.squeeze.tracker.belief
+    if belief is not None:
+        return PredictedState(config, belief.cache.grip, last)
     # The object rolls from its measured pose, at the configuration of that time.
     start = measured.predict(to_pose) if to_pose.any() else measured
     grip = roll_object(setup.settings.grip.moved_to(pose.value), start, config)
@@ -67,7 +69,7 @@ def solve(
     twist: Array,
     now: float,
     moving: Sequence[Obstacle] = (),
-) -> tuple[ServoMemory, RollerCommand, str]:
+) -> tuple[SqueezeControl | None, RollerCommand, str]:
     """
     Return the command for the state predicted at the cycle's midpoint, and a note on obstacles.
 
@@ -80,8 +82,9 @@ def solve(
     if contacts is None:
         squeeze = None
     if squeeze is not None:
-        contacts = squeeze.belief.cache.grip
-        grip = contacts.moved_to(squeeze.belief.pose)
+        belief = squeeze.tracker.belief
+        contacts = belief.cache.grip
+        grip = contacts.moved_to(belief.pose)
 
     # Command within the limits on roller speeds.
     watch = None if setup.guard is None else setup.guard.watch(config, grip, moving)
@@ -112,8 +115,8 @@ def solve(
         command = watch.keep(command, last_speeds, settings.period)
     if squeeze is not None:
         missing = desired.achieved_twist - command.achieved_twist
-        memory = replace(memory, squeeze=squeeze.advanced(twist, desired, correction, missing))
-    return memory, command, note
+        squeeze = squeeze.advanced(twist, desired, correction, missing)
+    return squeeze or memory.squeeze, command, note
 
 
 def largest_change(setup: ServoSetup, memory: ServoMemory, now: float) -> float:

@@ -76,7 +76,7 @@ class GripFaults:
         state = belief.state
         noise = math.sqrt(state.noise.variances.max())
         travel = elapsed * float(np.linalg.norm(belief.scale * velocity))
-        swings, oscillates = self.swings.updated(belief.correction, noise, elapsed, travel)
+        swings, oscillates = self.swings.updated(belief.displacement, noise, elapsed, travel)
         slip, slipped = state.walk.length, self.slipped
         if state.jump:
             slipped = slip

@@ -31,7 +31,6 @@ class RepeatedPose:
     :ivar cycle: time of the last cycle [s].
     :ivar motion: (3,) commanded motion of the object since the first equal pose [m, rad].
     :ivar positions: (r,) measured roller positions of the first equal pose [m].
-    :ivar velocity: (3,) velocity of the object by the last command [m/s, rad/s].
     """
 
     value: tuple[float, ...] = ()
@@ -40,10 +39,14 @@ class RepeatedPose:
     cycle: float = math.nan
     motion: Array = field(default_factory=partial(np.zeros, 3))
     positions: Array = field(default_factory=partial(np.zeros, 0))
-    velocity: Array = field(default_factory=partial(np.zeros, 3))
 
     def updated(
-        self, pose: StampedInput, positions: Array, now: float, timeout: float
+        self,
+        pose: StampedInput,
+        positions: Array,
+        velocity: Array,
+        now: float,
+        timeout: float,
     ) -> RepeatedPose:
         """
         Return the record with a measured pose, from which the object is at rest.
@@ -52,10 +55,11 @@ class RepeatedPose:
         noise are equal however long. After a pause without commands, all counts anew.
 
         :param positions: (r,) measured roller positions [m].
+        :param velocity: (3,) velocity of the object since the last cycle [m/s, rad/s].
         """
         elapsed, value = now - self.cycle, tuple(pose.value)
         if value == self.value and 0.0 <= elapsed <= timeout:
-            motion = self.motion + elapsed * self.velocity
+            motion = self.motion + elapsed * velocity
             travel = np.abs(positions - self.positions).max(initial=0.0)
             first = pose.time if travel <= MAX_STUCK_TRAVEL else self.first
             return RepeatedPose(value, first, pose.time, now, motion, self.positions)

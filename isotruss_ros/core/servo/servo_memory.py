@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 import math
 from typing import NamedTuple
 
@@ -13,12 +14,14 @@ from isotruss_ros.core.inputs import CommandHistory, Timeline
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
 from isotruss_ros.core.servo.repeated_pose import RepeatedPose
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
+import numpy as np
 
 
 class ServoSetup(NamedTuple):
@@ -48,6 +51,7 @@ class ServoMemory:
     :ivar history: commands sent.
     :ivar detector: detector of failed rollers.
     :ivar detected_at: time of the roller state that it compared last [s].
+    :ivar velocity: (3,) velocity of the object by the last command [m/s, rad/s].
     :ivar repeated_pose: time and motion since the measured pose changed.
     :ivar poses: last pose up to the time of the rollers, and the later ones.
     :ivar squeeze: squeeze control with the tracked grip; None if the opening angle is constant.
@@ -58,6 +62,7 @@ class ServoMemory:
     history: CommandHistory
     detector: FailureDetector
     detected_at: float = math.nan
+    velocity: Array = field(default_factory=partial(np.zeros, 3))
     repeated_pose: RepeatedPose = field(default_factory=RepeatedPose)
     poses: Timeline = field(default_factory=Timeline)
     squeeze: SqueezeControl | None = None

@@ -77,24 +77,19 @@ def step(
         stamped_twist, rollers, *poses = require_fresh(now, settings.timeout, **required)
         twist = np.asarray(stamped_twist.value)
         pose = poses[0] if poses else None
+        memory = measure(memory, rollers, now, settings.timeout, pose)
         if pose is not None:
-            positions, arm = rollers.value.positions, settings.grip.body.arm
-            repeated = memory.repeated_pose.updated(pose, positions, now, settings.timeout)
-            memory = replace(memory, repeated_pose=repeated)
-            repeated.check(settings.timeout, arm)
-        memory = measure(memory, rollers)
+            memory.repeated_pose.check(settings.timeout, settings.grip.body.arm)
         predicted = predict(setup, memory, failed, rollers, pose, now)
         if memory.squeeze is not None and predicted.grip is not None:
             memory, hold = follow(memory, inputs, settings, predicted, rollers, pose, now, True)
             if isinstance(hold, IsotrussError):
                 raise hold
-            if memory.squeeze.belief is None:
+            if memory.squeeze.tracker.belief is None:
                 reasons = f'the object is not held: {hold.value}', memory.squeeze.note()
                 raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, reasons)))
         moving = predict_obstacles(inputs.obstacles, settings, now)
-        memory, command, note = solve(setup, memory, predicted, failed, twist, now, moving)
-        repeated = replace(memory.repeated_pose, velocity=command.achieved_twist)
-        memory = replace(memory, repeated_pose=repeated)
+        squeeze, command, note = solve(setup, memory, predicted, failed, twist, now, moving)
         ok = command.status is Status.OK
         message, is_solved = '' if ok else describe(command, settings.joint is None), True
         message = '; '.join(filter(None, (message, note)))
@@ -103,13 +98,15 @@ def step(
         if status is Status.HALT_NO_TWIST and has_ended(now, settings.timeout, inputs.twist):
             message = 'nothing is commanded: the twists have ended'
         memory = halt(setup, memory, inputs, status, now)
+        squeeze = memory.squeeze
         command = RollerCommand(np.zeros(len(names)), np.zeros(3), 0.0, status)
         # The twist is checked first, so a fault of another input leaves it valid.
         if isinstance(error, InputError) and error.name != 'twist':
             twist = np.asarray(inputs.twist.value)  # type: ignore[union-attr]
-    memory = replace(memory, history=memory.history.recorded(now, command.roller_velocities))
+    history = memory.history.recorded(now, command.roller_velocities)
+    memory = replace(memory, history=history, squeeze=squeeze, velocity=command.achieved_twist)
     listed = tuple(name for name in names if name in failed)
-    return memory, _decide(memory.squeeze, command, twist, message, listed, is_solved)
+    return memory, _decide(squeeze, command, twist, message, listed, is_solved)
 
 
 def _decide(
@@ -121,9 +118,10 @@ def _decide(
     is_solved: bool,
 ) -> Decision:
     """Return the decision of a cycle with a command and a message."""
-    if squeeze is None or squeeze.belief is None:
+    belief = None if squeeze is None else squeeze.tracker.belief
+    if belief is None:
         return Decision(command, twist, message, failed)
-    force = squeeze.belief.squeeze, squeeze.belief.squeeze_deviation
+    force = belief.squeeze, belief.squeeze_deviation
     if is_solved:
         message = '; '.join(filter(None, (message, squeeze.note(force))))
     return Decision(
@@ -134,7 +132,7 @@ def _decide(
         squeeze.frequency or 0.0,
         squeeze.gain,
         force,
-        squeeze.belief.state.delay,
+        belief.state.delay,
         None if squeeze.reference is None else Pose(*squeeze.reference.tolist()),
     )
 
@@ -148,8 +146,8 @@ def step_command(
     if velocities.any():
         velocities = limit_change(velocities, last, largest_change(setup, memory, now))
     squeeze = None if memory.squeeze is None else memory.squeeze.acknowledged()
-    history = memory.history.recorded(now, velocities)
-    return replace(memory, history=history, squeeze=squeeze), velocities
+    history, unknown = memory.history.recorded(now, velocities), np.zeros(3)
+    return replace(memory, history=history, squeeze=squeeze, velocity=unknown), velocities
 
 
 def begin_cycle(
@@ -158,31 +156,37 @@ def begin_cycle(
     """Discard old commands, and update the failed rollers by commands and measured travel."""
     finite_array([now], 1, 'time of the cycle [s]', ConfigurationError)
     history, rollers = memory.history.recent(now, settings.timeout), inputs.rollers
-    memory = replace(memory, history=history)
     if not isinstance(rollers, StampedInput):
-        return memory
+        return replace(memory, history=history)
     elapsed = rollers.time - memory.detected_at
     if 0.0 <= elapsed < DETECTION_PERIOD:
-        return memory
+        return replace(memory, history=history)
     speeds = np.zeros(history.count)
     if elapsed > 0.0:
         speeds = history.travel(memory.detected_at, rollers.time, speeds) / elapsed
     # A correction of an offset is not travel of a roller.
     travel = rollers.value.positions - rollers.value.offsets
     detector = memory.detector.updated(travel, rollers.time, speeds)
-    return replace(memory, detector=detector, detected_at=rollers.time)
+    return replace(memory, history=history, detector=detector, detected_at=rollers.time)
 
 
-def measure(memory: ServoMemory, rollers: StampedInput) -> ServoMemory:
-    """Update the measured configuration, which continues that of the last cycle."""
-    positions = rollers.value.positions
-    if np.array_equal(positions, memory.config.roller_positions):
-        return memory
-    try:
-        config = memory.config.moved_to(positions)
-    except ConfigurationError:
-        config = memory.config.robot.home.moved_to(positions)
-    return replace(memory, config=config)
+def measure(
+    memory: ServoMemory,
+    rollers: StampedInput,
+    now: float,
+    timeout: float,
+    pose: StampedInput | None = None,
+) -> ServoMemory:
+    """Update the measured configuration, which continues that of the last cycle, and the pose."""
+    positions, config, repeated = rollers.value.positions, memory.config, memory.repeated_pose
+    if pose is not None:
+        repeated = repeated.updated(pose, positions, memory.velocity, now, timeout)
+    if not np.array_equal(positions, config.roller_positions):
+        try:
+            config = config.moved_to(positions)
+        except ConfigurationError:
+            config = config.robot.home.moved_to(positions)
+    return replace(memory, config=config, repeated_pose=repeated)
 
 
 def follow(
@@ -200,16 +204,15 @@ def follow(
     covariance, stamp = None, None
     if isinstance(inputs.estimate, StampedInput):
         covariance, stamp = inputs.estimate.value.covariance, inputs.estimate.time
-    squeeze, offsets = memory.squeeze, rollers.value.offsets
-    tracker = squeeze.tracker.with_offsets(offsets, covariance, stamp)
+    tracker = memory.squeeze.tracker.with_offsets(rollers.value.offsets, covariance, stamp)
     pressures = fresh_pressures(now, settings.pressure_timeout, inputs.pressures)
-    squeeze = replace(squeeze, tracker=tracker.with_pressures(pressures))
+    squeeze = replace(memory.squeeze, tracker=tracker.with_pressures(pressures))
     # In a late loop, commands are valid for longer than the period.
     before = memory.followed_at
     elapsed = 0.0 if before is None else min(now - before, settings.timeout)
     # The sample is the last pose up to the time of the rollers; later poses are stored until the
     # travel up to them is measured.
-    poses = Timeline() if squeeze.belief is None else memory.poses
+    poses = Timeline() if tracker.belief is None else memory.poses
     poses = poses.added(pose.time, pose).since(rollers.time)
     pose_time, measured_pose = poses.first
     mid_cycle = now + 0.5 * settings.period
@@ -239,7 +242,7 @@ def halt(
         rollers, pose = require_fresh(
             now, settings.timeout, joint_states=inputs.rollers, object_pose=inputs.pose
         )
-        memory = measure(memory, rollers)
+        memory = measure(memory, rollers, now, settings.timeout)
         predicted = predict(setup, memory, failed, rollers, pose, now)
         had_fault = memory.squeeze.fault is not None
         memory, hold = follow(memory, inputs, settings, predicted, rollers, pose, now)

@@ -18,11 +18,12 @@ from isotruss_ros.core.estimation.fault_thresholds import DEFAULT_FREQUENCY
 from isotruss_ros.core.estimation.grip_belief import GripBelief, Readings
 from isotruss_ros.core.estimation.grip_tracker import GripTracker
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
-from isotruss_ros.core.holding.held_grip import HoldStatus
+from isotruss_ros.core.holding.held_grip import HoldStatus, MIN_RELATIVE_MARGIN
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.servo.decision import describe_squeeze
@@ -32,6 +33,7 @@ from isotruss_ros.core.servo.squeeze_law import (
     CHANGED,
     find_correction,
     find_opening_rate,
+    pass_filters,
     Solve,
     solve_with_margins,
 )
@@ -53,6 +55,8 @@ class SqueezeControl:
     :ivar frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
     :ivar gain: pose gain for this frequency [1/s]; before the first `followed`, that for an
         unknown frequency.
+    :ivar filters: (2, 4) corrections of pose [m, m, rad] and squeeze [N] that are still in the two
+        low-pass filters in series, see `swing_watch`.
     :ivar excess: excess of the first estimate of the squeeze over the desired one [N].
     :ivar elapsed: time of the last cycle [s].
     :ivar since_pose: time since the last pose [s].
@@ -64,14 +68,10 @@ class SqueezeControl:
     velocity: Array = field(default_factory=partial(np.zeros, 3))
     frequency: float | None = None
     gain: float = GAIN_SHARE * DEFAULT_FREQUENCY
+    filters: Array = field(default_factory=partial(np.zeros, (2, 4)))
     excess: float = 0.0
     elapsed: float = 0.0
     since_pose: float = 0.0
-
-    @property
-    def belief(self) -> GripBelief | None:
-        """Return the estimated state of the grip; None without an object."""
-        return self.tracker.belief
 
     @property
     def fault(self) -> Status | None:
@@ -95,7 +95,7 @@ class SqueezeControl:
     def lost(self) -> SqueezeControl:
         """Return the control after a loss, which is a fault if the object was held before."""
         faults = self.faults
-        if self.belief is not None or self.tracker.lost is not None:
+        if self.tracker.belief is not None or self.tracker.lost is not None:
             faults = faults.failed(Status.HALT_NOT_HELD, 'the object is not between the members')
         return replace(self, faults=faults).restarted()
 
@@ -121,21 +121,34 @@ class SqueezeControl:
         :return: the control, and the hold status, or an error of the search.
         """
         reference = None if self.reference is None else self.reference + elapsed * self.velocity
-        control = replace(self, elapsed=elapsed, reference=reference)
-        if self.belief is None:
+        before = self.tracker.belief
+        if before is None:
+            control = replace(self, elapsed=elapsed, reference=reference)
             return control._begun(settings, config, grip, gripped)
         tracker, hold = self.tracker.followed(config, elapsed, rollers)
-        control = replace(control, tracker=tracker)
-        if tracker.belief is None:
-            return control, hold
-        control = control._tuned(settings, tracker.belief)
-        lag = tracker.belief.lag.advanced(elapsed, 1.0 / control.gain)
-        tracker = replace(tracker, belief=replace(tracker.belief, lag=lag))
+        belief = tracker.belief
+        if belief is None:
+            return replace(self, tracker=tracker, elapsed=elapsed, reference=reference), hold
+        frequency, gain = self._tune(settings, belief)
+        first = self.filters[0] + (belief.corrections - before.corrections)
+        filters = pass_filters(first, self.filters[1], elapsed * gain)
         faults, since = self.faults.rested(elapsed), self.since_pose + elapsed
         tracker, is_new = tracker.observed(*sample)
         if is_new:
             faults, since = faults.judged(tracker.belief, since, self.velocity), 0.0
-        return replace(control, tracker=tracker, faults=faults, since_pose=since), hold
+            filters[0] += tracker.belief.corrections - belief.corrections
+        control = replace(
+            self,
+            tracker=tracker,
+            faults=faults,
+            reference=reference,
+            frequency=frequency,
+            gain=gain,
+            filters=filters,
+            elapsed=elapsed,
+            since_pose=since,
+        )
+        return control, hold
 
     def command(
         self, settings: SqueezeSettings, twist: Array, period: float, solve: Solve
@@ -149,28 +162,26 @@ class SqueezeControl:
         :return: the control with the desired pose, the command, and the correction (3,) of the
             pose in it [m/s, rad/s].
         """
-        belief: GripBelief = self.belief  # type: ignore[assignment]
-        none = np.zeros(3)
-        if self.fault is Status.HALT_OSCILLATES:
+        belief: GripBelief = self.tracker.belief  # type: ignore[assignment]
+        fault, none = self.faults.fault, np.zeros(3)
+        if fault is Status.HALT_OSCILLATES:
             stopped = np.zeros(len(belief.held.config.roller_positions))
-            return self, RollerCommand(stopped, none, 0.0, self.fault), none
-        opening_rate = find_opening_rate(belief, settings.force, self.excess, self.gain)
-        if self.fault is not None:
-            command = replace(solve(none, opening_rate), scale=0.0, status=self.fault)
+            return self, RollerCommand(stopped, none, 0.0, fault), none
+        outputs = belief.outputs - self.filters.sum(axis=0)
+        opening_rate = find_opening_rate(belief, outputs, settings.force, self.excess, self.gain)
+        if fault is not None:
+            command = replace(solve(none, opening_rate), scale=0.0, status=fault)
             return self, command, none
-        reference = belief.regulated[:3] if self.reference is None else self.reference
-        duration = max(period, self.elapsed)
-        correction = find_correction(belief, reference, self.gain, duration)
+        control = self if self.reference is not None else replace(self, reference=outputs[:3])
+        error = pose_difference(control.reference, outputs[:3])
+        correction = find_correction(belief, error, self.gain, max(period, self.elapsed))
+        excess_margin = belief.slip_margin - MIN_RELATIVE_MARGIN * float(outputs[3])
+        usage = belief.cache.usage.rolled(belief.cache.travel)
+        limits = usage, excess_margin, settings.max_utilisation
         command = solve_with_margins(
-            belief,
-            np.asarray(twist),
-            correction,
-            opening_rate,
-            solve,
-            period,
-            settings.max_utilisation,
+            np.asarray(twist), correction, opening_rate, solve, period, *limits
         )
-        return replace(self, reference=reference), command, correction
+        return control, command, correction
 
     def advanced(
         self,
@@ -208,16 +219,17 @@ class SqueezeControl:
         belief = tracker.belief
         smallest_squeeze = (1.0 - 2.0 * belief.settings.squeeze_error) * belief.squeeze
         excess = max(smallest_squeeze - settings.force, 0.0)
-        control = replace(self, tracker=tracker, excess=excess)._tuned(settings, belief)
-        faults = replace(faults, swings=SwingWatch.of(control.frequency))
-        return replace(control, faults=faults), hold
+        frequency, gain = self._tune(settings, belief)
+        faults = replace(faults, swings=SwingWatch.of(frequency))
+        tuned = {'frequency': frequency, 'gain': gain, 'excess': excess}
+        filters = np.zeros((2, 4))
+        return replace(self, tracker=tracker, faults=faults, filters=filters, **tuned), hold
 
-    def _tuned(self, settings: SqueezeSettings, belief: GripBelief) -> SqueezeControl:
-        """Return the control with the gain of the settings or of the natural frequency."""
+    def _tune(self, settings: SqueezeSettings, belief: GripBelief) -> tuple[float | None, float]:
+        """Return the natural frequency, and the gain of the settings or of this frequency."""
         frequency = settings.frequency or belief.cache.by_offsets.frequency
         default_gain = GAIN_SHARE * (frequency or DEFAULT_FREQUENCY)
-        gain = self.faults.softening * (settings.pose_gain or default_gain)
-        return replace(self, frequency=frequency, gain=gain)
+        return frequency, self.faults.softening * (settings.pose_gain or default_gain)
 
     def note(self, squeeze: tuple[float, float] | None = None) -> str:
         """Return a sentence on a fault of the grip or on an unknown squeeze, empty if neither."""
@@ -226,6 +238,7 @@ class SqueezeControl:
         slipped = self.faults.slipped
         notes = [f'slipped by {1e3 * slipped:.0f} mm, held'] if slipped else []
         if squeeze is not None and not is_squeeze_known(*squeeze):
-            is_assumed = self.belief is not None and self.belief.is_assumed
+            belief = self.tracker.belief
+            is_assumed = belief is not None and belief.is_assumed
             notes.append(f'held, {describe_squeeze(*squeeze, is_assumed)}')
         return '; '.join(notes)

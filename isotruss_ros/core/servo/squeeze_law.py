@@ -13,15 +13,15 @@ of the held object, see `swing_watch`.
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
-from isotruss_ros.core.holding.held_grip import MIN_RELATIVE_MARGIN
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
-from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.safety.usage_limits import UsageLimits
 from isotruss_ros.core.servo.swing_watch import MAX_SQUEEZE_GAIN
 import numpy as np
 
@@ -37,9 +37,23 @@ CHANGED = (Status.UNREACHABLE, Status.SLIDING)
 Solve = Callable[[Array, float], RollerCommand]
 
 
-def find_opening_rate(belief: GripBelief, force: float, excess: float, gain: float) -> float:
+def pass_filters(first: Array, second: Array, phase: float) -> Array:
+    """
+    Return the corrections (2, 4) in two low-pass filters after a time, relative to their constant.
+
+    Corrections by poses reach the control behind them, because the loop is stable only then.
+    """
+    remaining = math.exp(-phase)
+    return remaining * np.array([first, second + (1.0 - remaining) * first])
+
+
+def find_opening_rate(
+    belief: GripBelief, outputs: Array, force: float, excess: float, gain: float
+) -> float:
     """
     Return the opening rate of the grip by proportional control of the squeeze [m/s].
+
+    The `outputs` are pose and squeeze (4,) behind the filters.
 
     While the squeeze would be unknown even with an exact stiffness, the `excess` of the first
     estimate over the desired `force` is added [N]: opening the grip could release the object, and
@@ -47,44 +61,41 @@ def find_opening_rate(belief: GripBelief, force: float, excess: float, gain: flo
     """
     if excess > 0.0 and not is_squeeze_known(force, belief.geometric_deviation):
         force += excess
-    error = force - float(belief.regulated[3])
+    error = force - float(outputs[3])
     force_rate = min(MAX_SQUEEZE_GAIN, gain) * error - belief.cache.drift[3]
     bounded_rate = max(-MAX_FORCE_RATE, min(force_rate, MAX_FORCE_RATE))
     return bounded_rate / belief.held.squeeze_stiffness()
 
 
-def find_correction(belief: GripBelief, reference: Array, gain: float, duration: float) -> Array:
+def find_correction(belief: GripBelief, error: Array, gain: float, duration: float) -> Array:
     """
-    Return the twist (3,) that corrects the pose error and the motion that (19) neglects.
+    Return the twist (3,) that corrects an error of the pose and the motion that (19) neglects.
 
     A command that is valid for a long `duration` must not overshoot [s].
     """
-    gain = min(gain, 0.5 / duration)
-    error = pose_difference(reference, belief.regulated[:3])
-    return gain * error - belief.cache.drift[:3]
+    return min(gain, 0.5 / duration) * error - belief.cache.drift[:3]
 
 
 def solve_with_margins(
-    belief: GripBelief,
     twist: Array,
     correction: Array,
     opening_rate: float,
     solve: Solve,
     period: float,
+    usage: UsageLimits,
+    excess_margin: float,
     max_utilisation: float,
 ) -> RollerCommand:
     """
     Return the command for a twist (3,) of the object with its correction.
 
-    Limits on slip margin and utilisation reduce only the twist. The command is valid for a period
-    [s].
+    Limits on utilisation and on the excess of the slip margin over its bound [N] reduce only the
+    twist. The command is valid for a period [s].
     """
     command = solve_within_limits(twist + correction, opening_rate, solve)
     if command.status in CHANGED and not twist.any():
         # Contacts or limits do not admit the correction of the pose.
         command = replace(command, status=Status.OK)
-    usage = belief.cache.usage
-    excess_margin = belief.slip_margin - MIN_RELATIVE_MARGIN * float(belief.regulated[3])
     share = usage.margin_share(command, period, excess_margin)
     if share < 1.0 and twist.any():
         slowed = solve_within_limits(share * twist + correction, opening_rate, solve)

@@ -205,7 +205,7 @@ class StatusReport:
         :param control: squeeze control with the equilibrium of the held object; None without it.
         """
         fault = None if control is None else control.fault
-        belief = None if control is None or fault is not None else control.belief
+        belief = None if control is None or fault is not None else control.tracker.belief
         held = False if fault is Status.HALT_NOT_HELD else True if belief is not None else None
         if not 0.0 <= now - self._told < GRIP_PERIOD:
             self._told = now

@@ -135,7 +135,7 @@ class Loop:
 
     @property
     def belief(self):
-        return self.servo.squeeze.belief
+        return self.servo.squeeze.tracker.belief
 
 
 def test_new_dents_delay_the_start_of_a_grip_and_do_not_change_it():
