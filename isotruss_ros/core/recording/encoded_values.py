@@ -9,7 +9,7 @@ A text executes nothing, so recordings of strangers can be read. Real numbers ke
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import fields, is_dataclass
 import enum
 from typing import Any
@@ -69,60 +69,56 @@ def encode(value: Any) -> Any:
         return {'array': value.tolist()}
     if isinstance(value, np.generic):
         return value.item()
-    if hasattr(value, '_asdict'):
-        named = value._asdict()
-    elif is_dataclass(value):
-        named = {field.name: getattr(value, field.name) for field in fields(value) if field.init}
+    if is_dataclass(value):
+        names = [field.name for field in fields(value) if field.init]
+    elif hasattr(value, '_fields'):
+        names = value._fields
     elif isinstance(value, Mapping):
-        return {'mapping': {str(name): encode(part) for name, part in value.items()}}
+        return {'mapping': {name: encode(part) for name, part in value.items()}}
     elif isinstance(value, Set):
         return sorted(map(encode, value))
     elif isinstance(value, tuple | list):
-        return [encode(part) for part in value]
+        return list(map(encode, value))
     else:  # a class of the user: refused when it is read
-        return {'kind': type(value).__name__}
-    return {'kind': type(value).__name__} | {name: encode(part) for name, part in named.items()}
+        names = []
+    return {'kind': type(value).__name__} | {n: encode(getattr(value, n)) for n in names}
 
 
 def decode(value: Any) -> Any:
-    """Return the value of a text's part; raise RecordedCycleError unless it is of known form."""
+    """Return the value of a text's part; any error means that the part is invalid."""
     if isinstance(value, list):
-        return tuple(decode(part) for part in value)
+        return tuple(map(decode, value))
     if not isinstance(value, dict):
         return value
+    if 'array' in value:
+        return np.array(value['array'], dtype=float)
+    if 'mapping' in value:
+        return {name: decode(part) for name, part in value['mapping'].items()}
     try:
-        if 'array' in value:
-            return np.array(value['array'], dtype=float)
-        if 'mapping' in value:
-            return {name: decode(part) for name, part in value['mapping'].items()}
         if 'enum' in value:
             return ENUMS[value['enum']][value['name']]
-        kind = value['kind']
-        return KINDS[kind](**{n: decode(part) for n, part in value.items() if n != 'kind'})
+        kind = KINDS[value['kind']]
     except KeyError as error:
-        raise RecordedCycleError(f'{error.args[0]!r}: no known class or value') from error
-    except (TypeError, ValueError, AttributeError) as error:
-        raise RecordedCycleError(str(error)) from error
-
-
-def flatten(value: Any, name: str = '') -> dict[str, Any]:
-    """Return the numbers and texts in a value by their names, such as `squeeze.force`."""
-    parts: Mapping[str, Any]
-    if isinstance(value, dict):
-        parts = {n: part for n, part in value.items() if n not in ('kind', 'enum')}
-    elif isinstance(value, Sequence) and any(isinstance(part, dict | list) for part in value):
-        parts = dict(zip(map(str, range(len(value))), value, strict=True))
-    else:
-        return {name: value}
-    nested = [flatten(part, f'{name}.{n}' if name else n) for n, part in parts.items()]
-    return {n: plain for part in nested for n, plain in part.items()}
+        raise RecordedCycleError(f'{error}: no known class or value') from None
+    return kind(**{name: decode(part) for name, part in value.items() if name != 'kind'})
 
 
 def find_changes(before: ServoSettings, after: ServoSettings) -> list[str]:
     """Return a text such as `squeeze.force: 30.0 -> 40.0` for each setting that differs."""
-    old, new = flatten(encode(before)), flatten(encode(after))
+    old, new = (dict(_flatten(encode(settings))) for settings in (before, after))
     return [
         f'{name}: {old.get(name)} -> {new.get(name)}'
         for name in old | new
         if old.get(name) != new.get(name)
     ]
+
+
+def _flatten(value: Any, name: str = '') -> Iterator[tuple[str, Any]]:
+    """Yield the names, such as `squeeze.force`, and the parts of an encoded value."""
+    if isinstance(value, list) and any(isinstance(part, dict | list) for part in value):
+        value = dict(enumerate(value))
+    if isinstance(value, dict):
+        for inner, part in value.items():
+            yield from _flatten(part, f'{name}.{inner}' if name else inner)
+    else:
+        yield name, value

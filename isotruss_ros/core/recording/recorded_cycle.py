@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 import json
 import math
 from typing import Any, NamedTuple
 
-from isotruss_ros.core.errors import IsotrussError, quote
+from isotruss_ros.core.errors import quote
 from isotruss_ros.core.inputs import LatestInputs
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.recording.encoded_values import decode, encode, RecordedCycleError
@@ -21,20 +21,6 @@ import numpy as np
 
 #: Inputs that the servo uses.
 INPUTS = ('twist', 'rollers', 'estimate', 'pose', 'pressures', 'obstacles', 'failed', 'halt')
-#: Types of the fields of a record.
-FIELDS: dict[str, Any] = {
-    'number': int,
-    'now': float,
-    'settings': ServoSettings,
-    'inputs': dict,
-    'decision': dict,
-    'versions': dict,
-    'robot': str,
-    'left_out': tuple,
-    'calls': tuple,
-    'commanded': np.ndarray | None,
-    'detected': tuple,
-}
 
 
 class RecordedCycle(NamedTuple):
@@ -54,6 +40,39 @@ class RecordedCycle(NamedTuple):
     commanded: Array | None = None  #: (r,) velocities of a `command`; None: `decide` [m/s]
     detected: tuple[str, ...] = ()  #: rollers whose failure was detected before the cycle
     absent: tuple[str, ...] = ()  #: names of the fields that the record lacks
+
+
+def _are_texts(value: Any) -> bool:
+    """Return whether a value is a tuple of texts."""
+    return isinstance(value, tuple) and all(isinstance(part, str) for part in value)
+
+
+def _is_call(value: Any) -> bool:
+    """Return whether a value is the name of a call and its argument, None or names of rollers."""
+    name, argument = value
+    return isinstance(name, str) and (argument is None or _are_texts(argument))
+
+
+#: What a field of a record must be, in words and as a condition.
+FIELDS: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    'number': ('an integer', lambda value: isinstance(value, int)),
+    'now': ('a finite number', lambda value: isinstance(value, float) and math.isfinite(value)),
+    'settings': (
+        'settings without barriers and limits',
+        lambda value: isinstance(value, ServoSettings) and not (value.barriers or value.limits),
+    ),
+    'inputs': (
+        'named inputs, the failed rollers by name',
+        lambda value: isinstance(value, dict) and _are_texts(tuple(value.get('failed', ()))),
+    ),
+    'decision': ('named values', lambda value: isinstance(value, dict)),
+    'versions': ('named versions', lambda value: isinstance(value, dict)),
+    'robot': ('a text', lambda value: isinstance(value, str)),
+    'left_out': ('texts', _are_texts),
+    'calls': ('pairs of name and argument', lambda value: all(map(_is_call, value))),
+    'commanded': ('an array or null', lambda value: isinstance(value, np.ndarray | None)),
+    'detected': ('texts', _are_texts),
+}
 
 
 def describe_setup(settings: ServoSettings, robot: str, versions: Mapping[str, str]) -> str:
@@ -86,30 +105,19 @@ def describe_cycle(setup: str, inputs: LatestInputs, decision: Decision, **other
 
 def read_cycle(text: str) -> RecordedCycle:
     """Return the record in a text; raise RecordedCycleError that names an invalid field."""
+    name, read = 'no JSON text with named fields', dict[str, Any]()
     try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise RecordedCycleError(f'record of a cycle: no JSON text: {error}') from error
-    if not isinstance(content, dict):
-        raise RecordedCycleError(f'record of a cycle: {quote(text)}: must be named fields')
-    read: dict[str, Any] = {}
-    defaults = RecordedCycle._field_defaults
-    for name, kind in FIELDS.items():
-        try:
-            read[name] = decode(content[name]) if name in content else defaults[name]
-        except KeyError:
-            raise RecordedCycleError(f'record of a cycle without the field {name}') from None
-        except IsotrussError as error:
-            raise RecordedCycleError(f'record of a cycle: {name}: {error}') from error
-        if not isinstance(read[name], kind):
-            given, wanted = quote(json.dumps(content[name])), getattr(kind, '__name__', kind)
-            raise RecordedCycleError(f'record of a cycle: {name}: {given}: must be {wanted}')
-    if not math.isfinite(read['now']):
-        raise RecordedCycleError(f'record of a cycle: now: {read["now"]}: must be finite')
-    if not all(isinstance(name, str) for name in (*read['detected'], *read['left_out'])):
-        raise RecordedCycleError('record of a cycle: detected, left_out: must be texts')
-    if not all(isinstance(call, tuple) and len(call) == 2 for call in read['calls']):
-        raise RecordedCycleError('record of a cycle: calls: must be pairs of name and argument')
+        content = dict(json.loads(text))
+        for name, (words, is_valid) in FIELDS.items():
+            if name in content:
+                read[name] = decode(content[name])
+                if not is_valid(read[name]):
+                    given = quote(json.dumps(content[name]))
+                    raise RecordedCycleError(f'{given}: must be {words}')
+            elif name not in RecordedCycle._field_defaults:
+                raise RecordedCycleError('must be in the record')
+    except Exception as error:  # values of strangers may lead to any
+        raise RecordedCycleError(f'record of a cycle: {name}: {error}') from error
     absent = [name for name in FIELDS if name not in content]
     absent += [f'inputs.{name}' for name in INPUTS if name not in read['inputs']]
     return RecordedCycle(**read, absent=tuple(absent))

@@ -15,7 +15,6 @@ from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, MAX_LOAD
 from isotruss_ros.core.statics.section import tube_pressures
-import numpy as np
 
 #: Kind of the value of an input that is not a list of numbers.
 VALUE_KINDS = {'rollers': 'RollerState', 'estimate': 'EstimatedTravel'}
@@ -49,8 +48,9 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
             tube_pressures(robot.description, value)
         elif name == 'rollers':
             for field, numbers in value._asdict().items():
-                if field != 'offsets' or np.ndim(numbers):  # offsets may be the number 0
-                    finite_array(numbers, rollers, f'{field} of {words}', GraspError)
+                if field == 'offsets' and isinstance(numbers, float):  # of all rollers
+                    numbers = [numbers] * rollers
+                finite_array(numbers, rollers, f'{field} of {words}', GraspError)
         elif name == 'estimate':
             finite_array(value.offsets, rollers, 'estimated roller offsets [m]', GraspError)
             what = 'covariance of roller offsets [m^2]'

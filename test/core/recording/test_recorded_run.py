@@ -10,12 +10,18 @@ import pickle
 
 from grips import gripped
 from held_grips import HOME
-from isotruss_ros.core import Disc, Grip, place_between, Status, TwistServo
+from isotruss_ros.core import ConvexObject, Disc, Grip, Obstacle, place_between, Status, TwistServo
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
-from isotruss_ros.core.recording.encoded_values import find_changes, RecordedCycleError
-from isotruss_ros.core.recording.recorded_cycle import read_cycle
+from isotruss_ros.core.model.obstacle import HalfPlane
+from isotruss_ros.core.recording.encoded_values import (
+    decode,
+    encode,
+    find_changes,
+    RecordedCycleError,
+)
+from isotruss_ros.core.recording.recorded_cycle import INPUTS, read_cycle
 from isotruss_ros.core.recording.recorded_servo import RecordedServo
 from isotruss_ros.core.recording.repeated_run import decide_again, read_robot
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
@@ -138,6 +144,14 @@ def test_a_changed_setting_is_named_with_both_values():
     assert change == f'squeeze.force: {before.squeeze.force} -> {after.squeeze.force}'
 
 
+def test_obstacles_are_recorded_with_the_cycle():
+    hand = Obstacle('hand', ConvexObject(Disc(0.1), (0.7, 0.2, 0.0)), (0.1, -0.1, 0.0), 0.5)
+    wall = Obstacle('wall', ConvexObject(HalfPlane(), (0.0, -9.0, 0.5 * np.pi)))
+    for value in (StampedInput((hand,), 0.0), wall):
+        assert decode(json.loads(json.dumps(encode(value)))) == value
+    assert 'obstacles' in INPUTS
+
+
 def test_a_run_goes_on_with_a_new_memory_behind_missing_cycles():
     cycles = [read_cycle(text) for text in TEXTS]
     again = list(decide_again(cycles[:5] + cycles[8:], read_robot(cycles[0])))
@@ -157,15 +171,21 @@ def test_a_record_states_the_versions_of_the_numerical_packages():
 
 #: Changes of a record, and texts that are none.
 BROKEN = [
-    ({'now': 'noon'}, 'now: .*must be float'),
-    ({'now': float('nan')}, 'now: nan: must be finite'),
+    ({'now': 'noon'}, 'now: .*noon.*must be a finite number'),
+    ({'now': float('nan')}, 'now: .*NaN.*must be a finite number'),
     ({'settings': {'kind': 'Popen', 'args': 'true'}}, "settings: 'Popen': no known class"),
     ({'settings': CYCLE['settings'] | {'period': -1.0}}, 'settings: period'),
     ({'inputs': {'mapping': {'pose': {'array': ['x']}}}}, 'inputs: could not convert'),
     ({'commanded': [1.0]}, 'commanded: '),
-    ({'calls': [['system']]}, 'calls: must be pairs'),
+    ({'calls': [['system']]}, 'calls: '),
+    ({'calls': [['reset_failures', 3]]}, 'calls: .*must be pairs of name and argument'),
+    ({'settings': CYCLE['settings'] | {'limits': ['x']}}, 'settings: .*without .*limits'),
+    ({'inputs': {'mapping': {'failed': [[]]}}}, 'inputs: .*the failed rollers by name'),
+    ({'commanded': {'array': [10**400]}}, 'commanded: .*too large'),
+    ({'decision': json.loads('[' * 400 + ']' * 400)}, 'decision: '),
 ]
-BROKEN += [(text, 'record of a cycle') for text in ('', '[', '3', '[' * 100_000, '{"number": 1}')]
+BROKEN += [(text, 'record of a cycle: no JSON text') for text in ('', '[', '3', '[' * 100_000)]
+BROKEN += [('{"number": 1}', 'now: must be in the record')]
 
 
 @pytest.mark.parametrize(('broken', 'words'), BROKEN)
@@ -178,7 +198,7 @@ def test_a_broken_record_is_refused_with_the_field(broken, words):
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
-        ({'calls': [['system', 'true']]}, "calls: 'system': no known call"),
+        ({'calls': [['system', ['true']]]}, "calls: 'system': no known call"),
         ({'detected': ['north/none']}, 'north/none'),
         ({'inputs': {'mapping': {'halt': 'stop'}}}, 'halt'),
     ],

@@ -35,6 +35,8 @@ INPUTS = [
             (RollerState(NAN, NONE), 'positions of rollers'),
             (RollerState(NONE, NAN), 'velocities of rollers'),
             (RollerState(NONE, NONE, NAN), 'offsets of rollers'),
+            (RollerState(NONE, NONE, math.nan), 'offsets of rollers'),
+            (RollerState(NONE, NONE, None), 'offsets of rollers'),
             (RollerState(NONE[1:], NONE), 'positions of rollers'),
             (RollerState(NONE, NONE[1:]), 'velocities of rollers'),
         ],

@@ -4,15 +4,11 @@
 """Moving obstacles: evasion, halt where none is possible, and silence of their publisher."""
 
 from dataclasses import replace
-import json
 
 from driven import Driven
 from grips import held_at
 from isotruss_ros.core import ConvexObject, Disc, load_robot, Obstacle, Robot, Status
 from isotruss_ros.core.inputs import StampedInput
-from isotruss_ros.core.model.obstacle import HalfPlane
-from isotruss_ros.core.recording.encoded_values import decode, encode
-from isotruss_ros.core.recording.recorded_cycle import INPUTS
 from nightly import some_now
 import numpy as np
 import pytest
@@ -123,11 +119,3 @@ def test_invalid_moving_obstacles_halt_the_robot_with_the_reason():
     ):
         servo.receive(obstacles=StampedInput(obstacles, 0.0))
         assert words in servo.inputs.obstacles.reason
-
-
-def test_obstacles_are_recorded_with_the_cycle():
-    wall = Obstacle('wall', ConvexObject(HalfPlane(), (0.0, -9.0, 0.5 * np.pi)))
-    hand = StampedInput((approaching(0.3, 0.1),), 0.0)
-    for value in (hand, wall):
-        assert decode(json.loads(json.dumps(encode(value)))) == value
-    assert 'obstacles' in INPUTS
