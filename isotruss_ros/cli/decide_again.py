@@ -74,18 +74,13 @@ def parse_changes(texts: Sequence[str]) -> Callable[[ServoSettings], ServoSettin
 
 def find_difference(cycle: RepeatedCycle) -> float:
     """Return the largest difference of velocities from those recorded [m/s, rad/s]."""
-    recorded, again = cycle.recorded.decision.get('velocities'), cycle.velocities
-    if recorded is None and cycle.decision is not None:  # an older recording
-        recorded = cycle.recorded.decision.get('achieved')
-        again = cycle.decision.command.achieved_twist
-    if not isinstance(recorded, np.ndarray) or recorded.shape != again.shape:
+    recorded, command = cycle.recorded.decision, cycle.decision.command
+    before, again = recorded.get('velocities'), command.roller_velocities
+    if before is None:  # an older recording
+        before, again = recorded.get('achieved'), command.achieved_twist
+    if not isinstance(before, np.ndarray) or before.shape != again.shape:
         raise RecordingError(f'cycle {cycle.recorded.number}: decision: no velocities')
-    return float(np.abs(again - recorded).max(initial=0.0))
-
-
-def find_hindrance(cycle: RepeatedCycle) -> Status | None:
-    """Return the status of a halt or a slowing; None while the command is executed."""
-    return None if cycle.status < Status.SLOWED_ROLLER_SPEED else cycle.status
+    return float(np.abs(again - before).max(initial=0.0))
 
 
 def find_events(before: RepeatedCycle | None, cycle: RepeatedCycle) -> Iterator[str]:
@@ -147,15 +142,17 @@ def print_run(path: Path, robot: Robot, diameter: float, changes: Sequence[str])
             where = f'cycle {cycle.recorded.number}, {cycle.recorded.now - first.now:.3f} s'
             for event in find_events(last, cycle):
                 print(f'{where}: {event}')
-            hindrance = find_hindrance(cycle)
+            status = cycle.decision.command.status
+            # A halt or a slowing; None while the command is executed.
+            hindrance = None if status < Status.SLOWED_ROLLER_SPEED else status
             if last is None or has_news(printed, hindrance):
-                name, words = cycle.status.name, cycle.message
-                print(f'{where}: {name}' if hindrance is None else f'{where}: {name}: {words}')
+                words = '' if hindrance is None else f': {cycle.decision.message}'
+                print(f'{where}: {status.name}{words}')
                 printed = hindrance
-            counts[cycle.status] += 1
+            counts[status] += 1
             difference, last = find_difference(cycle), cycle
             if difference > ROUNDING >= max(differences, default=0.0):
-                statuses = f'{cycle.recorded.decision.get("status")!s} -> {cycle.status!s}'
+                statuses = f'{cycle.recorded.decision.get("status")!s} -> {status!s}'
                 print(f'{where}: first other command: by {difference:.3g}, {statuses}')
             differences.append(difference)
     except BrokenRecordingError as error:

@@ -41,26 +41,27 @@ class RecordedServo(TwistServo):
         self._number = 0
         self._calls: list[tuple[str, Any]] = []
         self._origin = _read_text(robot.description.source), find_versions()
-        self._described: tuple[ServoSettings | None, str] = None, ''
+        self._described = describe_setup(settings, *self._origin)
 
     def decide(self, now: float) -> Decision:
         """Return the decision of a cycle, and record it."""
         detected = self.memory.detector.failed
         decision = super().decide(now)
-        self._end_cycle(now, decision, None, detected)
+        self._end_cycle(decision, now=now, commanded=None, detected=detected)
         return decision
 
     def command(self, velocities: Array, now: float) -> Array:
         """Return limited velocities of a cycle, and record them."""
         detected = self.memory.detector.failed
         limited = super().command(velocities, now)
-        command = RollerCommand(limited, np.zeros(3), 1.0, Status.FOLLOWING_TRAJECTORY)
-        self._end_cycle(now, Decision(command, np.zeros(3), ''), velocities, detected)
+        commanded = np.array(velocities, dtype=float)
+        self._end_cycle(as_decision(limited), now=now, commanded=commanded, detected=detected)
         return limited
 
     def apply(self, settings: ServoSettings) -> None:
         """Replace the settings, and record that they were applied."""
         super().apply(settings)
+        self._described = describe_setup(settings, *self._origin)
         self._calls.append(('apply', None))
 
     def acknowledge(self) -> None:
@@ -76,29 +77,20 @@ class RecordedServo(TwistServo):
     def take_failures(self, other: TwistServo) -> None:
         """Take the detected failures of a previous servo, and record them."""
         super().take_failures(other)
-        self._calls.append(('take_failures', sorted(self.memory.detector.failed)))
+        self._calls.append(('take_failures', self.memory.detector.failed))
 
-    def _end_cycle(
-        self, now: float, decision: Decision, commanded: Array | None, detected: frozenset[str]
-    ) -> None:
-        others = {
-            'number': self._number,
-            'now': now,
-            'commanded': None if commanded is None else np.asarray(commanded, dtype=float),
-            'detected': sorted(detected),
-            'calls': self._calls,
-        }
-        self.describe = lambda: describe_cycle(
-            self._describe_setup(), self.inputs, decision, **others
+    def _end_cycle(self, decision: Decision, **others: Any) -> None:
+        others |= {'number': self._number, 'calls': self._calls}
+        self.describe = functools.partial(
+            describe_cycle, self._described, self.inputs, decision, **others
         )
-        self._number += 1
-        self._calls = []
+        self._number, self._calls = self._number + 1, []
 
-    def _describe_setup(self) -> str:
-        """Return the setup as a text, which is computed once for the same settings."""
-        if self._described[0] is not self.settings:
-            self._described = self.settings, describe_setup(self.settings, *self._origin)
-        return self._described[1]
+
+def as_decision(velocities: Array) -> Decision:
+    """Return the decision of a cycle whose roller velocities (r,) the client commands [m/s]."""
+    command = RollerCommand(velocities, np.zeros(3), 1.0, Status.FOLLOWING_TRAJECTORY)
+    return Decision(command, np.zeros(3), '')
 
 
 @functools.cache

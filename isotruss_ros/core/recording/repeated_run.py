@@ -11,15 +11,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from isotruss_ros.core.errors import IsotrussError, RobotFileError
-from isotruss_ros.core.inputs import RejectedInput
+from isotruss_ros.core.inputs import LatestInputs, RejectedInput
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.model.safe_yaml import parse_yaml
 from isotruss_ros.core.model.topology import check_names
-from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.recording.encoded_values import encode, RecordedCycleError
 from isotruss_ros.core.recording.recorded_cycle import INPUTS, RecordedCycle
+from isotruss_ros.core.recording.recorded_servo import as_decision
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.servo_memory import ServoMemory
 from isotruss_ros.core.servo.servo_settings import ServoSettings
@@ -31,23 +31,9 @@ class RepeatedCycle(NamedTuple):
 
     recorded: RecordedCycle  #: record of the cycle
     settings: ServoSettings  #: settings of the new decision
-    velocities: Array  #: (r,) roller velocities that were decided again [m/s]
-    #: the new decision; None if the client commanded roller velocities
-    decision: Decision | None
+    decision: Decision  #: the new decision
     is_anew: bool  #: whether the memory before the cycle was not recorded, so that it is new
     failed: frozenset[str]  #: names of failed rollers
-
-    @property
-    def status(self) -> Status:
-        """Return the status of the new decision."""
-        if self.decision is None:
-            return Status.FOLLOWING_TRAJECTORY
-        return self.decision.command.status
-
-    @property
-    def message(self) -> str:
-        """Return the reason of a halt or a slowing."""
-        return '' if self.decision is None else self.decision.message
 
 
 def read_robot(record: RecordedCycle) -> Robot | None:
@@ -73,33 +59,31 @@ def decide_again(
     :param change: function that returns the settings to decide with.
     :param memory: memory before the first cycle; None: that of a new servo.
     """
-    servo: TwistServo | None = None
-    recorded, following = None, 0
+    servo: TwistServo
+    recorded = following = None
     for cycle in cycles:
         # Equal settings stay the same object, as in the recorded servo.
         if (described := encode(cycle.settings)) != recorded:
             recorded, settings = described, change(cycle.settings)
-        is_anew = memory is None and (servo is None or cycle.number != following)
-        following = cycle.number + 1
+        is_anew, following = cycle.number != following, cycle.number + 1
         try:
-            if servo is None or is_anew:
+            if is_anew:
                 servo = TwistServo(robot, settings)
                 _mark_failed(servo, cycle.detected)
+                if memory is not None:
+                    servo.memory, memory, is_anew = memory, None, False
             elif servo.settings is not settings and ('apply', None) not in cycle.calls:
                 servo.apply(settings)
-            if memory is not None:
-                servo.memory, memory = memory, None
             for name, argument in cycle.calls:
                 _repeat_call(servo, name, argument, settings)
             _receive(servo, cycle)
             if cycle.commanded is None:
                 decision = servo.decide(cycle.now)
-                velocities = decision.command.roller_velocities
             else:
-                decision, velocities = None, servo.command(cycle.commanded, cycle.now)
+                decision = as_decision(servo.command(cycle.commanded, cycle.now))
         except IsotrussError as error:
             raise RecordedCycleError(f'cycle {cycle.number}: {error}') from error
-        yield RepeatedCycle(cycle, settings, velocities, decision, is_anew, servo.failed)
+        yield RepeatedCycle(cycle, settings, decision, is_anew, servo.failed)
 
 
 def _mark_failed(servo: TwistServo, names: Collection[str]) -> None:
@@ -118,20 +102,20 @@ def _repeat_call(servo: TwistServo, name: str, argument: Any, settings: ServoSet
     elif name == 'reset_failures':
         servo.reset_failures(argument)
     elif name == 'take_failures':
-        _mark_failed(servo, argument)
+        _mark_failed(servo, argument or ())
     else:
         raise RecordedCycleError(f'calls: {name!r}: no known call')
 
 
 def _receive(servo: TwistServo, cycle: RecordedCycle) -> None:
     """Give a servo the inputs of a record; raise RecordedCycleError if one is invalid."""
-    given = {name: cycle.inputs.get(name) for name in INPUTS} | {
-        'failed': cycle.inputs.get('failed', ())
-    }
-    halt = given['halt']
-    is_halt = isinstance(halt, tuple) and [type(part) for part in halt] == [Status, str]
-    if halt is not None and not is_halt:
-        raise RecordedCycleError(f'inputs: halt: {halt!r}: must be a status and a reason')
+    missing = LatestInputs()
+    given = {name: cycle.inputs.get(name, getattr(missing, name)) for name in INPUTS}
+    match given['halt']:
+        case None | (Status(), str()):
+            pass
+        case halt:
+            raise RecordedCycleError(f'inputs: halt: {halt!r}: must be a status and a reason')
     servo.receive(**given)
     for name in INPUTS:
         rejected = getattr(servo.inputs, name)

@@ -135,7 +135,8 @@ def test_roller_velocities_that_the_client_commands_are_limited_again_as_recorde
         limited.append(servo.command(np.full(6, 0.05), 0.02 * number))
         texts.append(servo.describe())
     again = decide_again(map(read_cycle, texts), servo.robot)
-    assert [cycle.velocities.tolist() for cycle in again] == [v.tolist() for v in limited]
+    velocities = [cycle.decision.command.roller_velocities for cycle in again]
+    np.testing.assert_array_equal(velocities, limited)
 
 
 def test_a_changed_setting_is_named_with_both_values():

@@ -372,7 +372,7 @@ def test_published_records_decide_again_as_the_node_did():
     again = list(decide_again(cycles, read_robot(cycles[0])))
     # A late subscriber receives the first cycles, too.
     assert [cycle.recorded.number for cycle in again] == list(range(len(texts)))
-    statuses = {cycle.status for cycle in again}
+    statuses = {cycle.decision.command.status for cycle in again}
     assert {Status.OK, Status.FOLLOWING_TRAJECTORY, Status.HALT_NO_TWIST} <= statuses
     recorded = [cycle.decision['velocities'].tolist() for cycle in cycles]
-    assert [cycle.velocities.tolist() for cycle in again] == recorded
+    assert [cycle.decision.command.roller_velocities.tolist() for cycle in again] == recorded
