@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 FRAME_RATE = 20.0
 #: Smallest and largest speed of the playback relative to the recording [-].
 SPEED_RANGE = 1e-3, 1e3
+#: Exit code if commands that are decided again differ; argparse exits with 2 for bad arguments.
+DIFFERENT = 3
 
 
 def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) -> str:
@@ -106,10 +108,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Show a recording repeatedly until Ctrl-C, or write a page that plays it.
 
-    :return: 0 after Ctrl-C or after the page was written, 1 if the recording cannot be shown, 2 if
-        commands that are decided again differ from the recorded ones.
+    :return: 0 after Ctrl-C or after the page was written, 1 if the recording cannot be shown,
+        `DIFFERENT` if commands that are decided again differ from the recorded ones.
     """
-    parser = argparse.ArgumentParser(prog='isotruss replay', description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog='isotruss replay',
+        description=__doc__,
+        epilog='exit codes: 0 shown, written or equal commands, 1 failed for the printed reason, '
+        '2 bad arguments, 3 commands that are decided again differ',
+    )
     parser.add_argument('file', type=Path, help='MCAP file of the node record')
     parser.add_argument(
         '--robot',
@@ -150,7 +157,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             except ModuleNotFoundError as error:
                 raise MissingPackageError(error) from error
             robot = load_robot(options.robot)
-            return 0 if print_run(options.file, robot, options.diameter, options.set) else 2
+            is_equal = print_run(options.file, robot, options.diameter, options.set)
+            return 0 if is_equal else DIFFERENT
         try:
             from isotruss_ros.viewer.recording import read_recording
             from isotruss_ros.viewer.view import View

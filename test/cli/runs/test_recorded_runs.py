@@ -116,7 +116,7 @@ def test_a_failed_roller_is_named_with_its_cycle(decide):
 
 def test_another_setting_is_named_with_the_first_other_command(decide):
     code, out, _ = decide(TEXTS, '--set', 'timeout=1.0')
-    assert code == 2
+    assert code == 3
     assert 'another setting: timeout: 0.05 -> 1.0' in out
     assert 'first other command' in out
 
