@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+import math
 
 from geometry_msgs.msg import Transform
 from isotruss_ros.core import Robot
 from isotruss_ros.core.errors import format_numbers, quote, StructureError
-from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.nodes.conversions.messages import (
     check_place,
@@ -18,7 +18,6 @@ from isotruss_ros.nodes.conversions.messages import (
     MAX_DISTANCE,
     MessageError,
 )
-import numpy as np
 from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
 #: Largest valid roller speed [m/s]; larger values come from a broken sensor.
@@ -94,31 +93,29 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
             'message or in parts'
         )
 
-    def select(what: str, values: Sequence[float]) -> Array:
+    def select(what: str, values: Sequence[float]) -> list[float]:
         if len(values) != len(message.name):
             raise MessageError(
                 f'joint states: {len(values)} {what} for {len(message.name)} names; '
                 'both numbers must be equal'
             )
-        return np.asarray(values)[places]
+        return [values[place] for place in places]
 
-    positions = select('positions', message.position)
-    if not np.abs(positions).max() <= MAX_DISTANCE:  # nor for NaN
+    positions, velocities = select('positions', message.position), [0.0] * len(places)
+    if not all(abs(position) <= MAX_DISTANCE for position in positions):  # nor for NaN
         raise MessageError(
             f'joint states: roller positions {format_numbers(positions)} m: must be finite, '
             f'at most {MAX_DISTANCE:g} m'
         )
-    velocities = np.zeros_like(positions)
     if message.velocity:
-        velocities = select('velocities', message.velocity)
-        velocities[np.isnan(velocities)] = 0.0
-    if np.abs(velocities).max() > MAX_SPEED:
+        measured = select('velocities', message.velocity)
+        velocities = [0.0 if math.isnan(velocity) else velocity for velocity in measured]
+    if any(abs(velocity) > MAX_SPEED for velocity in velocities):
         raise MessageError(
             f'joint states: roller velocities {format_numbers(velocities)} m/s: '
             f'must be at most {MAX_SPEED} m/s'
         )
-    read = zip(positions.tolist(), velocities.tolist(), strict=True)
-    return dict(zip(indices, read, strict=True))
+    return dict(zip(indices, zip(positions, velocities, strict=True), strict=True))
 
 
 def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> tuple[str, float]:
