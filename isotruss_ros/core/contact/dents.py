@@ -100,20 +100,23 @@ class Dents:
         products = weights * depths, weights * slopes, by_angle * depths
         return np.array(products).sum(axis=-1)
 
-    def press(self, forces: Array, angles: Array) -> list[PressedSkin]:
+    def press(self, forces: Array, angles: Array) -> PressedSkin:
         """
-        Return the pressed skin at each contact under positive normal forces (k,) [N].
+        Return the pressed skins at all contacts under positive normal forces (k,) [N].
 
         The skin is at most as deep as the table.
         """
         depths, _, _ = self(forces, angles)
-        skins = []
-        for table, depth, force, angle in zip(self.tables, depths, forces, angles, strict=True):
-            skin = table.skin_by_depth(float(angle))(float(np.clip(depth, 0.0, table.depths[-1])))
-            total = float(skin.forces.sum())
-            factor = float(force) / total if total > 0.0 else 0.0
-            skins.append(skin._replace(forces=skin.forces * factor))
-        return skins
+        skins = [
+            table.skin_by_depth(angle)(min(max(depth, 0.0), float(table.depths[-1])))
+            for table, depth, angle in zip(
+                self.tables, depths.tolist(), angles.tolist(), strict=True
+            )
+        ]
+        pressed = PressedSkin(*map(np.array, zip(*skins, strict=True)))
+        totals = pressed.forces.sum(axis=1)
+        factors = np.divide(forces, totals, out=np.zeros(len(totals)), where=totals > 0.0)
+        return pressed._replace(forces=pressed.forces * factors[:, None])
 
     def smooth_near(self, forces: Array, angles: Array) -> Dents:
         """Return dents interpolated with the polynomials near given forces (k,) [N] and angles."""

@@ -26,7 +26,11 @@ OUTLINE_SPACING, MAX_EXTENT = 0.02, 4.0
 
 
 class PressedSkin(NamedTuple):
-    """Points of a tube's skin under an object, and the contact forces on them."""
+    """
+    Points of a tube's skin under an object, and the contact forces on them.
+
+    Of several contacts, all values have the contacts as their first axis.
+    """
 
     #: (c,) distances from the contact point along the tube, counter-clockwise [m]
     positions: Array

@@ -17,6 +17,7 @@ from typing import NamedTuple
 from isotruss_ros.core.contact.pressed_skin import PressedSkin
 from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
 from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.samples import column
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 import numpy as np
 
@@ -34,50 +35,53 @@ class ContactPatches(NamedTuple):
 
 
 def find_patches(
-    contacts: PressedContacts, state: ContactForces, bent: BentTubes, skins: list[PressedSkin]
+    contacts: PressedContacts,
+    state: ContactForces,
+    bent: BentTubes,
+    end_forces: tuple[Array, Array],
+    skins: PressedSkin,
 ) -> ContactPatches:
-    """Return the contact patches of an object in equilibrium; `skins` are those of `Dents`."""
+    """
+    Return the contact patches of an object in equilibrium.
+
+    For `end_forces` see `BentTubes.end_forces`, for `skins` see `Dents.press`.
+    """
     structure = bent.structure
     radius = 0.5 * structure.config.robot.description.tube_diameter
     gauge = np.array(structure.pressures)[structure.config.robot.topology.tube[contacts.members]]
-    tension = _wall_tension(state, bent, gauge, radius)
-    sides = np.sign(state.loads[:, 1])
-    begins, ends = np.full(len(skins), np.inf), np.full(len(skins), -np.inf)
-    # Columns: length, area and force of each contact; its largest width and pressure, flatness.
-    sums, maxima = np.zeros((2, len(skins), 3))
-    for k, skin in enumerate(skins):
-        is_pressed = skin.forces > 0.0
-        if not is_pressed.any():
-            continue
-        # Curvature of the object's surface, zero at the ends and where the surface is hollow.
-        curvature = np.zeros(len(skin.heights))
-        curvature[1:-1] = np.maximum(np.diff(skin.heights, 2) / skin.spacing**2, 0.0)
-        # Pressures of a round section, by the equilibrium of its wall. The section is flat if a
-        # contact over half of its circumference needs a higher pressure to carry the loads.
-        round_pressures = gauge[k] + tension[k] * curvature[is_pressed]
-        loads = skin.forces[is_pressed] / skin.spacing
-        flat_pressures = loads / (np.pi * radius)
-        is_flat = (flat_pressures >= round_pressures).any()
-        pressures = np.maximum(round_pressures, flat_pressures)
-        widths = loads / pressures
-        positions = state.feet[k] - sides[k] * skin.positions[is_pressed]
-        begins[k] = positions.min() - 0.5 * skin.spacing
-        ends[k] = positions.max() + 0.5 * skin.spacing
-        sums[k] = skin.spacing * len(widths), skin.spacing * widths.sum(), skin.forces.sum()
-        maxima[k] = widths.max(), pressures.max(), is_flat
+    tension = _wall_tension(state, bent, end_forces[0], gauge, radius)
+    spacing, is_pressed = column(skins.spacing), skins.forces > 0.0
+    # Curvature of the object's surface, zero at the ends and where the surface is hollow.
+    curvature = np.zeros(skins.heights.shape)
+    curvature[:, 1:-1] = np.maximum(np.diff(skins.heights, 2) / spacing**2, 0.0)
+    # Pressures of a round section, by the equilibrium of its wall. The section is flat if a
+    # contact over half of its circumference needs a higher pressure to carry the loads.
+    round_pressures = gauge[:, None] + tension[:, None] * curvature
+    loads = skins.forces / spacing
+    flat_pressures = loads / (np.pi * radius)
+    pressures = np.maximum(round_pressures, flat_pressures)
+    widths = loads / pressures
+    positions = state.feet[:, None] - np.sign(state.loads[:, 1:2]) * skins.positions
+    begins = np.where(is_pressed, positions, np.inf).min(axis=1) - 0.5 * skins.spacing
+    ends = np.where(is_pressed, positions, -np.inf).max(axis=1) + 0.5 * skins.spacing
+    # Length, area and force of each contact; its largest width and pressure, and flatness.
+    sums = is_pressed.sum(axis=1), widths.sum(axis=1), loads.sum(axis=1)
+    peaks = np.where(is_pressed, pressures, 0.0).max(axis=1)
+    maxima = widths.max(axis=1), peaks, (flat_pressures >= round_pressures).any(axis=1)
     starts = contacts.member_starts
     spans = [np.minimum.reduceat(begins, starts), np.maximum.reduceat(ends, starts)]
-    lengths, areas, forces = contacts.sum_by_member(sums).T
-    max_widths, peaks, flattened = np.maximum.reduceat(maxima, starts).T
+    lengths, areas, forces = contacts.sum_by_member(skins.spacing * np.array(sums), axis=1)
+    max_widths, peaks, flattened = np.maximum.reduceat(np.array(maxima), starts, axis=1)
     return ContactPatches(
         np.stack(spans, axis=1), lengths, max_widths, areas, forces / areas, peaks, flattened > 0.0
     )
 
 
-def _wall_tension(state: ContactForces, bent: BentTubes, gauge: Array, radius: float) -> Array:
+def _wall_tension(
+    state: ContactForces, bent: BentTubes, end_forces: Array, gauge: Array, radius: float
+) -> Array:
     """Return the tension (k,) along the tube in its wall on the object's side [N/m]."""
     # Columns of `FrameState.end_forces`: along, across and moment at the start and at the end.
-    end_forces, _ = bent.end_forces(state.loads, state.feet)
     before = end_forces[bent.frame.layout.before]
     behind = end_forces[bent.frame.layout.behind]
     # Bending away from the object's force stretches the wall on the object's side. Friction acts

@@ -293,17 +293,21 @@ class HeldGrip:
         return straight + (ux + 1j * uy), np.exp(1j * angles)
 
     @_OfSamples
+    def end_forces(self) -> tuple[Array, Array]:
+        """Return end forces and axial forces of the tubes, see `BentTubes.end_forces`."""
+        return self.statics.bent.end_forces(self.state.loads, self.state.feet)
+
+    @_OfSamples
     def sections(self) -> Utilisation:
         """Return the utilisation of the tubes under the contact forces."""
-        bent, state = self.statics.bent, self.state
-        forces = bent.end_forces(state.loads, state.feet)
-        return find_utilisation(bent.structure, bent.frame, *forces)
+        bent = self.statics.bent
+        return find_utilisation(bent.structure, bent.frame, *self.end_forces)
 
     @functools.cached_property
     def patches(self) -> ContactPatches:
         """Return the contact patches on the grasping members."""
         skins = self.statics.dents.press(self.state.normal_forces, self.angles)
-        return find_patches(self.contacts, self.state, self.statics.bent, skins)
+        return find_patches(self.contacts, self.state, self.statics.bent, self.end_forces, skins)
 
     @functools.cached_property
     def nonlinearity(self) -> float:

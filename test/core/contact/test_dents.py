@@ -74,8 +74,8 @@ def test_dents_of_mirrored_corners_are_equal(angle):
 
 
 def test_skin_that_is_pressed_deeper_than_the_table_carries_the_force():
-    (skin,) = Dents([disc_table(0.03)]).press(np.array([1e5]), np.zeros(1))
-    assert skin.forces.sum() == pytest.approx(1e5)
+    skins = Dents([disc_table(0.03)]).press(np.array([1e5]), np.zeros(1))
+    assert skins.forces.sum() == pytest.approx(1e5)
 
 
 @pytest.mark.parametrize('force', [10.0, 30.0])

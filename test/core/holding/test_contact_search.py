@@ -152,7 +152,7 @@ def test_a_section_is_flat_where_the_contact_is_as_wide_as_half_of_the_circumfer
     assert not grasp.flattened
     grip = grasp.equilibrium
     skins = grip.statics.dents.press(300.0 * grip.state.normal_forces, grip.angles)
-    deep = find_patches(grip.contacts, grip.state, grip.statics.bent, skins)
+    deep = find_patches(grip.contacts, grip.state, grip.statics.bent, grip.end_forces, skins)
     assert deep.flattened.all()
     assert deep.widths == pytest.approx(np.pi * RADIUS)
     assert deep.pressures.min() > GAUGE
