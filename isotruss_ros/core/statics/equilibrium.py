@@ -96,7 +96,7 @@ def _find_loose_nodes(tangent: Tangent) -> list[str]:
     """Return the names of the nodes that can move without force in a singular frame."""
     frame, numbering = tangent.frame, tangent.frame.layout.numbering
     matrix, free = np.zeros((len(frame.scale),) * 2), numbering.free
-    for group, blocks in zip(frame.layout.groups, tangent.matrices, strict=True):
+    for group, blocks in zip(frame.layout.groups, tangent.assembled.matrices, strict=True):
         for indices, block in zip(np.hstack([group.outer, group.inner]), blocks, strict=True):
             matrix[np.ix_(indices, indices)] += block
     eigenvalues, modes = np.linalg.eigh(matrix[np.ix_(free, free)])
@@ -127,12 +127,13 @@ def solve(tangent: Tangent, loads: Array) -> FrameState:
     )
 
 
+@np.errstate(over='ignore', invalid='ignore', divide='ignore')
 def bend(start: Tangent, loads: Array) -> Tangent | None:
     """Return the bent frame in equilibrium under loads (n, 3), found by Newton's method."""
     tangent, frame, predicted = start, start.frame, np.inf
     applied = np.append(np.zeros(frame.layout.numbering.rows), loads)
     for count in range(MAX_NEWTON_ITERATIONS):
-        _, step = tangent.solve((applied - tangent.carried)[:, None])
+        _, step = tangent.solve((applied - tangent.assembled.carried)[:, None])
         moved = frame.motions(step)
         largest = largest_motion(moved[..., 0])
         from_start = tangent.displacements + moved[..., 0] - start.displacements
@@ -143,8 +144,7 @@ def bend(start: Tangent, loads: Array) -> Tangent | None:
             return None
         force_changes, _ = tangent.force_changes(moved)
         axial = tangent.forces.values[:, 0] + force_changes[:, 0, 0]
-        with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
-            tangent = linearize(frame, tangent.unknowns + step[:, 0], axial)
+        tangent = linearize(frame, tangent.unknowns + step[:, 0], axial)
         if TUBE_CURVATURE * largest**2 <= COINCIDENCE:
             return tangent
     return None
@@ -152,7 +152,7 @@ def bend(start: Tangent, loads: Array) -> Tangent | None:
 
 def state_under(tangent: Tangent, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces of a bent frame."""
-    carried = tangent.frame.displacements(tangent.carried)
+    carried = tangent.frame.displacements(tangent.assembled.carried)
     return FrameState(
         tangent.displacements,
         _reactions(tangent.frame, carried - loads),

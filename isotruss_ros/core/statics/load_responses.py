@@ -103,7 +103,7 @@ def _right_sides(tangent: Tangent, turns: Array, loads: Array, length_by_motions
     forces = tangent.length_rates.take(parts, axis=-2)[..., None] * by_motions
     right[..., slice(3 * count, 4 * count)] = -tangent.sum_forces(parts, forces)
     # Loads without equilibrium in the linearised state: unit loads are on the last nodes only.
-    right[..., -1] = -tangent.carried
+    right[..., -1] = -tangent.assembled.carried
     on_nodes = right[..., slice(-3 * count, None), -1].reshape(loads.shape)
     on_nodes += apply(turns, loads)
     return right

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 from isotruss_ros.core.errors import StructureError
@@ -42,6 +43,14 @@ class Slopes(NamedTuple):
     by_shear: Array
 
 
+class Assembled(NamedTuple):
+    """Sums over all parts of a frame and its constraints."""
+
+    #: (u,) gaps of the constraints, then loads and reactions that hold the frame [N, N m]
+    carried: Array
+    matrices: list[Array]  #: scaled stiffness of each group of blocks, see `eliminate`
+
+
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """
@@ -63,16 +72,34 @@ class Tangent:
     #: members, with fixed nodes; zero for other parts
     length_rates: Array
     motions: Array  #: (p, 4, 6) derivatives of the chords, see `chord_motions`
-    #: (u,) gaps of the constraints, then loads and reactions that hold the frame [N, N m]
-    carried: Array
-    matrices: list[Array]  #: scaled stiffness of each group of blocks, see `eliminate`
-    #: the other blocks, and the forces (b, t) on their hinges and their stiffness (b, t, t)
+    #: the blocks that are kept undeformed, and the forces (b, t) on their hinges and their
+    #: stiffness (b, t, t)
     kept: tuple[Sequence[UnloadedBlocks], list[Array], list[Array]]
 
     @property
     def displacements(self) -> Array:
         """Return ux, uy [m] and theta [rad] of the nodes, (n, 3)."""
         return self.frame.displacements(self.unknowns)
+
+    @cached_property
+    def assembled(self) -> Assembled:
+        """Return the sums over all parts, which the forces of the parts do not need."""
+        frame, layout, (*lead, size) = self.frame, self.frame.layout, self.unknowns.shape
+        at_ends = self.motions[..., :3, :].swapaxes(-1, -2) @ self.forces.values[..., None]
+        carried = sum_at(layout.places.ravel(), at_ends.reshape(*lead, -1), size)
+        scaled = self.motions * frame.scale.take(layout.places, axis=-1)[..., None, :]
+        stiffness = chord_stiffness(self.length, self.forces)
+        members = scaled.swapaxes(-1, -2) @ stiffness @ scaled
+
+        multipliers = self.unknowns[..., : layout.numbering.rows]
+        row_forces, rows = _linearize_constraints(frame, self.displacements, multipliers)
+        carried += sum_at(layout.row_places.ravel(), row_forces.reshape(*lead, -1), size)
+        scale = frame.scale.take(layout.row_places, axis=-1)
+        rows *= scale[..., None] * scale[..., None, :]
+
+        for blocks, forces, _ in zip(*self.kept, strict=True):
+            carried += sum_at(blocks.outer.ravel(), forces.reshape(*lead, -1), size)
+        return Assembled(carried, [group.assemble(members, rows) for group in layout.groups])
 
     def solve(self, right: Array) -> tuple[Condensed, Array]:
         """
@@ -86,7 +113,8 @@ class Tangent:
             of_hinges = frame.scale[..., blocks.outer]
             kept.append(stiffness * of_hinges[..., None] * of_hinges[..., None, :])
         try:
-            condensed, solution = eliminate(frame.layout, self.matrices, kept, right * scale)
+            matrices = self.assembled.matrices
+            condensed, solution = eliminate(frame.layout, matrices, kept, right * scale)
             is_singular = right.ndim == 2 and np.isnan(solution).any()
         except np.linalg.LinAlgError:
             is_singular = True
@@ -179,38 +207,14 @@ def linearize(
     kept: Sequence[UnloadedBlocks] = (),
 ) -> Tangent:
     """Return a frame linearised about unknowns (..., u), near axial forces (..., p) [N]."""
-    layout, (*lead, size) = frame.layout, unknowns.shape
-    multipliers = unknowns[..., : layout.numbering.rows]
-    displacements = frame.displacements(unknowns)
-
-    # Forces and stiffness of the parts.
-    chord, elongations, rotations = _displace_chords(frame, displacements)
+    chord, elongations, rotations = _displace_chords(frame, frame.displacements(unknowns))
     length = np.abs(chord)
     # Complex-step derivatives by rest lengths: in divided members, these have imaginary parts in
     # the columns, and elongations have the opposite ones.
     complex_elongations = elongations + (frame.length - frame.columns.values[..., 0, :])
-    evaluated = frame.columns.evaluate(complex_elongations, rotations, axial)
-    stiffness = chord_stiffness(length, evaluated)
-    forces = evaluated.values.real.copy()
+    forces = frame.columns.evaluate(complex_elongations, rotations, axial)
     axis = frame.axis * chord / length
-    motions = chord_motions(axis, length)
-    node_forces = (motions[..., :3, :].swapaxes(-1, -2) @ forces[..., None]).reshape(*lead, -1)
-    carried = sum_at(layout.places.ravel(), node_forces, size)
-    scaled_motions = motions * frame.scale.take(layout.places, axis=-1)[..., None, :]
-    member_matrices = scaled_motions.swapaxes(-1, -2) @ stiffness @ scaled_motions
-
-    row_forces, row_matrices = _linearize_constraints(frame, displacements, multipliers)
-    carried += sum_at(layout.row_places.ravel(), row_forces.reshape(*lead, -1), size)
-    scale = frame.scale.take(layout.row_places, axis=-1)
-    row_matrices *= scale[..., None] * scale[..., None, :]
-
-    # Blocks that are kept undeformed.
-    kept_forces, kept_stiffnesses = [], []
-    for blocks in kept:
-        hinge_forces, hinge_stiffness = blocks.linearize(unknowns)
-        carried += sum_at(blocks.outer.ravel(), hinge_forces.reshape(*lead, -1), size)
-        kept_forces.append(hinge_forces)
-        kept_stiffnesses.append(hinge_stiffness)
+    of_kept = [blocks.linearize(unknowns) for blocks in kept]
     return Tangent(
         frame=frame,
         unknowns=unknowns,
@@ -218,12 +222,10 @@ def linearize(
         length=length,
         elongations=elongations,
         rotations=rotations,
-        forces=EndForces(forces, stiffness[..., :3, :3], evaluated.stressed.real),
-        length_rates=evaluated.values.imag / EPSILON,
-        motions=motions,
-        carried=carried,
-        matrices=[group.assemble(member_matrices, row_matrices) for group in layout.groups],
-        kept=(kept, kept_forces, kept_stiffnesses),
+        forces=EndForces(*(values.real.copy() for values in forces)),
+        length_rates=forces.values.imag / EPSILON,
+        motions=chord_motions(axis, length),
+        kept=(kept, [values for values, _ in of_kept], [values for _, values in of_kept]),
     )
 
 
