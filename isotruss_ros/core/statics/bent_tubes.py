@@ -100,7 +100,7 @@ class BentTubes:
                 active = np.union1d(numbering.owner[first_sample(cuts.pieces)], numbering.hinged)
             return cls.straight(structure, members, positions, cuts, active)
         frame = structure.frame.cut(cuts.pieces, cuts.within)
-        sizes = len(frame.scale), 3 * len(members), len(frame.length)
+        sizes = len(frame.layout.scaled_as), 3 * len(members), len(frame.length)
         loads_begin, axial_begin, size = np.cumsum(sizes)
         if values.shape != (size,):
             raise StructureError(f'bent tubes with {values.size} values: must be {size}')

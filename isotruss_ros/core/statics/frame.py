@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
 from typing import ClassVar
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -38,33 +39,40 @@ class Frame:
     axis: Points  #: (p,) unit vectors from start to end, x + iy
     begins: Array  #: (p,) distances of the parts' starts from the starts of their members [m]
     columns: BeamColumns  #: the parts; imaginary parts are derivatives by their lengths
-    scale: Array  #: (u,) scale of each unknown, by which stiffnesses are about 1
     uncut: Frame | None = None  #: frame without cuts; None: this frame
 
     @classmethod
     def of(cls, points: Points, section: Array, numbering: Numbering) -> Frame:
         """Return a frame without cuts, with nodes (n,) and members of given sections (3, k)."""
-        start, end, count = numbering.start, numbering.end, points.shape[-1]
+        start, end = numbering.start, numbering.end
         span = points.take(end, axis=-1) - points.take(start, axis=-1)
         length = np.abs(span)
         columns = BeamColumns.of(length, section, numbering.pinned)
+        begins = np.zeros(length.shape)
+        return cls(points, numbering.whole, section, length, span / length, begins, columns)
+
+    @functools.cached_property
+    def scale(self) -> Array:
+        """Return scales (u,) of the unknowns, by which stiffnesses are about 1."""
+        if self.uncut is not None:
+            return self.uncut.scale.take(self.layout.scaled_as, axis=-1)
+        numbering, count = self.layout.numbering, self.points.shape[-1]
+        start, end = numbering.start, numbering.end
         # Sums of the members' stiffnesses at each node: EA / l, and by the rotation of one end. It
         # changes s and b by a half each, so a quarter of their stiffnesses counts. Displacements
         # along both axes have one scale, because across a bar the stiffness is zero.
-        axial = 1.0 / columns.values[..., 1, :]
-        rotary = 0.25 * (columns.values[..., 2, :] + columns.values[..., 4, :])
+        axial = 1.0 / self.columns.values[..., 1, :]
+        rotary = 0.25 * (self.columns.values[..., 2, :] + self.columns.values[..., 4, :])
         along = sum_at(start, axial, count) + sum_at(end, axial, count)
         turning = sum_at(start, rotary, count) + sum_at(end, rotary, count)
-        stiffness = np.stack([along, along, turning], axis=-1).reshape(*points.shape[:-1], -1)
+        stiffness = np.stack([along, along, turning], axis=-1).reshape(*self.points.shape[:-1], -1)
         scale = 1.0 / np.sqrt(np.where(stiffness > 0.0, stiffness, 1.0))
         # The multipliers are scaled so that the derivatives of each constraint have the norm 1.
         constraints = numbering.constraints
-        slopes = constraints.slopes(points, np.arange(numbering.rows))
+        slopes = constraints.slopes(self.points, np.arange(numbering.rows))
         norms = np.linalg.norm(slopes * scale[..., constraints.places], axis=-1)
         row_scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
-        scale = np.concatenate([row_scale, scale], axis=-1)
-        begins = np.zeros(length.shape)
-        return cls(points, numbering.whole, section, length, span / length, begins, columns, scale)
+        return np.concatenate([row_scale, scale], axis=-1)
 
     def cut(self, piece: Indices, within: Array, active: Indices | None = None) -> Frame:
         """Return the parts of `active` blocks, or of all, with nodes in members `piece` (c,)."""
@@ -90,9 +98,8 @@ class Frame:
             section.take(divided, axis=-1),
             layout.pinned[divided],
         ).values
-        scale = self.scale.take(layout.scaled_as, axis=-1)
         columns, axis = BeamColumns(values), self.axis.take(whole, axis=-1)
-        return Frame(points, layout, section, length, axis, begins, columns, scale, self)
+        return Frame(points, layout, section, length, axis, begins, columns, self)
 
     def displacements(self, unknowns: Array) -> Array:
         """Return ux, uy and theta of the nodes, (..., n, 3), among unknowns (..., u)."""
