@@ -142,9 +142,11 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
         'joint_displacements': 2 * len(robot.topology.joint_names),
         'joint_displacement_rates': 2 * len(robot.topology.joint_names) * len(robot.roller_names),
     }
+    numbers = {name: np.array(getattr(message, name), dtype=float).ravel() for name in sizes}
+    are_in_range = (np.abs(np.concatenate([*numbers.values()])) <= MAX_DISTANCE).all()
     for name, size in sizes.items():
-        values = np.array(getattr(message, name), dtype=float).ravel()
-        if len(values) != size or not (np.abs(values) <= MAX_DISTANCE).all():
+        values = numbers[name]
+        if len(values) != size or not (are_in_range or (np.abs(values) <= MAX_DISTANCE).all()):
             raise MessageError(
                 f'held grip with {len(values)} numbers {name}, of size '
                 f'{np.abs(values).max(initial=0.0):g} at most: must be {size} numbers from '
@@ -152,27 +154,27 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
             )
     if message.pressures:
         try:
-            tube_pressures(robot.description, np.array(message.pressures))
+            tube_pressures(robot.description, numbers['pressures'])
         except StructureError as error:
             raise MessageError(f'held grip: {error}') from error
     contacts = PressedContacts(np.array(known), np.array(message.corners, dtype=np.intp))
     covariance = np.array(message.pose_covariance).reshape(3, 3)
     words = 'pose covariance of the held grip [m^2, m rad, rad^2]'
     estimate = GripEstimate(
-        np.array(message.pose),
+        numbers['pose'],
         covariance_matrix(covariance, 3, words, MessageError),
         message.squeeze,
         message.squeeze_deviation,
         message.pose_delay,
-        np.array(message.joint_displacements),
-        np.array(message.joint_displacement_rates).reshape(-1, len(robot.roller_names)),
+        numbers['joint_displacements'],
+        numbers['joint_displacement_rates'].reshape(-1, len(robot.roller_names)),
     )
     return GripRecord(
-        np.array(message.travel),
+        numbers['travel'],
         contacts,
-        np.array(message.unknowns),
-        np.array(message.bent),
-        np.array(message.responses).reshape(count, 3, -1),
+        numbers['unknowns'],
+        numbers['bent'],
+        numbers['responses'].reshape(count, 3, -1),
         tuple(message.pressures) or None,
         estimate,
         message.squeeze_assumed,
