@@ -108,7 +108,7 @@ def _relative_violation(x: Array, rows: Array, bounds: Array, coefficient: float
     """Return the largest violation of G x <= h, relative to the largest terms of G x [-]."""
     excess = (rows @ x - bounds).max(initial=0.0)
     # Plain numbers: rows of zeros that cannot be fulfilled give infinity.
-    return float(excess) / float(coefficient * (1.0 + np.abs(x).max()))
+    return float(excess) / float(coefficient * (1.0 + np.abs(x).max(initial=0.0)))
 
 
 def require_solution(solution: Array | None) -> Array:

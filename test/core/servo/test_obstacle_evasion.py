@@ -79,6 +79,13 @@ def test_hand_faster_than_the_rollers_halts_the_robot_and_is_named():
     assert 'the object and obstacle hand: touch' in decision.message
 
 
+def test_hand_that_comes_halts_a_robot_without_a_working_roller():
+    room = Room(approaching(-0.5 * np.pi, 0.3, 0.3))
+    room.robot.servo.receive(failed=ROBOT.roller_names)
+    statuses = [room.step((0.0, 0.01, 0.0))[0].status for _ in range(30)]
+    assert statuses[-1] is Status.HALT_OBSTACLE
+
+
 def test_silent_obstacle_is_where_it_was_and_then_halts_the_robot_with_its_name():
     hand = replace(approaching(-0.5 * np.pi, 0.0), velocity=(0.0, 0.0, 0.0))
     room = Room(hand, obstacle_timeout=0.3)
