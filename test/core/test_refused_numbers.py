@@ -137,6 +137,8 @@ def test_arguments_of_another_kind_are_refused_with_an_example(door, parameter, 
         door(**{parameter: given})
 
 
+ESTIMATOR = StateEstimator(HOME.robot)
+ESTIMATOR.set_grip(GRIP)
 #: Calls with a list in another form, or with a text in place of a list.
 FORMS = {
     'carry': lambda: core.GraspRequirements(carry=(0.7, 0.8, 0.0)),
@@ -154,6 +156,10 @@ FORMS = {
     'argument estimate.value': lambda: SERVO.receive(estimate=StampedInput(NONE, 0.0)),
     'argument failed': lambda: SERVO.receive(failed=None),
     'failed rollers': lambda: SERVO.receive(failed='north/Z'),
+    'halt': lambda: SERVO.receive(halt='stop'),
+    'argument grip': lambda: StateEstimator(HOME.robot).set_grip('north/Z'),
+    'argument record': lambda: StateEstimator(HOME.robot).take_grip('north/Z'),
+    'time of the measurement': lambda: ESTIMATOR.take_pose(math.nan, BODY.pose, np.ones(3)),
     'time of the cycle': lambda: SERVO.decide(math.nan),
     'roller velocities': lambda: SERVO.command([0.1], 0.0),
     'argument barriers': lambda: ServoSettings(GRIP, 0.01, 0.2, barriers=1),

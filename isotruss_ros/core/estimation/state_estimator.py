@@ -52,6 +52,7 @@ class StateEstimator:
         self._roll_time = 0.0  # time of the readings to which the grip was rolled [s]
         self._used_offsets = self._filter.offsets  # roller offsets in the equilibrium of the grip
 
+    @check_kinds
     def set_grip(self, grip: Grip) -> None:
         """Set the grip that may hold an object, with the object at any pose."""
         find_members(self._robot.topology, grip.members)
@@ -74,6 +75,7 @@ class StateEstimator:
             pressures = tube_pressures(self._robot.description, pressures)
         self._grip = self._grip.with_pressures(pressures)
 
+    @check_kinds
     def take_grip(self, record: GripRecord | None) -> None:
         """
         Use the grip estimated by a control loop from now on, instead of measured poses.
@@ -223,6 +225,7 @@ class StateEstimator:
 
     def _in_time(self, time: float) -> bool:
         """Return whether a time is between the first and the last stored encoder reading [s]."""
+        finite_array([time], 1, 'time of the measurement [s]', GraspError)
         return bool(self._readings) and self._readings.first[0] <= time <= self._readings.last[0]
 
 

@@ -6,10 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from isotruss_ros.core.errors import GraspError, IsotrussError, quote
+from isotruss_ros.core.errors import ArgumentError, GraspError, IsotrussError, quote
 from isotruss_ros.core.inputs import Input, RejectedInput, StampedInput
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.convex_object import EXTERNAL_WRENCH
 from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.argument_kinds import check_kind
@@ -27,7 +29,10 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
     Time, twist, pose, external wrench, roller state and roller offsets must be finite numbers of
     the required count, and a covariance must be positive semidefinite; see `tube_pressures`.
     """
-    if name in ('failed', 'halt'):
+    if name == 'halt':
+        _check_halt(given)
+        return given
+    if name == 'failed':
         return given
     if not isinstance(given, StampedInput):
         check_kind(name, given, 'StampedInput', 'RejectedInput', 'None')
@@ -58,6 +63,14 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
     except IsotrussError as error:
         return RejectedInput(str(error))
     return given
+
+
+def _check_halt(given: Any) -> None:
+    """Raise ArgumentError unless a halt of the client is None, or a status and its reason."""
+    match given:
+        case None | (Status(), str()):
+            return
+    raise ArgumentError(f'halt: {given!r}: must be None, or a status and its reason')
 
 
 def _check_obstacles(obstacles: Sequence[Obstacle]) -> None:
