@@ -20,28 +20,40 @@ from isotruss_ros.core.recording.encoded_values import find_changes
 from isotruss_ros.core.recording.recorded_cycle import RecordedCycle
 from isotruss_ros.core.recording.recorded_servo import find_versions
 from isotruss_ros.core.recording.repeated_run import decide_again, read_robot, RepeatedCycle
-from isotruss_ros.core.servo.servo_settings import ServoSettings
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.viewer.recorded_cycles import find_cycles
 from isotruss_ros.viewer.recording import BrokenRecordingError, RecordingError
 import numpy as np
 
+#: Parts of the settings that may be off.
+OPTIONAL_PARTS: dict[str, type[Any]] = {'squeeze': SqueezeSettings, 'bounds': ShapeBounds}
 #: Largest difference of velocities that is rounding [m/s, rad/s].
 ROUNDING = 1e-9
 
 
 def name_settings(settings: Any) -> Iterator[str]:
-    """Yield the names of the settings that are numbers, flags or texts, as `squeeze.force`."""
+    """
+    Yield the names of the settings that are numbers, flags or texts, as `squeeze.force`.
+
+    Settings of a part that is off have their names as well.
+    """
     for field in fields(settings):
-        value = getattr(settings, field.name)
-        if is_dataclass(value):
-            yield from (f'{field.name}.{name}' for name in name_settings(value))
+        value = getattr(settings, field.name, None)
+        part = OPTIONAL_PARTS.get(field.name) if value is None else value
+        if not field.init:  # computed from others
+            continue
+        if is_dataclass(part):
+            yield from (f'{field.name}.{name}' for name in name_settings(part))
         elif value is None or isinstance(value, bool | float | int | str):
             yield field.name
 
 
 def change_setting(settings: Any, name: str, value: Any) -> Any:
-    """Return settings with another value of a setting, named such as `squeeze.force`."""
+    """Return settings with another value of one, as `squeeze.force`, unless its part is off."""
     first, _, rest = name.partition('.')
+    if rest and getattr(settings, first) is None:
+        return settings
     part = change_setting(getattr(settings, first), rest, value) if rest else value
     return replace(settings, **{first: part})
 
@@ -54,7 +66,8 @@ def parse_changes(texts: Sequence[str]) -> Callable[[ServoSettings], ServoSettin
         try:
             pairs.append((name, json.loads(value)))
         except ValueError as error:
-            raise ConfigurationError(f'--set {text}: must be NAME=NUMBER') from error
+            words = 'must be NAME=VALUE: a number, a text in "", true, false or null'
+            raise ConfigurationError(f'--set {text}: {words}') from error
 
     def change(settings: ServoSettings) -> ServoSettings:
         for name, value in pairs:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 from isotruss_ros.core.errors import IsotrussError, RobotFileError
 from isotruss_ros.core.inputs import LatestInputs, RejectedInput
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.model.safe_yaml import parse_yaml
 from isotruss_ros.core.model.topology import check_names
+from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.recording.encoded_values import encode, RecordedCycleError
 from isotruss_ros.core.recording.recorded_cycle import INPUTS, RecordedCycle
 from isotruss_ros.core.recording.recorded_servo import as_decision
@@ -54,7 +54,8 @@ def decide_again(
     """
     Yield each cycle of a recording, decided again.
 
-    Behind cycles that are missing, the memory is that of a new servo.
+    Behind cycles that are missing, the memory is that of a new servo. The rollers have followed
+    the recorded commands, so the next cycle remembers these.
 
     :param change: function that returns the settings to decide with.
     :param memory: memory before the first cycle; None: that of a new servo.
@@ -81,6 +82,7 @@ def decide_again(
                 decision = servo.decide(cycle.now)
             else:
                 decision = as_decision(servo.command(cycle.commanded, cycle.now))
+            _remember(servo, cycle.decision)
         except IsotrussError as error:
             raise RecordedCycleError(f'cycle {cycle.number}: {error}') from error
         yield RepeatedCycle(cycle, settings, decision, is_anew, servo.failed)
@@ -91,6 +93,17 @@ def _mark_failed(servo: TwistServo, names: Collection[str]) -> None:
     check_names('rollers', names, servo.robot.roller_names, servo.robot.name)
     detector = replace(servo.memory.detector, failed=frozenset(names))
     servo.memory = replace(servo.memory, detector=detector)
+
+
+def _remember(servo: TwistServo, decision: Mapping[str, Any]) -> None:
+    """Let a servo remember the recorded command, if it is recorded, in place of its own."""
+    if not {'velocities', 'achieved'} <= decision.keys():
+        return
+    what = 'recorded velocities [m/s]'
+    velocities = servo.robot.check_rollers(decision['velocities'], what)
+    achieved = finite_array(decision['achieved'], 3, 'recorded twist', RecordedCycleError)
+    history = replace(servo.memory.history, last=velocities)
+    servo.memory = replace(servo.memory, history=history, velocity=achieved)
 
 
 def _repeat_call(servo: TwistServo, name: str, argument: Any, settings: ServoSettings) -> None:
@@ -111,11 +124,6 @@ def _receive(servo: TwistServo, cycle: RecordedCycle) -> None:
     """Give a servo the inputs of a record; raise RecordedCycleError if one is invalid."""
     missing = LatestInputs()
     given = {name: cycle.inputs.get(name, getattr(missing, name)) for name in INPUTS}
-    match given['halt']:
-        case None | (Status(), str()):
-            pass
-        case halt:
-            raise RecordedCycleError(f'inputs: halt: {halt!r}: must be a status and a reason')
     servo.receive(**given)
     for name in INPUTS:
         rejected = getattr(servo.inputs, name)

@@ -121,6 +121,20 @@ def test_another_setting_is_named_with_the_first_other_command(decide):
     assert 'first other command' in out
 
 
+def test_a_setting_of_a_part_that_is_off_changes_nothing(decide):
+    code, out, _ = decide(TEXTS, '--set', 'squeeze.force=40')
+    assert code == 0
+    assert 'another setting' not in out
+
+
+def test_recorded_velocities_that_are_no_numbers_are_refused(decide):
+    record = json.loads(TEXTS[5])
+    record['decision']['mapping']['velocities']['array'][0] = float('nan')
+    code, _, err = decide([*TEXTS[:5], json.dumps(record), *TEXTS[6:]])
+    assert code == 1
+    assert 'cycle 5: recorded velocities' in err
+
+
 def test_another_version_is_named(decide):
     code, out, _ = decide([text.replace('"numpy": "', '"numpy": "0.') for text in TEXTS])
     assert code == 0
@@ -134,7 +148,8 @@ def test_a_recording_with_a_broken_field_is_refused(decide):
 
 
 WRONG_SETTINGS = {
-    **dict.fromkeys(('nothing', 'grip.none=1', 'period=-1', 'period=[1]'), ''),
+    **dict.fromkeys(('nothing', 'grip.none=1', 'grip.body.arm=1', 'period=-1', 'period=[1]'), ''),
+    'squeeze.forc=1': '--set squeeze.forc: no such setting; did you mean squeeze.force?',
     'time_out=1': '--set time_out: no such setting; did you mean timeout? must be of grip.',
 }
 

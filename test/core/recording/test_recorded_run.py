@@ -139,6 +139,18 @@ def test_roller_velocities_that_the_client_commands_are_limited_again_as_recorde
     np.testing.assert_array_equal(velocities, limited)
 
 
+def test_a_command_changes_as_far_from_the_recorded_one_as_the_acceleration_admits():
+    servo, cycles = recorded_loop().servo, []
+    for number in range(2):
+        servo.command(np.full(6, 0.05), 0.02 * number)
+        cycles.append(read_cycle(servo.describe()))
+    given = {'velocities': np.full(6, 0.01), 'achieved': np.zeros(3)}
+    cycles[0] = cycles[0]._replace(decision=cycles[0].decision | given)
+    *_, last = decide_again(cycles, servo.robot)
+    change = 0.02 * servo.robot.description.max_acceleration
+    assert last.decision.command.roller_velocities == pytest.approx(np.full(6, 0.01 + change))
+
+
 def test_a_changed_setting_is_named_with_both_values():
     before, after = (read_cycle(TEXTS[number]).settings for number in (0, -1))
     (change,) = find_changes(before, after)
