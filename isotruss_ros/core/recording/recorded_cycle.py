@@ -117,8 +117,8 @@ def read_cycle(text: str) -> RecordedCycle:
             elif name not in RecordedCycle._field_defaults:
                 raise RecordedCycleError('must be in the record')
     except Exception as error:  # values of strangers may lead to any
-        where = f'record of cycle {read["number"]}' if 'now' in read else 'record of a cycle'
-        raise RecordedCycleError(f'{where}: {name}: {error}') from error
+        number = f', number {read["number"]}' if 'now' in read else ''
+        raise RecordedCycleError(f'record of a cycle{number}: {name}: {error}') from error
     absent = [name for name in FIELDS if name not in content]
     absent += [f'inputs.{name}' for name in INPUTS if name not in read['inputs']]
     return RecordedCycle(**read, absent=tuple(absent))
