@@ -119,6 +119,7 @@ long-tests: venv
 
 # Ten minutes in Chromium, and a view of MuJoCo, beside nothing else: both go by the clock.
 session: venv
+	@command -v chromium > /dev/null || { echo 'session: no chromium found: apt-get install chromium'; exit 1; }
 	$(BIN)/python -m pytest -m nightly $(SESSION)
 
 # What other versions of NumPy, SciPy, MuJoCo and the readers of files can change.
