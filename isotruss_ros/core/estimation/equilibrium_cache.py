@@ -150,8 +150,9 @@ class EquilibriumCache:
             change = held.state.unknowns - start.state.unknowns - self.shift_changes
             by_travel = by_travel.continued(travel, change)
         # Derivatives by offsets take longest; they and the utilisation follow in a later cycle.
-        usage, error, drift = UsageLimits.of(held), None, np.zeros(4)
-        if keeps_contacts:
+        if not keeps_contacts:
+            usage, error, drift = UsageLimits.of(held), None, np.zeros(4)
+        else:
             usage, drift = self.usage.rolled(self.travel), self.drift
             error = UsageError(0.0, 0.0 * travel)
             if not self.zero_corrections.any():

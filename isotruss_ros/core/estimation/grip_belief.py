@@ -240,18 +240,18 @@ class GripBelief:
             configuration is measured.
         """
         cache = self.cache.predict(config, elapsed)
-        predicted = {'cache': cache, 'time': self.time + elapsed}
+        belief = replace(self, cache=cache, time=self.time + elapsed)
         measured, age = rollers or (config.roller_positions, 0.0)
         measured_travel = cache.travel - (config.roller_positions - measured)
         motion_since_reading = (cache.predicted - cache.motion(measured_travel))[:3]
         pose, hold = self.rolled_poses.at_equilibrium + cache.predicted[:3], HoldStatus.HELD
-        limit = cache.travel_limit(pressures, cache.margin + self.lost_margin)
+        limit = cache.travel_limit(pressures, belief.slip_margin)
         if self.search_due is not None:
-            belief, hold = replace(self, **predicted)._searched(config, pressures, pose)
+            belief, hold = belief._searched(config, pressures, pose)
         elif math.hypot(*cache.travel) > limit:
-            belief, pose = replace(self, **predicted)._rolled(config, pressures, limit, pose)
+            belief, pose = belief._rolled(config, pressures, limit, pose)
         else:
-            belief = replace(self, **predicted | {'cache': cache.prepared(config, limit)})
+            belief = replace(belief, cache=cache.prepared(config, limit))
         rolled_poses = belief.rolled_poses.recorded(belief.time, pose, age, motion_since_reading)
 
         # Process noise; the expected load decays, which moves the estimated pose.
