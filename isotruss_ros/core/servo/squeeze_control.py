@@ -18,12 +18,11 @@ from isotruss_ros.core.estimation.fault_thresholds import DEFAULT_FREQUENCY
 from isotruss_ros.core.estimation.grip_belief import GripBelief, Readings
 from isotruss_ros.core.estimation.grip_tracker import GripTracker
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
-from isotruss_ros.core.holding.held_grip import HoldStatus, MIN_RELATIVE_MARGIN
+from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
-from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.servo.decision import describe_squeeze
@@ -173,13 +172,17 @@ class SqueezeControl:
             command = replace(solve(none, opening_rate), scale=0.0, status=fault)
             return self, command, none
         control = self if self.reference is not None else replace(self, reference=outputs[:3])
-        error = pose_difference(control.reference, outputs[:3])
-        correction = find_correction(belief, error, self.gain, max(period, self.elapsed))
-        excess_margin = belief.slip_margin - MIN_RELATIVE_MARGIN * float(outputs[3])
-        usage = belief.cache.usage.rolled(belief.cache.travel)
-        limits = usage, excess_margin, settings.max_utilisation
+        duration = max(period, self.elapsed)
+        correction = find_correction(belief, outputs, control.reference, self.gain, duration)
         command = solve_with_margins(
-            np.asarray(twist), correction, opening_rate, solve, period, *limits
+            belief,
+            outputs,
+            np.asarray(twist),
+            correction,
+            opening_rate,
+            solve,
+            period,
+            settings.max_utilisation,
         )
         return control, command, correction
 
@@ -221,9 +224,16 @@ class SqueezeControl:
         excess = max(smallest_squeeze - settings.force, 0.0)
         frequency, gain = self._tune(settings, belief)
         faults = replace(faults, swings=SwingWatch.of(frequency))
-        tuned = {'frequency': frequency, 'gain': gain, 'excess': excess}
-        filters = np.zeros((2, 4))
-        return replace(self, tracker=tracker, faults=faults, filters=filters, **tuned), hold
+        control = replace(
+            self,
+            tracker=tracker,
+            faults=faults,
+            frequency=frequency,
+            gain=gain,
+            filters=np.zeros((2, 4)),
+            excess=excess,
+        )
+        return control, hold
 
     def _tune(self, settings: SqueezeSettings, belief: GripBelief) -> tuple[float | None, float]:
         """Return the natural frequency, and the gain of the settings or of this frequency."""

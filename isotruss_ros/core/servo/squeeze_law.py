@@ -7,7 +7,8 @@ Law of the squeeze control: commands from the estimated equilibrium of the held 
 The opening of the grip determines the squeeze: it changes by some newtons per millimetre. The
 opening rate is the right-hand side of the fourth row of (19). An additional twist corrects the
 displacement of the object on the elastic tubes. The gains follow from the lowest natural frequency
-of the held object, see `swing_watch`.
+of the held object, see `swing_watch`. The `outputs` (4,) are pose [m, m, rad] and squeeze [N]
+behind the filters.
 """
 
 from __future__ import annotations
@@ -17,11 +18,12 @@ import math
 
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
+from isotruss_ros.core.holding.held_grip import MIN_RELATIVE_MARGIN
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.tolerances import ROUNDING
-from isotruss_ros.core.safety.usage_limits import UsageLimits
 from isotruss_ros.core.servo.swing_watch import MAX_SQUEEZE_GAIN
 import numpy as np
 
@@ -53,8 +55,6 @@ def find_opening_rate(
     """
     Return the opening rate of the grip by proportional control of the squeeze [m/s].
 
-    The `outputs` are pose and squeeze (4,) behind the filters.
-
     While the squeeze would be unknown even with an exact stiffness, the `excess` of the first
     estimate over the desired `force` is added [N]: opening the grip could release the object, and
     the measured pose would not show the loss until the object is moved.
@@ -67,35 +67,40 @@ def find_opening_rate(
     return bounded_rate / belief.held.squeeze_stiffness()
 
 
-def find_correction(belief: GripBelief, error: Array, gain: float, duration: float) -> Array:
+def find_correction(
+    belief: GripBelief, outputs: Array, reference: Array, gain: float, duration: float
+) -> Array:
     """
-    Return the twist (3,) that corrects an error of the pose and the motion that (19) neglects.
+    Return the twist (3,) that corrects the pose error and the motion that (19) neglects.
 
     A command that is valid for a long `duration` must not overshoot [s].
     """
+    error = pose_difference(reference, outputs[:3])
     return min(gain, 0.5 / duration) * error - belief.cache.drift[:3]
 
 
 def solve_with_margins(
+    belief: GripBelief,
+    outputs: Array,
     twist: Array,
     correction: Array,
     opening_rate: float,
     solve: Solve,
     period: float,
-    usage: UsageLimits,
-    excess_margin: float,
     max_utilisation: float,
 ) -> RollerCommand:
     """
     Return the command for a twist (3,) of the object with its correction.
 
-    Limits on utilisation and on the excess of the slip margin over its bound [N] reduce only the
-    twist. The command is valid for a period [s].
+    Limits on slip margin and utilisation reduce only the twist. The command is valid for a period
+    [s].
     """
     command = solve_within_limits(twist + correction, opening_rate, solve)
     if command.status in CHANGED and not twist.any():
         # Contacts or limits do not admit the correction of the pose.
         command = replace(command, status=Status.OK)
+    usage = belief.cache.usage.rolled(belief.cache.travel)
+    excess_margin = belief.slip_margin - MIN_RELATIVE_MARGIN * float(outputs[3])
     share = usage.margin_share(command, period, excess_margin)
     if share < 1.0 and twist.any():
         slowed = solve_within_limits(share * twist + correction, opening_rate, solve)
