@@ -39,10 +39,10 @@ def name_settings(settings: Any) -> Iterator[str]:
     Settings of a part that is off have their names as well.
     """
     for field in fields(settings):
-        value = getattr(settings, field.name, None)
-        part = OPTIONAL_PARTS.get(field.name) if value is None else value
         if not field.init:  # computed from others
             continue
+        value = getattr(settings, field.name, None)
+        part = OPTIONAL_PARTS.get(field.name) if value is None else value
         if is_dataclass(part):
             yield from (f'{field.name}.{name}' for name in name_settings(part))
         elif value is None or isinstance(value, bool | float | int | str):
