@@ -15,6 +15,7 @@ from isotruss_ros.core.inputs import (
     RejectedInput,
     RollerState,
     StampedInput,
+    Timeline,
 )
 import numpy as np
 
@@ -83,7 +84,7 @@ class RollerParts:
         for stored in readings:
             while len(stored) > 1 and stored[1][0] <= time:
                 stored.popleft()
-        values, behind = np.array([_reading_at(time, stored) for stored in readings]), None
+        values, behind = np.array([Timeline(tuple(stored)).at(time) for stored in readings]), None
         if time < newest:
             oldest = self._names[times.index(time)]
             words = (
@@ -91,9 +92,3 @@ class RollerParts:
             )
             behind = RejectedInput(words, InputFault.STALE)
         return StampedInput(RollerState(values.real, values.imag), time, behind)
-
-
-def _reading_at(time: float, readings: Sequence[tuple[float, complex]]) -> complex:
-    """Return the reading at a time, interpolated unless the first one is not earlier [s]."""
-    began, first = readings[0]
-    return first if began >= time else np.interp(time, *zip(*readings, strict=True))
