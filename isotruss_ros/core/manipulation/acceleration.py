@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Limit of the roller accelerations from one control cycle to the next.
+Limits of the accelerations of rollers and object from one control cycle to the next.
 
 The command is a point on the straight line from the previous to the desired command, as close to
-the desired command as the largest change of a roller's speed admits. The line begins at the
+the desired command as the largest changes of a roller's speed and of the object's velocity admit.
+Rollers that change by 10 mm/s alone may change the velocity of the object by more than 20 mm/s
+(nine_member near the limits of its configuration). The line begins at the
 command closest to the previous one that fulfils the linear constraints of contacts and limits in
 the present configuration. So every point of the line fulfils these constraints.
 
@@ -18,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+import math
 
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
@@ -26,10 +29,10 @@ from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
-#: Largest increase of the surface speed of the object relative to that of a roller's speed [-]. It
-#: bounds jumps where a limit ends: without it, the object's speed rises by 13 mm/s in a cycle in
-#: which the rollers' speeds change by 10 mm/s (nine_member).
-SURFACE_ACCELERATION = 0.5
+#: Smallest change toward the desired command, relative to the largest one of the object's velocity
+#: [-]. Near singular configurations, constant roller speeds change the velocity by up to 5 mm/s in
+#: 10 ms at 50 mm/s; without this share, the object would not stop there.
+MIN_DESIRED_SHARE = 0.2
 #: Smallest changes of a roller's speed in opposite directions in two successive cycles that count
 #: as a reversal, relative to the largest change [-]: 1 mm/s in cycles of 10 ms at 1 m/s^2.
 #: While the heading turns at limits (nine_member, 1338 cycles), speeds change back and forth by
@@ -44,29 +47,37 @@ def limit_acceleration(
     max_change: float,
     find_rows: Callable[[], Rows],
     arm: float | None = None,
+    max_object_change: float = math.inf,
+    velocity: Array | None = None,
 ) -> RollerCommand:
     """
-    Return the command closest to a desired command within a largest change of roller speeds.
+    Return the command closest to a desired command within largest changes of the speeds.
 
     If limits of the configuration require a faster stop than `max_change` [m/s] admits, each
-    roller decelerates by at most `max_change`. `previous` has the roller speeds (r,) of the
-    previous cycle, and `previous_change` their change in that cycle.
+    roller decelerates by at most `max_change`; the object then decelerates with them. `previous`
+    has the roller speeds (r,) of the previous cycle, and `previous_change` their change in that
+    cycle.
 
     :param find_rows: function that returns the rows of the limits, see `stack_rows`.
     :param arm: factor from angular velocity to the speed of the object's surface [m]; None if no
         object is moved.
+    :param max_object_change: largest change of the velocity of the object [m/s], in the norm
+        |v|^2 + |omega arm|^2. It is exceeded if roller speeds that stay constant, or fulfil the
+        limits, change this velocity by nearly as much; see `MIN_DESIRED_SHARE`.
+    :param velocity: (3,) twist of the object in the previous cycle; None: that which `previous`
+        would produce in the present configuration.
     """
     motion, contacts = command.motion, command.contact_rows
     velocities = desired = command.roller_velocities
 
-    # Bound of the object's surface speed. The rows are zero if no object is moved.
-    surface_rows = motion * (0.0 if arm is None else np.array([[1.0], [1.0], [arm]]))
-    surface_speed = float(np.linalg.norm(surface_rows.dot(previous)))
-    max_surface_speed = surface_speed + SURFACE_ACCELERATION * max_change
-    surface_limited = bool(np.linalg.norm(surface_rows.dot(desired)) > max_surface_speed)
-
-    limited = surface_limited or bool(np.abs(desired - previous).max() > max_change)
-    if not limited and not _reverses(previous_change, desired - previous, max_change):
+    # Rows of the object's velocity, zero if no object is moved.
+    weights = np.zeros(len(motion)) if arm is None else np.array([1.0, 1.0, arm])
+    object_rows = weights[:, None] * motion
+    before = object_rows.dot(previous) if velocity is None else weights * velocity[: len(weights)]
+    change = desired - previous
+    limited = bool(np.abs(change).max() > max_change)
+    limited |= bool(np.linalg.norm(object_rows.dot(desired) - before) > max_object_change)
+    if not limited and not _reverses(previous_change, change, max_change):
         return command
     rows = find_rows()
     moving = (desired != 0.0) | (previous != 0.0)  # failed rollers stand still
@@ -78,9 +89,10 @@ def limit_acceleration(
         line, differs = desired - start, desired != start
         room = np.copysign(max_change, line) - (start - previous)
         share = max(float((room[differs] / line[differs]).min(initial=1.0)), 0.0)
-        if surface_limited:
-            surface_start, surface_desired = surface_rows.dot(start), surface_rows.dot(desired)
-            share = min(share, _surface_share(surface_start, surface_desired, max_surface_speed))
+        object_start = object_rows.dot(start) - before
+        least = float(np.linalg.norm(object_start)) + MIN_DESIRED_SHARE * max_object_change
+        radius = max(max_object_change, least)
+        share = min(share, _share_within(object_start, object_rows.dot(line), radius))
         # Even the start may require too large an acceleration.
         velocities = limit_change(start + share * line, previous, max_change)
     if _reverses(previous_change, velocities - previous, max_change):
@@ -144,14 +156,12 @@ def _nearest(speeds: Array, fixed: Array, moving: Flags, rows: Rows, otherwise: 
     return nearest
 
 
-def _surface_share(start: Array, desired: Array, top: float) -> float:
-    """Return the largest fraction (0 to 1) of a change at which the speed is at most `top`."""
-    # Larger root of |start + fraction * step|^2 = top^2.
-    step = desired - start
-    square, slope = float(step.dot(step)), float(step.dot(start))
-    if square == 0.0:
+def _share_within(start: Array, line: Array, radius: float) -> float:
+    """Return the largest s from 0 to 1 with |start + s line| <= radius, for |start| <= radius."""
+    square, slope = float(line.dot(line)), float(line.dot(start))
+    if square == 0.0 or math.isinf(radius):
         return 1.0
-    root = np.sqrt(max(slope * slope + square * (top * top - start.dot(start)), 0.0))
+    root = math.sqrt(max(slope * slope + square * (radius * radius - start.dot(start)), 0.0))
     return min(max((root - slope) / square, 0.0), 1.0)
 
 

@@ -107,10 +107,15 @@ def solve(
     if watch is not None:
         command, note = evade(desired, watch, limits, failed)
     if command.status < Status.HALT_NO_TWIST:
-        last_step, largest = memory.history.step, largest_change(setup, memory, now)
+        last_step, elapsed = memory.history.step, time_since_command(setup, memory, now)
+        largest = setup.robot.description.max_acceleration * elapsed
         arm = None if grip is None else grip.body.arm
+        object_change = settings.max_object_acceleration * elapsed
+        velocity = memory.velocity if memory.velocity.any() else None  # unknown at first
         rows = partial(stack_rows, config, limits)
-        command = limit_acceleration(command, last_speeds, last_step, largest, rows, arm)
+        command = limit_acceleration(
+            command, last_speeds, last_step, largest, rows, arm, object_change, velocity
+        )
     if watch is not None:
         command = watch.keep(command, last_speeds, settings.period)
     if squeeze is not None:
@@ -119,11 +124,10 @@ def solve(
     return squeeze or memory.squeeze, command, note
 
 
-def largest_change(setup: ServoSetup, memory: ServoMemory, now: float) -> float:
-    """Return the largest change of a roller's velocity since the last command [m/s]."""
+def time_since_command(setup: ServoSetup, memory: ServoMemory, now: float) -> float:
+    """Return the time in which velocities may change since the last command [s]."""
     # A cycle may be early; a late cycle may change its command by more.
-    elapsed = max(memory.history.elapsed(now), setup.settings.period)
-    return setup.robot.description.max_acceleration * elapsed
+    return max(memory.history.elapsed(now), setup.settings.period)
 
 
 def _solve_joint(

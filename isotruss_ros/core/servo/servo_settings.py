@@ -23,6 +23,8 @@ from isotruss_ros.core.safety.shape_guard import ShapeBounds
 DEFAULT_BOUNDS = ShapeBounds()
 #: Largest age of moving obstacles [s]; at 0.3 m/s an obstacle moves by 0.15 m meanwhile.
 OBSTACLE_TIMEOUT = 0.5
+#: Largest acceleration of the object [m/s^2]: 5 mm/s in a cycle of 10 ms.
+MAX_OBJECT_ACCELERATION = 0.5
 #: Unit, smallest and largest plausible value of each number, as of the parameters of the node.
 SQUEEZE_RANGES = {
     'force': ('N', 0.0, 1e3),
@@ -38,6 +40,7 @@ SERVO_RANGES = {
     'failure_time': ('s', 1e-3, math.inf),
     'pressure_timeout': ('s', 1e-3, 3600.0),
     'obstacle_timeout': ('s', 1e-3, MAX_TIMEOUT),
+    'max_object_acceleration': ('m/s^2', 1e-3, math.inf),
 }
 
 
@@ -97,6 +100,8 @@ class ServoSettings:
         rollers.
     :ivar obstacles: obstacles at rest, from which barriers keep robot and object.
     :ivar obstacle_timeout: largest age of moving obstacles [s]; an older one stops the rollers.
+    :ivar max_object_acceleration: largest acceleration of the object by commands [m/s^2], in the
+        norm |v|^2 + |omega d/2|^2. Limits of the configuration may require a faster stop.
     """
 
     grip: Grip
@@ -112,6 +117,7 @@ class ServoSettings:
     pressure_timeout: float = PRESSURE_TIMEOUT
     obstacles: tuple[Obstacle, ...] = ()
     obstacle_timeout: float = OBSTACLE_TIMEOUT
+    max_object_acceleration: float = MAX_OBJECT_ACCELERATION
 
     def __post_init__(self) -> None:
         """Raise ConfigurationError if a time is out of its range, or ArgumentError for a kind."""

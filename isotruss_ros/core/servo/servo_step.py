@@ -31,7 +31,7 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.work_limit import limited_work
-from isotruss_ros.core.servo.cycle_motion import largest_change, predict, PredictedState, solve
+from isotruss_ros.core.servo.cycle_motion import predict, PredictedState, solve, time_since_command
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError
 from isotruss_ros.core.servo.obstacle_evasion import predict_obstacles
 from isotruss_ros.core.servo.servo_memory import ServoMemory, ServoSetup
@@ -144,7 +144,9 @@ def step_command(
     memory = begin_cycle(memory, inputs, setup.settings, now)
     last = np.zeros(len(velocities)) if memory.history.last is None else memory.history.last
     if velocities.any():
-        velocities = limit_change(velocities, last, largest_change(setup, memory, now))
+        elapsed = time_since_command(setup, memory, now)
+        largest = setup.robot.description.max_acceleration * elapsed
+        velocities = limit_change(velocities, last, largest)
     squeeze = None if memory.squeeze is None else memory.squeeze.acknowledged()
     history, unknown = memory.history.recorded(now, velocities), np.zeros(3)
     return replace(memory, history=history, squeeze=squeeze, velocity=unknown), velocities

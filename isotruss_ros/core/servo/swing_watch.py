@@ -83,14 +83,16 @@ class Swings:
         distance = self.sign * (extremum - value)
         if distance <= 0.0:
             extremum = value
-        if distance <= max(smallest, TRAVEL_SHARE * travel):
+        smallest = max(smallest, TRAVEL_SHARE * travel)
+        if distance <= smallest:
             signs = self.sign, age, travel, poses, self.amplitudes
             return Swings(self.longest, extremum, previous, *signs)
-        # The extremum ends a half period; after a long or unresolved one, counting restarts.
-        is_restart = age > self.longest or poses < MIN_SWING_POSES
-        amplitudes = (*(() if is_restart else self.amplitudes), abs(extremum - previous))
-        sign, latest = -self.sign, amplitudes[-SWING_COUNT:]
-        return Swings(self.longest, value, extremum, sign, amplitudes=latest)
+        # The extremum ends a half period. A small, long or unresolved one is no swing; counting
+        # restarts behind it.
+        amplitude, amplitudes = abs(extremum - previous), self.amplitudes
+        is_swing = amplitude > smallest and age <= self.longest and poses >= MIN_SWING_POSES
+        amplitudes = (*amplitudes, amplitude)[-SWING_COUNT:] if is_swing else ()
+        return Swings(self.longest, value, extremum, -self.sign, amplitudes=amplitudes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,11 @@ from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import (
+    MAX_OBJECT_ACCELERATION,
+    ServoSettings,
+    SqueezeSettings,
+)
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from isotruss_ros.nodes.conversions.messages import (
     HELD_VALUES,
@@ -114,6 +118,13 @@ SPECS = (
         'Project twists on the limits of the configuration; if false, twists are scaled',
     ),
     Spec(
+        'max_object_acceleration',
+        MAX_OBJECT_ACCELERATION,
+        'Largest acceleration of the object by commands [m/s^2]; rotations count by the '
+        'velocity of the surface',
+        (0.001, 100.0),
+    ),
+    Spec(
         'failed_rollers', [''], "Names t/j of failed rollers, whose command is zero; [''] for none"
     ),
     Spec(
@@ -169,6 +180,7 @@ def make_settings(
         pressure_timeout=values.pressure_timeout,
         obstacles=obstacles,
         obstacle_timeout=values.obstacle_timeout,
+        max_object_acceleration=values.max_object_acceleration,
     )
 
 

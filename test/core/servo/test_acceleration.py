@@ -7,9 +7,11 @@ from dataclasses import replace
 
 from driven import Driven
 from grips import disc_grip, held_at
-from hypothesis import given
+from hypothesis import given, reject
 from hypothesis import strategies as st
 from isotruss_ros.core import load_robot, solve_twist, Status
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.acceleration import limit_acceleration
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -17,7 +19,7 @@ from isotruss_ros.core.manipulation.limits import default_limits, Rows, stack_ro
 from nightly import some_now
 import numpy as np
 import pytest
-from robots import examples
+from robots import examples, KINDS, random_robot
 from scipy.optimize import linprog
 
 ROBOT = load_robot('nine_member')
@@ -76,6 +78,57 @@ def test_a_turning_twist_at_a_limit_keeps_the_acceleration(module, first, slide,
     assert np.abs(np.diff(speeds)).max() <= 6e-3
 
 
+def largest_object_change(robot, first, period=PERIOD, **approach):
+    """Turn a twist by 2 degrees a cycle near a limit; return the largest change [m/s^2]."""
+    for cycle in range(150):
+        command = robot.step(heading(first), 20.0 * PERIOD)
+        if cycle > 10 and command.scale < approach.get('scale', 0.0):
+            break
+    weights, before = np.array([1.0, 1.0, robot.held.grip.body.arm]), None
+    largest = 0.0
+    for turned in np.arange(0.0, 240.0, 2.0):
+        command = robot.step(heading(first + turned), period)
+        velocity = weights * command.achieved_twist
+        if before is not None:
+            largest = max(largest, np.linalg.norm(velocity - before) / period)
+        before = velocity
+    return largest
+
+
+@pytest.mark.parametrize(
+    ('scale', 'slide'), some_now([(0.0, True), (0.5, True), (0.0, False), (0.5, False)], 2)
+)
+def test_the_object_keeps_its_acceleration_while_a_twist_turns_near_a_limit(scale, slide):
+    robot = driven('north/Z', slide_along_limits=slide)
+    assert largest_object_change(robot, 110.0, scale=scale) <= 0.6
+
+
+@pytest.mark.parametrize('bound', [0.1, 2.0])
+def test_the_acceleration_of_the_object_is_a_setting(bound):
+    robot = driven('north/R', max_object_acceleration=bound)
+    robot.step(np.zeros(3))
+    commands = [robot.step(heading(30.0)) for _ in range(3)]
+    velocity = np.linalg.norm(commands[-1].achieved_twist[:2])
+    assert robot.change <= CHANGE * (1.0 + 1e-6)
+    if bound == 0.1:
+        assert velocity == pytest.approx(3.0 * bound * PERIOD, rel=0.02)
+        assert commands[-1].status is Status.ACCELERATING
+    else:
+        assert velocity > 3.0 * 0.5 * PERIOD
+
+
+@examples(12)
+@given(st.integers(0, 2**31), st.sampled_from(KINDS), st.floats(0.0, 360.0))
+def test_the_object_of_any_robot_keeps_its_acceleration_while_a_twist_turns(seed, kind, first):
+    robot = random_robot(seed, kind)
+    module = str(np.random.default_rng(seed).choice(robot.module_names))
+    try:
+        held = held_at(robot.home, module)
+    except (GraspError, NotHeldError):
+        reject()
+    assert largest_object_change(Driven(held, PERIOD), first) <= 0.6
+
+
 @examples(50)
 @given(st.integers(0, 2**31))
 def test_rollers_reverse_only_as_the_twist_requires(seed):
@@ -99,14 +152,14 @@ def test_rollers_reach_a_twist_its_reverse_and_rest_within_the_acceleration(join
     robot = driven('north/R', joint=joint)
     for twist in (heading(30.0), heading(210.0), np.zeros(3)):
         statuses = []
-        for _ in range(20):
+        for _ in range(30):
             command = robot.step(twist)
             assert robot.change <= CHANGE * (1.0 + 1e-6)
             statuses.append(command.status)
         final = Status.OK if twist.any() else Status.IDLE
         reached = statuses.index(final)
-        assert 0 < reached < 19
-        assert statuses == [Status.ACCELERATING] * reached + [final] * (20 - reached)
+        assert 0 < reached < 29
+        assert statuses == [Status.ACCELERATING] * reached + [final] * (30 - reached)
     assert not command.roller_velocities.any()
 
 

@@ -335,7 +335,8 @@ def test_object_is_at_the_desired_pose_while_it_slides_along_a_limit(twist, min_
 
 
 def test_desired_pose_moves_with_the_command_of_an_accelerating_object():
-    loop = loop_of(config=limited(max_acceleration=0.2))
+    servo = {'max_object_acceleration': 0.1}
+    loop = loop_of(config=limited(max_acceleration=0.2), servo=servo)
     decisions = [loop.cycle((0.0, 0.05, 0.0)) for _ in range(5)]
     assert {decision.command.status for decision in decisions} == {Status.ACCELERATING}
     moved = np.diff([decision.desired_pose for decision in decisions], axis=0)

@@ -4,6 +4,7 @@
 """Decisions of the servo, which moves an object or a joint, from samples alone."""
 
 import dataclasses
+import math
 
 from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
@@ -32,7 +33,7 @@ def at(positions, velocities=0.0 * HOME):
 
 def servo(settings=None, robot=ROBOT, **given):
     """Return a servo with good inputs at NOW, or those given."""
-    settings = {'period': 0.005, 'timeout': 0.2} | (settings or {})
+    settings = {'period': 0.005, 'timeout': 0.2, 'max_object_acceleration': 1e3} | (settings or {})
     made = core.TwistServo(robot, ServoSettings(GRIP, **settings))
     made.receive(
         twist=StampedInput(TWIST, NOW),
@@ -134,7 +135,7 @@ def test_prediction_accounts_for_the_ages_of_rollers_and_pose():
     for ages in ((0.1, 0.0), (0.0, 0.1), (0.05, 0.1), (0.1, 0.05)):
         seen = [moved((0.1 - age) * speeds) for age in ages]
         made = servo(
-            {'period': 1e-9},
+            {'period': 1e-9, 'max_object_acceleration': math.inf},
             rollers=StampedInput(at(seen[0]['rollers'].value.positions, speeds), NOW - ages[0]),
             pose=seen[1]['pose']._replace(time=NOW - ages[1]),
         )

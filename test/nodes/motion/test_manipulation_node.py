@@ -76,7 +76,7 @@ def test_every_parameter_of_the_servo_reaches_it():
     values |= {'grip': ['north/P-Z', 'north/Z-R'], 'command_timeout': 0.3, 'min_rigidity': 0.21}
     values |= {'min_clearance': 0.011, 'min_object_clearance': 0.013, 'failure_time': 3.0}
     values |= {'min_obstacle_clearance': 0.014, 'obstacle_timeout': 0.7}
-    values |= {'slide_along_limits': True}
+    values |= {'slide_along_limits': True, 'max_object_acceleration': 0.4}
     assert values.keys() | {'failed_rollers'} == {spec.name for spec in SPECS}, (
         'a parameter of SPECS has a value here, and below what `make_settings` makes of it'
     )
@@ -95,6 +95,7 @@ def test_every_parameter_of_the_servo_reaches_it():
         failure_time=3.0,
         pressure_timeout=9.0,
         obstacle_timeout=0.7,
+        max_object_acceleration=0.4,
     )
     assert settings(slide_along_limits=False).slide_along_limits is False
     assert settings(squeeze_force=0.0).squeeze is None
