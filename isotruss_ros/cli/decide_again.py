@@ -106,6 +106,16 @@ def find_events(before: RepeatedCycle | None, cycle: RepeatedCycle) -> Iterator[
         yield f'failed rollers: {", ".join(sorted(failed))}'
 
 
+def find_status(cycle: RepeatedCycle) -> tuple[Status, str]:
+    """Return status and message of a cycle, the recorded ones after a failed trajectory."""
+    recorded, status = cycle.recorded.decision, cycle.decision.command.status
+    # The servo does not follow trajectories: it has the velocities of its client, or no twist.
+    is_open = status in (Status.FOLLOWING_TRAJECTORY, Status.HALT_NO_TWIST)
+    if is_open and recorded.get('status') == Status.HALT_TRAJECTORY:
+        return Status.HALT_TRAJECTORY, str(recorded.get('message', ''))
+    return status, cycle.decision.message
+
+
 def has_news(printed: Status | None, hindrance: Status | None) -> bool:
     """
     Return whether a hindrance is another one than that printed last, or a halt has ended.
@@ -155,11 +165,11 @@ def print_run(path: Path, robot: Robot, diameter: float, changes: Sequence[str])
             where = f'cycle {cycle.recorded.number}, {cycle.recorded.now - first.now:.3f} s'
             for event in find_events(last, cycle):
                 print(f'{where}: {event}')
-            status = cycle.decision.command.status
+            status, message = find_status(cycle)
             # A halt or a slowing; None while the command is executed.
             hindrance = None if status < Status.SLOWED_ROLLER_SPEED else status
             if last is None or has_news(printed, hindrance):
-                words = '' if hindrance is None else f': {cycle.decision.message}'
+                words = '' if hindrance is None else f': {message}'
                 print(f'{where}: {status.name}{words}')
                 printed = hindrance
             counts[status] += 1

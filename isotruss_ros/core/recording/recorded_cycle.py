@@ -87,16 +87,26 @@ def describe_setup(settings: ServoSettings, robot: str, versions: Mapping[str, s
     return json.dumps({name: encode(value) for name, value in setup.items()})[:-1]
 
 
-def describe_cycle(setup: str, inputs: LatestInputs, decision: Decision, **others: Any) -> str:
-    """Return the text of a record with the setup of `describe_setup` and other fields."""
-    command = decision.command
+def describe_cycle(
+    setup: str,
+    inputs: LatestInputs,
+    decision: Decision,
+    reported: Decision | None = None,
+    **others: Any,
+) -> str:
+    """
+    Return the text of a record with the setup of `describe_setup` and other fields.
+
+    :param reported: decision whose status and message the client reports; None: `decision`.
+    """
+    command, reported = decision.command, reported or decision
     named = others | {
         'inputs': {name: getattr(inputs, name) for name in INPUTS},
         'decision': {
             'velocities': command.roller_velocities,
             'achieved': command.achieved_twist,
-            'status': command.status,
-            'message': decision.message,
+            'status': reported.command.status,
+            'message': reported.message,
         },
     }
     cycle = json.dumps({name: encode(value) for name, value in named.items()})

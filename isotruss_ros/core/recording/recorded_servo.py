@@ -32,12 +32,12 @@ class RecordedServo(TwistServo):
     Calls that change the memory between two cycles belong to the record of the second one.
 
     :ivar describe: function that returns the record of the last cycle, before another input is
-        received.
+        received. Its argument `reported` is the decision that the client reports.
     """
 
     def __init__(self, robot: Robot, settings: ServoSettings, inputs: LatestInputs) -> None:
         super().__init__(robot, settings, inputs)
-        self.describe: Callable[[], str] = str
+        self.describe: Callable[..., str] = str
         self._number = 0
         self._calls: list[tuple[str, Any]] = []
         self._origin = _read_text(robot.description.source), find_versions()

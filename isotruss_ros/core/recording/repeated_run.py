@@ -55,14 +55,18 @@ def decide_again(
     Yield each cycle of a recording, decided again.
 
     Behind cycles that are missing, the memory is that of a new servo. The rollers have followed
-    the recorded commands, so the next cycle remembers these.
+    the recorded commands, so the next cycle remembers these. A cycle that is recorded more than
+    once in succession is decided once.
 
     :param change: function that returns the settings to decide with.
     :param memory: memory before the first cycle; None: that of a new servo.
     """
     servo: TwistServo
-    recorded = following = None
+    recorded = following = previous = None
     for cycle in cycles:
+        if (cycle.number, cycle.now) == previous:
+            continue
+        previous = cycle.number, cycle.now
         # Equal settings stay the same object, as in the recorded servo.
         if (described := encode(cycle.settings)) != recorded:
             recorded, settings = described, change(cycle.settings)

@@ -22,6 +22,8 @@ INPUT_LEAD = 1e-3
 MIN_RATE_SHARE = 0.8
 #: Averaging time of the measured rate [s].
 RATE_PERIOD = 1.0
+#: Rate of simulated time above which a step of two periods or more is a jump of the clock [-].
+MAX_CLOCK_RATE = 30.0
 #: Longest delay of other callbacks by a slow cycle [s].
 MAX_CALLBACK_DELAY = 0.02
 
@@ -53,6 +55,7 @@ class Cycle:
         self._times: deque[float] = deque(maxlen=10_000)
         #: Number of cycles counted for the measured rate, and time at which the count began [s].
         self._count, self._since = 0, None
+        self._counted = 0.0, 0.0  #: time and steady time of the cycle counted last [s]
         self.rate = math.inf  #: rate measured last [Hz]
         self.slowness = ''  #: measured rate in words if it is too low; else empty
         self.is_steady = not node.get_parameter('use_sim_time').value
@@ -110,11 +113,16 @@ class Cycle:
         self._step(1e-9 * now.nanoseconds)
         self.duration = time.perf_counter() - began
         self._times.append(self.duration)
-        self._count_rate(time.monotonic() if self.is_steady else 1e-9 * now.nanoseconds)
+        self._count_rate(1e-9 * now.nanoseconds, time.monotonic())
 
-    def _count_rate(self, now: float) -> None:
+    def _count_rate(self, now: float, steady: float) -> None:
         """Count a cycle; update the measured rate once a second."""
-        if self._since is None or now < self._since:
+        if self.is_steady:
+            now = steady
+        (before, steady_before), self._counted = self._counted, (now, steady)
+        step = now - before
+        has_jumped = step > max(2.0 / self._values.rate, MAX_CLOCK_RATE * (steady - steady_before))
+        if self._since is None or step < 0.0 or has_jumped:
             self._count, self._since = 0, now  # type: ignore[assignment]
             return
         self._count += 1

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 import math
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -294,5 +295,5 @@ class Manipulation(ManagedNode):
         decision = self._trajectory.decide(now)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, self._servo.squeeze, now)
-        self._report.publish_record(self._servo.describe)
+        self._report.publish_record(partial(self._servo.describe, reported=decision))
         self._draw_obstacles(now)

@@ -12,7 +12,9 @@ from held_grips import HOME
 from isotruss_ros.core import ConvexObject, Disc, Grip, Pose, Status, tangent_center
 from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.recording.recorded_servo import RecordedServo
+from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 import pytest
@@ -105,6 +107,41 @@ def test_a_recorded_run_has_the_same_commands_and_the_reason_of_its_halt(decide)
     assert f'{Status.HALT_STALE_OBJECT_POSE.name}: object pose: ' in out
     assert '20 cycles of 0.2 s' in out
     assert '0 commands differ; largest difference 0 ' in out
+
+
+def test_cycles_that_are_recorded_twice_are_decided_once(decide):
+    code, out, _ = decide([text for text in TEXTS for _ in range(2)])
+    assert code == 0
+    assert '20 cycles of 0.2 s' in out
+    assert 'new memory' not in out
+
+
+WHY = 'trajectory aborted: t/a is 9 mm off'
+
+
+def record_trajectory():
+    """Return the records of roller commands that end because their client aborts them."""
+    grip = Grip(members_at(HOME.robot, MODULE), ConvexObject(Disc(0.3)))
+    servo, texts = RecordedServo(HOME.robot, ServoSettings(grip, 0.01, 0.05), LatestInputs()), []
+    for number in range(10):
+        now = 0.01 * number
+        if number < 5:
+            servo.command(np.full(6, 0.01 if number < 4 else 0.0), now)
+            decision = None
+        else:
+            decision = servo.decide(now)
+        if number >= 4:
+            command = RollerCommand(np.zeros(6), np.zeros(3), 1.0, Status.HALT_TRAJECTORY)
+            decision = Decision(command, np.zeros(3), WHY)
+        texts.append(servo.describe(reported=decision))
+    return texts
+
+
+def test_the_reason_of_an_aborted_trajectory_is_that_of_the_recording(decide):
+    code, out, _ = decide(record_trajectory())
+    assert code == 0
+    assert f'cycle 4, 0.040 s: HALT_TRAJECTORY: {WHY}' in out
+    assert 'HALT_TRAJECTORY: 6 cycles' in out
 
 
 def test_a_failed_roller_is_named_with_its_cycle(decide):

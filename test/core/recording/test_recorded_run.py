@@ -171,6 +171,13 @@ def test_a_run_goes_on_with_a_new_memory_behind_missing_cycles():
     assert [cycle.recorded.number for cycle in again if cycle.is_anew] == [0, 8]
 
 
+def test_a_cycle_that_is_recorded_twice_is_decided_once():
+    cycles = [read_cycle(text) for text in TEXTS for _ in range(2)]
+    again = list(decide_again(cycles, read_robot(cycles[0])))
+    assert [cycle.recorded.number for cycle in again] == list(range(len(TEXTS)))
+    assert [cycle.recorded.number for cycle in again if cycle.is_anew] == [0]
+
+
 def test_a_record_names_the_fields_that_it_lacks():
     older = CYCLE | {'inputs': {'mapping': {}}}
     del older['versions'], older['calls']

@@ -141,6 +141,17 @@ def test_halts_when_the_clock_jumps_until_inputs_are_new(by):
         w.until_code(Status.OK, time.run(w.probe.send_all))
 
 
+@pytest.mark.parametrize('by', [0.5, 50.0])
+def test_a_jump_of_the_clock_does_not_change_the_measured_rate(by):
+    with moving_in_simulated_time() as (w, time):
+        time.jump(time.now + by)
+        w.probe.seen['status'].clear()
+        begin = time.now
+        w.until(lambda: time.now > begin + 1.5, time.run(w.probe.send_all))
+        assert w.nodes[1].cycle.rate > 0.8 * w.nodes[1].values.rate
+        assert not [m for _, m in w.probe.seen['status'] if 'the loop reaches' in m.message]
+
+
 def test_the_analysis_discards_inputs_from_before_a_jump_back():
     with simulated(maker(GraspAnalysisNode)) as w:
         time = SimulatedTime(w)

@@ -375,5 +375,7 @@ def test_published_records_decide_again_as_the_node_did():
     assert [cycle.recorded.number for cycle in again] == list(range(len(texts)))
     statuses = {cycle.decision.command.status for cycle in again}
     assert {Status.OK, Status.FOLLOWING_TRAJECTORY, Status.HALT_NO_TWIST} <= statuses
+    # Statuses are those of the topic; the servo does not know that the trajectory has ended.
+    assert Status.ARRIVED in {cycle.decision['status'] for cycle in cycles}
     recorded = [cycle.decision['velocities'].tolist() for cycle in cycles]
     assert [cycle.decision.command.roller_velocities.tolist() for cycle in again] == recorded
