@@ -92,12 +92,8 @@ def start_unknowns(statics: ContactStatics) -> Array:
     unknowns = np.zeros((*statics.sides.shape[:-1], indices.size))
     unknowns[..., 0], unknowns[..., 1] = np.real(body.center), np.imag(body.center)
     unknowns[..., ANGLE], unknowns[..., indices.feet] = body.angle, bent.places
-    turn, center = column(body.turn), column(body.center)
-    in_object = statics.straight_normals * turn.conj()
-    points, _ = body.shape.surface_at(statics.contacts.corners, in_object)
-    from_start = center + turn * points - bent.lines.start
-    heights = statics.sides * (bent.lines.axis.conj() * from_start).imag
-    depths = np.maximum(statics.tube_radius + heights, PLANNED_DEPTH * statics.tube_radius)
+    in_object = statics.straight_normals * column(body.turn).conj()
+    depths = np.maximum(measure_overlaps(statics), PLANNED_DEPTH * statics.tube_radius)
     # The depth is that of the tube's displacement across the member and of the dent. The
     # displacement is each contact's response to its own load.
     by_across = slice(1, 3 * len(bent.members), 3)
@@ -105,3 +101,13 @@ def start_unknowns(statics: ContactStatics) -> Array:
     _, dent_compliance, _ = statics.dents(depths / tube_compliance, np.angle(in_object))
     unknowns[..., indices.normal] = depths / (tube_compliance + dent_compliance)
     return unknowns
+
+
+def measure_overlaps(statics: ContactStatics) -> Array:
+    """Return the overlaps (k,) of the object at its measured pose with the straight tubes [m]."""
+    body, lines = statics.body, statics.bent.lines
+    turn, center = column(body.turn), column(body.center)
+    in_object = statics.straight_normals * turn.conj()
+    points, _ = body.shape.surface_at(statics.contacts.corners, in_object)
+    from_start = center + turn * points - lines.start
+    return statics.tube_radius + statics.sides * (lines.axis.conj() * from_start).imag

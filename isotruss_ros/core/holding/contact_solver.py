@@ -16,6 +16,7 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.holding.build_statics import (
     build_statics,
     find_feet,
+    measure_overlaps,
     start_unknowns,
     statics_of,
 )
@@ -23,12 +24,20 @@ from isotruss_ros.core.holding.contact_search import ContactSet
 from isotruss_ros.core.holding.contact_statics import ContactConditions
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, scaled_wrench
 from isotruss_ros.core.holding.least_friction import least_friction_conditions
-from isotruss_ros.core.holding.newton import Accuracy, find_equilibria, Iteration, SETTLED
+from isotruss_ros.core.holding.newton import (
+    Accuracy,
+    choose,
+    find_equilibria,
+    FINE_TURN,
+    Iteration,
+    MAX_TURN,
+    SETTLED,
+)
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.samples import take
-from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS
 from isotruss_ros.core.statics.load_points import Cuts, group_samples
 from isotruss_ros.core.statics.structure import Structure, structure_under, structures_under
 import numpy as np
@@ -141,13 +150,37 @@ class ContactGroupSolver:
         conditions: ContactConditions,
         solved: dict[int, Solved],
     ) -> None:
-        """Add the equilibria that iterations find."""
-        for found in find_equilibria(begins, conditions, self._steps, self._accuracy):
-            numbers, lead = found.samples.tolist(), found.state.unknowns.shape[:-1]
-            wrench = np.array([self._wrenches[i] for i in numbers]).reshape(*lead, 3)
-            grips = HeldGrip.of(found.statics, found.state, wrench)
-            for k, i in enumerate(numbers):
-                solved[i] = HeldGrip.sample(grips, k)
+        """
+        Add the equilibria that iterations find.
+
+        Those without one are repeated with shorter steps, unless the search is quick; so are those
+        in which an object that overlaps its tubes is pulled by one.
+        """
+        turns = (MAX_TURN, FINE_TURN) if self._steps >= MAX_NEWTON_ITERATIONS else (MAX_TURN,)
+        for max_turn in turns:
+            pulled = set[int]()
+            every = find_equilibria(begins, conditions, self._steps, self._accuracy, max_turn)
+            for found in every:
+                numbers, lead = found.samples.tolist(), found.state.unknowns.shape[:-1]
+                wrench = np.array([self._wrenches[i] for i in numbers]).reshape(*lead, 3)
+                grips = HeldGrip.of(found.statics, found.state, wrench)
+                overlaps = (measure_overlaps(found.statics) > 0.0).all(axis=-1)
+                forces = found.statics.contacts.sum_by_member(found.state.normal_forces, axis=-1)
+                is_pulled = np.atleast_1d(overlaps & (forces < 0.0).any(axis=-1))
+                for k, i in enumerate(numbers):
+                    if is_pulled[k]:
+                        pulled.add(i)
+                    if solved[i] is None or not is_pulled[k]:
+                        solved[i] = HeldGrip.sample(grips, k)
+            begins = [
+                part
+                for begin in begins
+                for part in choose(
+                    begin, np.array([solved[i] is None or i in pulled for i in begin.samples])
+                )
+            ]
+            if not begins:
+                return
 
     def _begin_near(self, objects: _Objects, contacts: PressedContacts) -> list[Iteration]:
         """Return the iteration of a single object that begins near another equilibrium, if any."""

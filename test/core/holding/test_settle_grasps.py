@@ -180,3 +180,65 @@ def test_an_argument_of_another_kind_is_named_with_its_number(name):
     values = {'configs': HOME, 'bodies': DISC, name: [HOME, DISC]}
     with pytest.raises(ArgumentError, match=rf'{name}\[{int(name == "configs")}\]: '):
         settle_grasps(**values)
+
+
+def settle_along(name, rollers, shape, pose, steps, friction, **inputs):
+    """Return the settled grasps of an object that is moved along x in steps [m]."""
+    config = core.load_robot(name).configuration(rollers)
+    x, y, angle = pose
+    bodies = [core.ConvexObject(shape, (x + step, y, angle)) for step in steps]
+    return core.settle_grasps(config, bodies, friction, **inputs)
+
+
+def assert_smooth(values, tolerance):
+    """Assert that values at equal steps have an equilibrium each, and bend little."""
+    assert np.isfinite(values).all()
+    assert np.abs(np.diff(values, 2)).max() < tolerance
+
+
+@pytest.mark.parametrize(
+    ('pressure', 'friction'), [(103500.0, 2.5), (34500.0, 1.5), (34500.0, 2.5)]
+)
+def test_triangle_on_soft_tubes_has_one_smooth_family_of_equilibria(pressure, friction):
+    rollers = [
+        *(0.05717275719424686, -0.08895108799654505, 0.0977550977594612, -0.04015177315795604),
+        *(-0.016549285543717346, 0.04739373116746651, -0.036972696809580374),
+        -0.008050733585965641,
+    ]
+    corners = [
+        [-0.12749822796346125, -0.046970316619953864],
+        [0.06575847985298382, -0.11890261184947186],
+        [0.07560874533926228, 0.11289520098491358],
+    ]
+    many = settle_along(
+        'ring_of_four',
+        rollers,
+        core.Polygon(corners, corner_radius=0.02),
+        (1.852321740458615, 0.1887927286171504, 2.541271207693626),
+        1e-3 * np.arange(-3.0, 3.1, 0.5),
+        friction,
+        external_wrench=(-1.439206355307486, 0.1188233860581156, 0.0038292301168298625),
+        pressure=pressure,
+        members=('east/L-E', 'east/M-L'),
+    )
+    for member in ('east/L-E', 'east/M-L'):
+        assert_smooth(many.normal_forces[member], 0.1)
+
+
+@pytest.mark.parametrize(
+    ('wrench', 'stiffness'), [((0.42, 0.45, -0.096), 0.9), ((0.0, 0.0, 0.0), 0.9)]
+)
+def test_small_disc_moved_along_soft_tubes_keeps_its_equilibrium(wrench, stiffness):
+    many = settle_along(
+        'nine_member',
+        [0.0032, -0.0768, 0.0247, 0.0553, 0.0226, 0.0835],
+        core.Disc(0.11559),
+        (0.86475, -1.06592, 0.0),
+        1e-4 * np.arange(-12, 13),
+        0.9,
+        external_wrench=wrench,
+        pressure=4e4,
+        stiffness=stiffness,
+    )
+    for forces in many.normal_forces.values():
+        assert_smooth(forces, 0.1)
