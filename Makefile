@@ -13,8 +13,8 @@ CORETYPES ?= Nehalem Sandybridge Haswell
 PLANT ?= elastic
 SENSORS ?= perfect
 VENV := .venv
-# .noble has Ubuntu 24.04's versions of the Python packages, and only what package.xml declares; its
-# Matplotlib, 3.6.3, has no wheel for Python 3.12: there it is 3.7.3, and .venv has 3.6.3 up to Python 3.11.
+# .noble has Ubuntu 24.04's versions of the Python packages, and only what package.xml declares; Ubuntu's
+# Matplotlib, 3.6.3, has no wheel for Python 3.12: it is 3.7.3.
 NOBLE_PYTHON ?= $(shell tools/find_python.sh 3.12 '$(PYTHON)')
 NOBLE = VENV=.noble PYTHON='$(NOBLE_PYTHON)' REQUIREMENTS=requirements.txt
 REQUIREMENTS := requirements.txt requirements-extra.txt

@@ -15,6 +15,7 @@ import contextlib
 import io
 import json
 from pathlib import Path
+import re
 import sys
 from typing import Any
 
@@ -36,7 +37,12 @@ def run(path: str | Path) -> dict[str, Any]:
 
 
 def _run_cell(source: str, names: dict[str, Any], place: str) -> tuple[str, Any]:
-    """Return the printed text of a cell, and the value of its last line if it is an expression."""
+    """
+    Return the printed text of a cell, and the value of its last line if it is an expression.
+
+    Magic commands, such as `%matplotlib inline`, are for Jupyter alone.
+    """
+    source = re.sub('^%.*$', '', source, flags=re.MULTILINE)
     tree, last = ast.parse(source, place), None
     if isinstance(tree.body[-1], ast.Expr):
         last = ast.Expression(tree.body.pop().value)

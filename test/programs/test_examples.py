@@ -4,8 +4,10 @@
 """Examples and commands, as they stand, and without a package of an extra or without ROS."""
 
 import json
+import os
 from pathlib import Path
 import runpy
+import site
 import subprocess
 import sys
 
@@ -80,6 +82,37 @@ def test_notebook_has_its_saved_output_and_draws_its_figures(name):
     printed = {line for lines in outputs(run, 'text/plain') for line in lines}
     equations = {f'({number}) agrees with the package\n' for number in range(1, 21)}
     assert name != 'paper' or equations <= printed
+
+
+@pytest.fixture(scope='module')
+def jupyter(tmp_path_factory):
+    """Return an environment on top of this one after `pip install notebook`."""
+    folder = tmp_path_factory.mktemp('jupyter')
+    subprocess.run([sys.executable, '-m', 'venv', '--without-pip', folder], check=True)
+    packages = [folder / 'lib' / f'python3.{sys.version_info.minor}' / 'site-packages']
+    (packages[0] / 'below.pth').write_text(
+        ''.join(
+            f'import site; site.addsitedir({path!r})\n'
+            for path in (*site.getsitepackages(), str(ROOT))
+        ),
+        encoding='utf-8',
+    )
+    pip = [sys.executable, '-m', 'pip', '--python', folder / 'bin' / 'python', 'install']
+    subprocess.run([*pip, '--quiet', '--disable-pip-version-check', 'notebook'], check=True)
+    return folder / 'bin'
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize('name', FIGURES)
+def test_notebook_draws_its_figures_in_jupyter(name, jupyter, tmp_path):
+    execute = [jupyter / 'python', '-m', 'jupyter', 'nbconvert', '--execute', '--to', 'notebook']
+    subprocess.run(
+        [*execute, '--output-dir', tmp_path, EXAMPLES / f'{name}.ipynb'],
+        check=True,
+        env=os.environ | {'PATH': f'{jupyter}:{os.environ["PATH"]}'},
+    )
+    run = json.loads((tmp_path / f'{name}.ipynb').read_text(encoding='utf-8'))
+    assert sum(isinstance(png, str) for png in outputs(run, 'image/png')) == FIGURES[name]
 
 
 #: Runs a command or file in a process in which no package beyond those of the core is installed.
