@@ -35,8 +35,8 @@ JUMP_LENGTH = 0.02
 #: Lowest natural frequency that is assumed if it is unknown [rad/s].
 DEFAULT_FREQUENCY = 2.4
 #: Smallest difference between a maximum and a minimum of the pose, without the part by roller
-#: travel, that counts as an oscillation [m]. When it is stopped, the heavy object swings by
-#: a third of its swing with a third, and by three times of it with three times.
+#: travel, that counts as an oscillation [m]. The heavy object swings by 2.5 mm when it is stopped;
+#: by 0.8 mm with a third, by 7.8 mm with three times.
 MIN_SWING = 0.0015
 #: The same, relative to the commanded travel since the last extremum [-]. Client-driven motion
 #: with the frequency w bends the tubes by (w / omega)^2 of its amplitude, which is less for
@@ -50,12 +50,16 @@ MAX_SWING_PHASE, MAX_SWING_TIME = 5.5, 2.0 * math.pi / DEFAULT_FREQUENCY
 #: Smallest number of poses in a half period [-]; with fewer poses, a swing is not resolved. At
 #: 50 Hz, neither a third nor three times changes a run.
 MIN_SWING_POSES = 3
-#: Number of successive half periods after which an oscillation is detected [-]. A pull on the
-#: object and its end are two; with 3, they are reported after any other swing. When it is stopped,
-#: the heavy object swings by 2.5 mm with 3, by 7.8 mm with 9.
-SWING_COUNT = 4
+#: Number of successive half periods after which an oscillation is detected [-]. With 1, a drift to
+#: and fro by 8 mm with half periods of 3.5 s is reported 17 times in 60 s; with 9, the heavy
+#: object swings by 7.8 mm.
+SWING_COUNT = 3
 #: Smallest ratio of the amplitudes of successive half periods [-]. Swings that decay by 6 % are no
 #: oscillation, swings that decay by 3.5 % are one.
 MIN_SWING_RATIO = 0.95
+#: Largest ratio of the amplitudes of successive half periods [-]. The first half period from rest
+#: has half of the second one. A pull on the object and its end are two half periods; without this
+#: bound they would be an oscillation after a small motion to and fro.
+MAX_SWING_RATIO = 2.2
 #: Time at rest after an oscillation [s]; each oscillation also halves the gain.
 REST_TIME = 1.0

@@ -26,6 +26,7 @@ from isotruss_ros.core.estimation.fault_thresholds import (
     DEFAULT_FREQUENCY,
     MAX_DEVIATIONS,
     MAX_SWING_PHASE,
+    MAX_SWING_RATIO,
     MAX_SWING_TIME,
     MIN_SWING,
     MIN_SWING_POSES,
@@ -70,9 +71,10 @@ class Swings:
 
     @property
     def persist(self) -> bool:
-        """Return whether a half period has ended, and successive swings do not decay."""
-        ratios = [b >= MIN_SWING_RATIO * a for a, b in itertools.pairwise(self.amplitudes)]
-        return self.poses == 0 and len(self.amplitudes) == SWING_COUNT and all(ratios)
+        """Return whether a half period has ended, and successive swings are alike."""
+        pairs = itertools.pairwise(self.amplitudes)
+        are_alike = all(MIN_SWING_RATIO * a <= b <= MAX_SWING_RATIO * a for a, b in pairs)
+        return self.poses == 0 and len(self.amplitudes) == SWING_COUNT and are_alike
 
     def updated(self, value: float, elapsed: float, smallest: float, travel: float) -> Swings:
         """Return the detector after a value; smaller swings than `smallest` do not count."""
