@@ -75,7 +75,8 @@ class PathFollower(ManagedNode):
     idle = 'no path to follow'
     _last: Tracking | None = None
     #: Path whose feasibility is being checked in a thread; the node receives inputs meanwhile.
-    _waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
+    _waiting: tuple[Future[Foresight | None], ObjectPath, TrackingSettings] | None = None
+    _foresight: Foresight | None = None  # of the path that is followed; None if unknown
 
     def create(self) -> None:
         """Create the thread of the feasibility check."""
@@ -167,7 +168,7 @@ class PathFollower(ManagedNode):
             return
         self._waiting = None
         try:
-            foreseen.result()
+            self._foresight = foreseen.result()
             self._servo.begin(path, settings, self.now())
         except IsotrussError as error:
             self._end(_find_outcome(error), str(error))
@@ -205,6 +206,9 @@ class PathFollower(ManagedNode):
             return
         self._publish_twist(step.tracking.twist)
         feedback = {name: getattr(step.tracking, name) for name in FEEDBACK}
+        if self._foresight is not None:  # the path may be slower than at its full rate
+            foreseen = self._foresight.time_left(step.tracking.progress)
+            feedback['time_left'] = max(feedback['time_left'], foreseen)
         self._goal.publish_feedback(lambda: FollowObjectPath.Feedback(**feedback))
         self.diagnostics.set_status(step.tracking.phase.name.lower())
 
@@ -246,18 +250,18 @@ def _check_path(
     settings: TrackingSettings,
     now: float,
     obstacles: Sequence[Obstacle],
-) -> None:
+) -> Foresight | None:
     """
-    Raise PathError if the model predicts that the held object slips, or meets an obstacle.
+    Return the predicted motion; raise PathError if the object would slip or not follow the path.
 
     The prediction assumes that the squeeze does not change. It starts from the equilibrium
-    reported by the node `manipulation` if that node controls the squeeze. Nothing is checked if
+    reported by the node `manipulation` if that node controls the squeeze. None is returned if
     roller positions are missing, or if the object is not held at the start of the path, because an
     object that is only pushed has no slip margin.
     """
     state = find_fresh(now, servo.timeout, servo.inputs.rollers)
     if state is None:
-        return
+        return None
     record = find_fresh(now, servo.timeout, servo.inputs.held_grip)
     body = common.make_body(values, common.read_described(values))
     config = robot.configuration(state.positions)
@@ -266,9 +270,10 @@ def _check_path(
         motion = path.poses, record, path.speed, path.turn_rate, settings
         foresight = foresee_grip(config, here, body.friction_or(None), *motion, obstacles)
     except GraspError:
-        return
+        return None
     if foresight is not None and foresight.why:
         raise PathError(_describe_end(foresight))
+    return foresight
 
 
 def _describe_end(foresight: Foresight) -> str:

@@ -31,6 +31,8 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
 
+#: Name of the limit by `soft_rank` in `RollerCommand.limiting`.
+RANK = 'the rank of the task'
 #: Default behaviour at limits: scaling.
 SCALING = LimitHandling()
 
@@ -115,6 +117,8 @@ def _carry_out(
     rates = rows.matrix.dot(speeds)
     if not ((rates <= rows.upper) & (rates >= rows.lower)).all():
         speeds, scale, status, limiting = apply_limits(config, task, limits, rows, handling)
+    if task.share < 1.0:
+        scale, limiting = task.share * scale, (*limiting, RANK)
     achieved, dof = reach.motion.dot(speeds), len(reach.directions)
     contact_end = dof + len(reach.opening)
     contacts = reach.working.spread(reach.rows[dof:contact_end])

@@ -35,7 +35,8 @@ class Status(enum.IntEnum):
     SLOWED_SLIP_MARGIN = 17  #: scaled twist: the slip margin is near its bound
     SLOWED_OBSTACLE = 18  #: scaled twist: robot or object is near an obstacle, or evades it
     UNREACHABLE = 20  #: the closest reachable twist is executed, possibly scaled
-    SLIDING = 21  #: `slide_along_limits`: the closest twist within limits is executed
+    #: the closest twist within limits is executed: `slide_along_limits`, or near a singular task
+    SLIDING = 21
     HALT_NO_TWIST = 30  #: no twist was received yet, or the last twist is too old
     HALT_INVALID_TWIST = 31
     HALT_NO_JOINT_STATES = 32

@@ -142,8 +142,11 @@ class Task(NamedTuple):
     direction: Array
     speed: float  #: norm of the closest reachable twist [m/s]
     missed: float  #: norm of the unreachable part, relative to the norm of the desired twist [-]
-    #: `OK` if the desired twist is reachable, within `MAX_REMOVED_SHARE` near singular tasks;
-    #: `IDLE` if it is zero; otherwise `UNREACHABLE`
+    #: component of this task's twist along the closest reachable one, relative to the norm of the
+    #: latter [-]; less than 1 where `soft_rank` removes more than `MAX_REMOVED_SHARE`
+    share: float
+    #: `UNREACHABLE` if a part of the desired twist is unreachable; `SLIDING` if `share` is less
+    #: than 1; `IDLE` if the twist is zero; otherwise `OK`
     status: Status
     free: Array  #: (w,) least-cost speeds for 1 m/s along `direction`, without limits
     #: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s]
@@ -173,8 +176,9 @@ def find_task(
     direction[:dof] = closest
     if opening:
         direction[dof:] = np.divide(opening, size)
-    if soft_rank > 0.0 and _damp(reach, direction, soft_rank):
-        status = Status.UNREACHABLE
+    share = _damp(reach, direction, soft_rank) if soft_rank > 0.0 else 1.0
+    if share < 1.0 and status is Status.OK:
+        status = Status.SLIDING
     # Least-cost speeds for the unit vector of the right-hand side.
     length = math.sqrt(direction.dot(direction))
     if length <= ROUNDING * norm:  # also if no roller speed produces the opening rate
@@ -186,7 +190,7 @@ def find_task(
         free = least_cost(working.whitening, reach.rows, direction)
     # Larger twists are mistakes; the bound keeps the roller speeds finite.
     velocities = working.spread(free * min(size * length, MAX_MAGNITUDE))
-    return Task(reach, direction, size * length, missed, status, free, velocities)
+    return Task(reach, direction, size * length, missed, share, status, free, velocities)
 
 
 def least_cost(whitening: Array, equality: Array, direction: Array) -> Array:
@@ -201,9 +205,9 @@ def least_cost(whitening: Array, equality: Array, direction: Array) -> Array:
     return whitening.dot(lapack.dgels(equality.dot(whitening), right)[1])
 
 
-def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
+def _damp(reach: Reach, direction: Array, soft_rank: float) -> float:
     """
-    Reduce a direction of (20) in place where the task is nearly singular; return whether by much.
+    Reduce a direction of (20) in place where the task is nearly singular; return `Task.share`.
 
     Components along singular vectors of the twist with singular values s are multiplied by min(1,
     s^2 / soft_rank^2), so their roller speeds fall with s instead of growing with 1 / s.
@@ -217,11 +221,16 @@ def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
     by_contacts = np.linalg.solve(gram[contacts, contacts], gram[contacts, twist])
     squares, modes = np.linalg.eigh(gram[twist, twist] - gram[twist, contacts].dot(by_contacts))
     if (squares >= soft_rank**2).all():
-        return False
+        return 1.0
     removed_shares = 1.0 - np.clip(squares / soft_rank**2, 0.0, 1.0)
     # The least-cost speeds for the opening rate produce a part of the twist; the other is reduced.
     remainder = direction[twist] - direction[contacts].dot(by_contacts)
     removed = modes.dot(removed_shares * remainder.dot(modes))
-    tolerated = MAX_REMOVED_SHARE * np.linalg.norm(direction[twist])
+    wanted = direction[twist].copy()
     direction[twist] -= removed
-    return bool(np.linalg.norm(removed) > max(tolerated, ROUNDING * np.linalg.norm(remainder)))
+    square = float(wanted.dot(wanted))
+    rounding = ROUNDING**2 * float(remainder.dot(remainder))
+    if removed.dot(removed) <= max(MAX_REMOVED_SHARE**2 * square, rounding):
+        return 1.0
+    along = float(direction[twist].dot(wanted)) / square if square else 0.0
+    return min(max(along, 0.0), 1.0 - ROUNDING)

@@ -85,6 +85,20 @@ class Foresight(NamedTuple):
     slip_margin: float  #: smallest slip margin on the path [N]
     why: str  #: reason for an end before the end of the path; otherwise empty
     grips: list[HeldGrip]  #: equilibria along the path, the first one at its start
+    #: (k, 2) fraction of the path's duration that is completed, and time since the start [s]. It
+    #: rises more slowly than along the path itself where limits or a nearly singular task slow it
+    timeline: Array
+
+    @property
+    def duration(self) -> float:
+        """Return the time of the predicted motion [s]."""
+        return float(self.timeline[-1, 1])
+
+    def time_left(self, progress: float) -> float:
+        """Return the time from a completed fraction of the path to the end of the motion [s]."""
+        fractions, times = self.timeline.T
+        reached = min(int(np.searchsorted(fractions, progress)), len(times) - 1)
+        return self.duration - float(times[reached])
 
 
 @check_kinds
@@ -161,7 +175,8 @@ def foresee_path(
     try:
         path = ObjectPath(shifted, speed, turn_rate)
     except NoMotionError:
-        return Foresight(held.pose, 1.0, held.slip_margin(friction), '', [held])
+        margin, at_rest = held.slip_margin(friction), np.array([[1.0, 0.0]])
+        return Foresight(held.pose, 1.0, margin, '', [held], at_rest)
     step_time = min(STEP / max(speed, turn_rate * held.arm), MAX_STEP_TIME)
     step_time = max(step_time, path.duration / MAX_PATH_STEPS)
     guard = guard_steps(held.config.robot, step_time, obstacles)
@@ -196,10 +211,12 @@ def _follow(
     squeeze = held.squeeze
     grips, least_margin, why = [held], held.slip_margin(friction), ''
     elapsed, command = 0.0, None
+    timeline: list[tuple[float, float]] = []
     for number in range(MAX_STEPS):
         scale = 1.0 if command is None else speed_share(command.status, command.scale)
         tracking = tracker.update(held.pose, 0.0, elapsed, scale)
         elapsed = step_time
+        timeline.append((tracking.progress, number * step_time))
         if tracking.phase in FINISHED:
             break
         try:
@@ -226,7 +243,7 @@ def _follow(
         limiting = command.limiting if command is not None and command.scale < 1.0 else ()
         why = f'{OUT_OF_REACH}: limits of {", ".join(limiting)}' if limiting else OUT_OF_REACH
     share = tracking.progress if why else 1.0
-    return Foresight(held.pose, share, least_margin, why, grips)
+    return Foresight(held.pose, share, least_margin, why, grips, np.array(timeline))
 
 
 def find_command(

@@ -92,19 +92,21 @@ def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     parts: list[str] = []
     if command.status >= Status.HALT_NO_TWIST:
         return ''
+    vx, vy, omega = command.achieved_twist
+    velocity = f'({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
     if command.status is Status.UNREACHABLE:
         fault, closest = 'is unreachable', 'reachable one'
         if keeps_contacts:
             fault, closest = f'{fault} or would break contacts', 'one that keeps the contacts'
-        vx, vy, omega = command.achieved_twist
-        velocity = f'({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
         parts.append(f'the twist {fault}; the closest {closest} is {velocity}')
     if command.scale < 1.0:
-        change = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
+        is_sliding = command.status is Status.SLIDING
+        change = 'sliding with' if is_sliding else 'slowed to'
         cause = ': more would need roller speeds out of proportion to the motion'
         if command.limiting:
             cause = f' by the limits of {", ".join(command.limiting)}'
         percent = 100.0 * command.scale
         share = f'{percent:.3g}' if percent >= 1.0 else 'less than 1'
-        parts.append(f'{change} {share} %{cause}')
+        along = f', along {velocity}' if is_sliding else ''
+        parts.append(f'{change} {share} %{along}{cause}')
     return '; '.join(parts)

@@ -98,7 +98,7 @@ def solve_with_margins(
     command = solve_within_limits(twist + correction, opening_rate, solve)
     if command.status in CHANGED and not twist.any():
         # Contacts or limits do not admit the correction of the pose.
-        command = replace(command, status=Status.OK)
+        command = replace(command, status=Status.OK, scale=1.0)
     usage = belief.cache.usage.rolled(belief.cache.travel)
     excess_margin = belief.slip_margin - MIN_RELATIVE_MARGIN * float(outputs[3])
     share = usage.margin_share(command, period, excess_margin)

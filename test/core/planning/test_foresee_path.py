@@ -227,6 +227,71 @@ def test_motions_that_the_rollers_do_not_produce_are_told():
     assert (result.share, len(result.path)) == (0.0, 1)
 
 
+def hold_amid(diameter):
+    """Return a disc held by three members in the middle of the robot, and a loop at rest."""
+    shape = Disc(diameter)
+    body = place_between(HOME, AROUND, shape, indentation=0.01).body
+    settled = core.settle_grasp(HOME, body, friction=FRICTION, members=AROUND)
+    grip = core.Grip(AROUND, body, FRICTION)
+    loop = SqueezeLoop(HOME, grip, servo={'bounds': ShapeBounds()})
+    for _ in range(25):
+        loop.cycle()
+    loop.decisions.clear()
+    return settled.equilibrium, loop
+
+
+AMID = [
+    (diameter, leg)
+    for diameter in (0.85, 0.87, 0.89)
+    for leg in ((0.0, 0.03, 0.0), (0.03, 0.0, 0.0), (0.0, 0.0, 0.1), (-0.03, 0.02, 0.1))
+]
+
+
+@pytest.mark.parametrize(('diameter', 'leg'), some_now(AMID, 2))
+def test_a_path_near_a_singular_task_takes_the_time_that_is_foreseen(diameter, leg):
+    grip, loop = hold_amid(diameter)
+    foresight = foresee(grip, leg)
+    assert (foresight.share, foresight.why) == (1.0, '')
+    start = np.array(loop.plant.object_pose)
+    path = ObjectPath([start, start + leg], 0.02, 0.2)
+    tracker = path_tracking.PathTracker(path, path_tracking.TrackingSettings(), loop.period)
+    scale, elapsed, left = 1.0, 0.0, []
+    while True:
+        pose = core.Pose(*loop.plant.object_pose)
+        tracking = tracker.update(pose, 0.0, loop.period if loop.decisions else 0.0, scale)
+        left.append(foresight.time_left(tracking.progress))
+        if tracking.phase in path_tracking.FINISHED:
+            break
+        decision = loop.cycle(tracking.twist)
+        tracker.allow_for_inertia(decision.frequency)
+        scale = path_tracking.speed_share(decision.command.status, decision.command.scale)
+        elapsed += loop.period
+    assert tracking.phase is path_tracking.PathPhase.REACHED
+    assert elapsed > 1.5 * path.duration
+    assert elapsed / 1.3 < foresight.duration < 1.3 * elapsed
+    # The time left is as true on the way as at the start.
+    assert left[len(left) // 2] == pytest.approx(0.5 * elapsed, abs=0.2 * elapsed)
+    assert left[-1] < 0.2 * elapsed
+    assert max(loop.statuses) < Status.HALT_NO_TWIST
+    assert Status.UNREACHABLE not in loop.statuses
+
+
+@pytest.mark.parametrize(('diameter', 'leg'), some_now(AMID, 2))
+def test_the_scale_of_a_twist_near_a_singular_task_is_the_part_that_is_executed(diameter, leg):
+    grip, loop = hold_amid(diameter)
+    weights, start = np.array([1.0, 1.0, grip.arm]), np.array(loop.plant.object_pose)
+    for _ in range(100):
+        decision = loop.cycle(0.5 * np.array(leg))
+    wanted = weights * leg
+    moved = weights * (np.array(loop.plant.object_pose) - start)
+    said = np.mean([decision.command.scale for decision in loop.decisions])
+    assert said < 0.95
+    assert moved @ wanted / (wanted @ wanted) == pytest.approx(said, abs=0.03)
+    assert Status.UNREACHABLE not in loop.statuses
+    assert 'the rank of the task' in decision.command.limiting
+    assert re.search(r'sliding with \d+(\.\d)? %, along \(.*\) m/s, .* rad/s', decision.message)
+
+
 CLEARANCE, CENTER = 0.05, (0.6, 0.3)
 MEMBERS = members_at(HOME.robot, 'north/Z')
 SMALL_BOX = core.Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)

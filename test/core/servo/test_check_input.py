@@ -104,6 +104,7 @@ CLOSEST = (
     'the twist is unreachable or would break contacts; '
     'the closest one that keeps the contacts is (0.01, 0.02) m/s, 0.3 rad/s'
 )
+ALONG = 'along (0.01, 0.02) m/s, 0.3 rad/s'
 
 
 @pytest.mark.parametrize(
@@ -114,8 +115,13 @@ CLOSEST = (
         (Status.HALT_NO_TWIST, 0.0, (), ''),
         (Status.SLOWED_OBJECT, 0.25, ('a', 'b'), 'slowed to 25 % by the limits of a, b'),
         (Status.HALT_NO_TWIST - 1, 0.25, ('a',), 'slowed to 25 % by the limits of a'),
-        (Status.SLIDING, 0.25, ('a',), 'sliding with 25 % by the limits of a'),
-        (Status.SLIDING, 6e-7, ('a',), 'sliding with less than 1 % by the limits of a'),
+        (Status.SLIDING, 0.25, ('a',), f'sliding with 25 %, {ALONG} by the limits of a'),
+        (
+            Status.SLIDING,
+            6e-7,
+            ('a',),
+            f'sliding with less than 1 %, {ALONG} by the limits of a',
+        ),
         (Status.UNREACHABLE, 1.0, (), CLOSEST),
         (Status.UNREACHABLE, 0.5, ('a',), f'{CLOSEST}; slowed to 50 % by the limits of a'),
     ],
