@@ -11,6 +11,7 @@ import re
 
 from action_msgs.msg import GoalInfo, GoalStatus
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist
+from held_grips import AROUND
 from isotruss_msgs.action import FollowObjectPath, MoveObject
 from isotruss_msgs.msg import GraspState, ManipulationStatus, Obstacles
 from isotruss_ros import core
@@ -298,6 +299,20 @@ def test_a_path_that_cannot_be_executed_is_refused_with_the_pose_of_its_end(name
 def test_a_path_is_not_predicted_without_the_positions_of_the_rollers():
     with refusing('box', silence=0.6) as (w, _, send):
         w.until(lambda: moves(w), send)
+
+
+def test_the_time_left_is_that_of_the_predicted_motion():
+    """Three members around a disc are near a singular task, so the path is slower than asked."""
+    body = core.place_between(ROBOT.home, AROUND, core.Disc(0.87), indentation=0.01).body
+    described = '{shape: disc, diameter: 0.87, friction: 0.8}'
+    with listening(node(object=described, command_timeout=0.5)) as w:
+        send = fake(w, body.pose)
+        w.spin(0.2, send)
+        asked = goal((0.0, 0.03, 0.0), begin=body.pose, speed=0.02, turn_rate=0.2)
+        handle = w.send_goal(asked)
+        w.until(lambda: moves(w) and handle.feedback, send)
+        w.until(lambda: np.isfinite(handle.feedback[-1].time_left), send)
+        assert handle.feedback[-1].time_left > 5.0  # 2 s at full rate
 
 
 def test_a_path_of_one_pose_begins_at_the_object():
