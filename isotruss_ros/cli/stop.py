@@ -8,24 +8,22 @@ Calls the service `emergency_stop` of the node `manipulation` until it responds.
 button that publishes on the topic `emergency_stop`, and that cuts the power of the drives.
 """
 
-# Only rclpy is imported, because the import of NumPy and of the core takes a second.
+# Only rclpy is imported, because the import of NumPy and of the core takes a second, and it is
+# imported when the stop is requested, so that its absence is reported like every other failure.
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
 import os
+import select
+import signal
 import sys
-import tempfile
 import time
+from typing import Any, NoReturn, TYPE_CHECKING
 
-import rclpy
-from rclpy.context import Context
-from rclpy.exceptions import InvalidNamespaceException
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.task import Future
-from rclpy.utilities import remove_ros_args
-from std_srvs.srv import Trigger
+if TYPE_CHECKING:
+    from rclpy.task import Future
+    from std_srvs.srv import Trigger
 
 SERVICE = 'emergency_stop'
 #: Longest time in which the stop is tried [s].
@@ -36,14 +34,26 @@ RETRY_PERIOD = 0.2
 #: Time after which a further participant searches for the server [s]. If a message of its
 #: discovery was lost, DDS sends the next one only after 3 s.
 DISCOVERY_PERIOD = 0.7
+#: Longest time of the start and of the end of a participant [s].
+MARGIN = 2
+
+
+class NotConfirmedError(Exception):
+    """Error: the node did not confirm that the robot has stopped."""
 
 
 class Caller:
-    """Participant of DDS that calls the service."""
+    """Participant of DDS that calls the service; it writes no log."""
 
     def __init__(self, arguments: Sequence[str], namespace: str) -> None:
+        from rclpy.context import Context
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.node import Node
+        from std_srvs.srv import Trigger
+
         self._context = Context()
-        rclpy.init(args=list(arguments), context=self._context)
+        # The log of ROS needs a folder that can be written; a stop does not.
+        self._context.init(list(arguments), initialize_logging=False)
         self._node = Node(
             'isotruss_stop',
             namespace=namespace,
@@ -53,6 +63,7 @@ class Caller:
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
+        self._request = Trigger.Request()
         self._client = self._node.create_client(Trigger, SERVICE)
         self.service = self._node.resolve_service_name(SERVICE)
         self._sent: list[Future] = []
@@ -61,7 +72,7 @@ class Caller:
     def try_once(self) -> Trigger.Response | None:
         """Call the service if it is there and the last call is old; return a response, if any."""
         if time.monotonic() >= self._due and self._client.service_is_ready():
-            self._sent.append(self._client.call_async(Trigger.Request()))
+            self._sent.append(self._client.call_async(self._request))
             self._due = time.monotonic() + RETRY_PERIOD
         self._executor.spin_once(timeout_sec=0.01)
         return next((each.result() for each in self._sent if each.done()), None)
@@ -74,59 +85,106 @@ class Caller:
         """Leave DDS."""
         self._executor.shutdown()
         self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
+        self._context.shutdown()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Stop the robot, and print the response of the node `manipulation`.
+    Stop the robot, and print STOPPED or NOT CONFIRMED with the reason, whatever happens.
 
-    :return: 0 if it has stopped and all drives have acknowledged zero; 1 if not; 130 after Ctrl-C.
+    A child process makes the request, because the middleware may end its process or hang.
+
+    :return: 0 if it has stopped and all drives have acknowledged zero; 1 if not; 2 for bad
+        arguments; 130 after Ctrl-C.
     """
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    parser = argparse.ArgumentParser(prog='isotruss', description=__doc__)
-    kinds = parser.add_subparsers(required=True)
-    stop = kinds.add_parser('stop', help='emergency stop')
-    stop.add_argument('--namespace', default='', help='namespace of the robot, such as /left')
-    callers: list[Caller] = []
-    if not any(map(os.environ.get, ('ROS_LOG_DIR', 'ROS_HOME', 'HOME'))):
-        os.environ['ROS_LOG_DIR'] = tempfile.gettempdir()  # without a folder for logs, ROS fails
+    code, words = 1, 'the process of the request ended without a response'
+    child = 0
     try:
-        options = parser.parse_args(remove_ros_args(['isotruss', *words])[1:])
-        return _stop(callers, words, options.namespace)
-    except (RuntimeError, ValueError, InvalidNamespaceException) as error:
-        why = ' '.join(str(error).partition(', at /')[0].split())
-        print(f'isotruss stop: {why}', file=sys.stderr)
-        return 1
+        for which in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(which, _interrupt)
+        reader, writer = os.pipe()
+        if not (child := os.fork()):
+            _run_request(writer, list(sys.argv[1:] if arguments is None else arguments))
+        os.close(writer)
+        if not select.select([reader], [], [], TIMEOUT + MARGIN)[0]:
+            words = f'the process of the request hangs after {TIMEOUT + MARGIN:g} s'
+        elif report := os.read(reader, select.PIPE_BUF).decode(errors='replace'):
+            number, _, words = report.partition(' ')
+            code = int(number)
+        if code == 0 and words:
+            print(f'isotruss stop: STOPPED: {words}', flush=True)
     except KeyboardInterrupt:
-        print('isotruss stop: NOT CONFIRMED: interrupted; press the stop button', file=sys.stderr)
-        return 130
-    finally:
+        code, words = 130, 'interrupted'
+    except OSError as error:
+        code, words = 1, str(error)
+    if code:
+        print(f'isotruss stop: NOT CONFIRMED: {words}; press the stop button', file=sys.stderr)
+    if child:
+        if code:
+            os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    return code
+
+
+def _interrupt(*_: Any) -> NoReturn:
+    """End the request on a signal, as Ctrl-C does."""
+    raise KeyboardInterrupt
+
+
+def _run_request(writer: int, arguments: Sequence[str]) -> NoReturn:
+    """Write the exit code and the words of a request to a pipe, and end this process."""
+    for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(which, signal.SIG_DFL)
+    callers: list[Caller] = []
+    try:
+        report = f'0 {_stop(callers, arguments)}'
+    except SystemExit as end:  # of the parser, which has printed the help or the bad argument
+        report = f'{end.code} these arguments are not known' if end.code else '0 '
+    except BaseException as error:  # noqa: BLE001 - the reader must know that nothing is confirmed
+        # The reason is followed by source lines of rcl.
+        why = ' '.join(str(error).partition(', at /')[0].split())
+        is_known = isinstance(error, NotConfirmedError)
+        report = f'1 {why if is_known else f"{type(error).__name__}: {why}"}'
+    os.write(writer, report.encode(errors='replace')[: select.PIPE_BUF])
+    signal.alarm(MARGIN)
+    try:
         for caller in callers:
             caller.close()
+    finally:
+        os._exit(0)
 
 
-def _stop(callers: list[Caller], arguments: Sequence[str], namespace: str) -> int:
-    """Call the service until there is a response; more callers are added to the list."""
+def _stop(callers: list[Caller], words: Sequence[str]) -> str:
+    """Call the service until it responds, and return its message; callers are added to a list."""
+    from rclpy.utilities import remove_ros_args
+
+    parser = argparse.ArgumentParser(prog='isotruss', description=__doc__)
+    stop = parser.add_subparsers(required=True).add_parser('stop', help='emergency stop')
+    stop.add_argument('--namespace', default='', help='namespace of the robot, such as /left')
+    namespace = parser.parse_args(remove_ros_args(['isotruss', *words])[1:]).namespace
     begun = time.monotonic()
     while (waited := time.monotonic() - begun) < TIMEOUT:
-        if waited >= DISCOVERY_PERIOD * len(callers) and not any(c.was_sent() for c in callers):
-            callers.append(Caller(arguments, namespace))
+        is_late = waited >= DISCOVERY_PERIOD * len(callers)
+        if is_late and (len(callers) < 2 or not any(c.was_sent() for c in callers)):
+            callers.append(Caller(words, namespace))
+            # Shared memory of another user may be readable only.
+            os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
         for caller in callers:
             if (answer := caller.try_once()) is not None:
-                print(f'{SERVICE}: {answer.message}')
-                return 0 if answer.success else 1
+                if answer.success:
+                    return answer.message
+                raise NotConfirmedError(answer.message)
     service = callers[0].service
     if any(caller.was_sent() for caller in callers):
-        why = f'the service {service} was called, and has not responded in {TIMEOUT:g} s'
-    else:
-        # The words of `describe_absence`.
-        why = (
-            f'no node offers the service {service} in {TIMEOUT:g} s: check that manipulation '
-            'runs, its namespace, and ROS_DOMAIN_ID'
+        raise NotConfirmedError(
+            f'the service {service} was called, and has not responded in {TIMEOUT:g} s: if '
+            'another user runs the node, call it as that user'
         )
-    print(f'isotruss stop: NOT CONFIRMED: {why}; press the stop button', file=sys.stderr)
-    return 1
+    # The words of `describe_absence`.
+    raise NotConfirmedError(
+        f'no node offers the service {service} in {TIMEOUT:g} s: check that manipulation runs, '
+        'its namespace, and ROS_DOMAIN_ID'
+    )
 
 
 if __name__ == '__main__':

@@ -111,6 +111,62 @@ def test_the_command_stop_stops_the_robot_of_its_namespace(words):
             w.until_code(Status.OK, w.probe.send_all)
 
 
+SERVER = """
+import rclpy
+from std_srvs.srv import Trigger
+
+def stop(_, response):
+    response.success, response.message = True, 'stopped'
+    return response
+
+rclpy.init()
+node = rclpy.create_node('manipulation')
+node.create_service(Trigger, 'emergency_stop', stop)
+print('ready', flush=True)
+rclpy.spin(node)
+"""
+
+
+@pytest.mark.parametrize('place', ['HOME=/proc', 'ROS_LOG_DIR=/proc/x'])
+def test_the_command_stop_needs_no_place_for_logs(place):
+    name, _, value = place.partition('=')
+    environment = {
+        key: v for key, v in os.environ.items() if key not in ('ROS_LOG_DIR', 'ROS_HOME')
+    }
+    with subprocess.Popen([sys.executable, '-c', SERVER], stdout=subprocess.PIPE) as server:
+        try:
+            server.stdout.readline()
+            done = run_stop(environment | {name: value})
+        finally:
+            server.kill()
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == 'isotruss stop: STOPPED: stopped\n'
+
+
+def run_stop(environment, *words):
+    command = [sys.executable, '-m', 'isotruss_ros.executables', 'stop', *words]
+    return subprocess.run(command, capture_output=True, text=True, env=environment)
+
+
+@pytest.mark.parametrize(
+    ('variable', 'words'),
+    [
+        ('ROS_DOMAIN_ID=500', ()),
+        ('ROS_DOMAIN_ID=none', ()),
+        ('RMW_IMPLEMENTATION=rmw_none', ()),
+        ('AMENT_PREFIX_PATH=', ('--unknown',)),
+        ('AMENT_PREFIX_PATH=', ('--namespace', 'a b')),
+        ('AMENT_PREFIX_PATH=', ('--ros-args', '-r', ':=')),
+    ],
+    ids=str,
+)
+def test_the_last_words_of_a_stop_that_fails_are_not_confirmed(variable, words):
+    name, _, value = variable.partition('=')
+    done = run_stop(os.environ | {name: value}, *words)
+    assert done.returncode != 0
+    assert 'NOT CONFIRMED' in done.stderr.splitlines()[-1]
+
+
 def test_the_command_stop_imports_neither_core_nor_messages_of_the_robot():
     code = 'import sys, isotruss_ros.executables, isotruss_ros.cli.stop; print(*sys.modules)'
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
