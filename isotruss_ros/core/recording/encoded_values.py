@@ -24,12 +24,12 @@ from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.obstacle import HalfPlane, Obstacle
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.model.shapes import Disc
+from isotruss_ros.core.model.shapes import Disc, Shape
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 import numpy as np
 
-#: Classes of recorded values by name; a text with any other name is refused.
+#: Classes of recorded values by name; beside them, only imported shapes are constructed.
 KINDS: dict[str, Any] = {
     kind.__name__: kind
     for kind in (
@@ -60,7 +60,11 @@ class RecordedCycleError(IsotrussError, ValueError):
 
 
 def encode(value: Any) -> Any:
-    """Return a value as dictionaries, lists, texts and numbers with the names of its fields."""
+    """
+    Return a value as dictionaries, lists, texts and numbers with the names of its fields.
+
+    :raises RecordedCycleError: the value is of a class without named fields.
+    """
     if type(value) in PLAIN:
         return value
     if isinstance(value, enum.Enum):
@@ -79,8 +83,8 @@ def encode(value: Any) -> Any:
         return sorted(map(encode, value))
     elif isinstance(value, tuple | list):
         return list(map(encode, value))
-    else:  # a class of the user: refused when it is read
-        names = []
+    else:
+        raise RecordedCycleError(f'{type(value).__name__}: must be a dataclass to be recorded')
     return {'kind': type(value).__name__} | {n: encode(getattr(value, n)) for n in names}
 
 
@@ -97,10 +101,21 @@ def decode(value: Any) -> Any:
     try:
         if 'enum' in value:
             return ENUMS[value['enum']][value['name']]
-        kind = KINDS[value['kind']]
+        name = value['kind']
+        kind = KINDS.get(name) or {shape.__name__: shape for shape in _own_shapes()}[name]
     except KeyError as error:
-        raise RecordedCycleError(f'{error}: no known class or value') from None
+        raise RecordedCycleError(
+            f'{error}: no known class or value; the module of an own shape must be imported before'
+        ) from None
     return kind(**{name: decode(part) for name, part in value.items() if name != 'kind'})
+
+
+def _own_shapes() -> Iterator[type[Shape]]:
+    """Yield the imported classes of shapes."""
+    kinds: list[Any] = [Shape]
+    while kinds:
+        kinds += (kind := kinds.pop()).__subclasses__()
+        yield kind
 
 
 def find_changes(before: ServoSettings, after: ServoSettings) -> list[str]:

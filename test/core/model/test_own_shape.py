@@ -18,6 +18,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.model import object_file
 from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.recording.encoded_values import decode, encode, RecordedCycleError
 import numpy as np
 import pytest
 
@@ -91,3 +92,15 @@ def test_the_cam_keeps_the_contract_of_shapes(shape):
 def test_one_line_lets_object_files_have_the_shape(monkeypatch):
     monkeypatch.setitem(object_file.SHAPES, 'cam', Cam)
     assert read_object('{shape: cam, radius: 0.15, offset: 0.05}').shape == CAM
+
+
+def test_a_record_of_a_cycle_contains_an_own_shape():
+    grip, _ = grips(0.7)
+    assert decode(encode(grip)) == grip
+
+
+def test_values_without_named_fields_and_unknown_classes_are_refused():
+    with pytest.raises(RecordedCycleError, match='object: must be a dataclass'):
+        encode(object())
+    with pytest.raises(RecordedCycleError, match="'Gear': no known class"):
+        decode({'kind': 'Gear'})
