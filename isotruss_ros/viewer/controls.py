@@ -187,11 +187,12 @@ class Controls:
 
     def give_up(self, words: str) -> None:
         """
-        End the control by a browser after an error, and show it in all pages.
+        End the control by a browser after an error, and show it in all pages until one is drawn.
 
         :param words: text of the error.
         """
         self._release()
+        self.control.ended = 'an error of the viewer; switch control on again'
         self._fault.content = f'<b style="color: #b00">{html.escape(words)}</b>'
 
     def update(self, pose: Pose | None) -> None:
@@ -251,6 +252,8 @@ class Controls:
     def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
         """Apply a request that concerns the controls; return any other request for the viewer."""
         control = self.control
+        if name in (TARGET, TURN, MOVED) and value[-3]:  # type: ignore[index]
+            self._report('')  # what was said of the last drag
         if name == TARGET:
             self._move_handle(*value, now)  # type: ignore[call-arg, misc]
             return []

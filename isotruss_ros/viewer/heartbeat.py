@@ -54,6 +54,12 @@ SCRIPT = """<script>
     if (kind === 'webgl2' && context && !scenes.includes(context)) scenes.push(context);
     return context;
   };
+  // Keys for a slider or a text do not turn the camera, which hears them at the document.
+  document.addEventListener('DOMContentLoaded', () => {
+    document.body.addEventListener('keydown', (event) => {
+      if (event.target.closest('input, textarea, [role=slider]')) event.stopPropagation();
+    });
+  });
   (async () => {
     for (;;) {
       await new Promise(requestAnimationFrame);

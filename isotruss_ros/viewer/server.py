@@ -5,9 +5,10 @@
 Server of a view, with access control for its page and websocket.
 
 viser 1.1.1 uses another port if the requested one is taken, hangs if an address cannot be bound,
-accepts requests from pages of any origin, and lets a page change any attribute of its controls. So
-this module passes a bound socket to viser, and sets options of `websockets` that viser does not
-set. A message that no page of the view sends is ignored and reported in one line.
+accepts requests from pages of any origin, lets a page change any attribute of its controls, and
+sets asyncio events of its loop from the thread that draws. So this module passes a bound socket to
+viser, sets options of `websockets` that viser does not set, and replaces the events. A message
+that no page of the view sends is ignored and reported in one line.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ from isotruss_ros.viewer.names import LOCAL
 from isotruss_ros.viewer.page_messages import check_message
 from isotruss_ros.viewer.requests import RequestError
 import viser
+from viser.infra import _infra
+from viser.infra._async_message_buffer import AsyncMessageBuffer
 import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import MultipleValuesError
@@ -163,6 +166,27 @@ class PageConnection(ServerConnection):
                 return message
 
 
+class LoopEvent(asyncio.Event):
+    """Event that any thread may set; its waiters are changed in the thread of its loop alone."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__()
+        self._owner = loop
+
+    def set(self) -> None:
+        """Set the event at the next turn of its loop; a closed loop has no waiters."""
+        with contextlib.suppress(RuntimeError):
+            self._owner.call_soon_threadsafe(super().set)
+
+
+class MessageBuffer(AsyncMessageBuffer):
+    """Buffer of messages to browsers, into which any thread may put messages."""
+
+    def __init__(self, event_loop: asyncio.AbstractEventLoop, persistent_messages: bool) -> None:
+        super().__init__(event_loop, persistent_messages)
+        self.message_event, self.flush_event = LoopEvent(event_loop), LoopEvent(event_loop)
+
+
 def open_server(host: str, port: int) -> tuple[viser.ViserServer, Gate]:
     """
     Start a server; return the server and its access control.
@@ -173,6 +197,7 @@ def open_server(host: str, port: int) -> tuple[viser.ViserServer, Gate]:
     bound = _bind(host, port)
     gate = Gate(bound)
     # viser prints the address without the token.
+    _infra.AsyncMessageBuffer = MessageBuffer  # type: ignore[misc]
     with _serving(bound, gate) as served, contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, verbose=False)
     if not served:

@@ -3,6 +3,7 @@
 
 """Requests of browsers: which of them have an effect, and for how long."""
 
+import asyncio
 import cmath
 import contextlib
 import math
@@ -140,6 +141,39 @@ def test_a_flood_of_messages_from_other_threads_ends_nothing(session):
         for thread in threads:
             thread.join()
     session.grab()
+
+
+def test_pictures_wake_the_loop_of_the_server_in_its_own_thread(session):
+    loop = session.view.server.get_event_loop()
+    event = session.view.server._websock_server.get_message_buffer().message_event
+
+    async def wait(parked):
+        event.clear()
+        loop.call_soon(parked.set)
+        return await event.wait()
+
+    # In this mode, a loop raises RuntimeError if another thread wakes one of its tasks.
+    loop.set_debug(True)
+    for _ in range(3):
+        parked = threading.Event()
+        woken = asyncio.run_coroutine_threadsafe(wait(parked), loop)
+        assert parked.wait(60.0)
+        session.step()
+        assert woken.result(60.0)
+
+
+@pytest.mark.parametrize('handle', ['handle', 'turner', 'obstacle_handles/placed 1'])
+def test_the_report_of_a_drag_goes_with_the_next_drag(session, handle):
+    session.set('add obstacle', True)
+    session.until(lambda: session.browser.is_clickable)
+    session.browser.click(1.0, 2.0)
+    session.until(lambda: '/obstacle_handles/placed 1' in session.browser.scene)
+    session.refused.append('drag aborted: no progress')
+    session.browser.drag(handle, 'start', 0.1, 0.0)
+    session.until(lambda: session.refused[-1] == '')
+    session.browser.drag(handle, 'update', 0.2, 0.0)
+    session.press_stop()
+    assert session.refused == ['drag aborted: no progress', '']
 
 
 def test_a_stop_ends_control_until_the_switch_is_switched_on_again(session):

@@ -170,7 +170,6 @@ class Viewer(StoppableNode):
         place = traceback.extract_tb(error.__traceback__)[-1]
         words = f'error of the viewer: {type(error).__name__}: {error}'
         self.reasons.note('error', f'{words} (in {place.name}, {place.filename}:{place.lineno})')
-        self._report_goal(words)
         self._controls.give_up(words)
         self._publish_twist(None, self.now())
         self._publish_wrench()
@@ -330,7 +329,8 @@ class Viewer(StoppableNode):
 
     def _report_refusal(self, words: str) -> None:
         self.picture.goal_report = words
-        self.reasons.note('browser', words)
+        if words:
+            self.reasons.note('browser', words)
 
     def _report_goal(self, words: str) -> None:
         self.picture.goal_report = words

@@ -195,6 +195,7 @@ def test_an_error_of_drawing_ends_the_drag_but_neither_the_stop_button_nor_obsta
         w.until(lambda: w.probe.last('stop') == Bool(data=True))
         node.picture.shape = None
         w.until(lambda: not browser.shows('error of the viewer:'))
+        assert node.picture.goal_report == ''
 
 
 def place_obstacle(w, browser):
