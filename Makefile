@@ -43,7 +43,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco, SENSORS=real'
-	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco, OBJECT=box.yaml'
+	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco, ROBOT=mine.yaml, OBJECT=box.yaml'
 	@echo 'make test     style, types and tests; those of ament run with make colcon'
 	@echo 'make wheel    build the wheel, install it into an empty environment, and run the Python of README.md there'
 	@echo 'make noble    some tests with the versions of Ubuntu 24.04, in .noble'
@@ -150,7 +150,8 @@ demo: venv
 	$(BIN)/python -m isotruss_ros.demo --plant $(PLANT) --sensors $(SENSORS)
 
 view: venv
-	$(BIN)/python -m isotruss_ros.demo.view --plant $(PLANT) $(if $(OBJECT),--object '$(OBJECT)')
+	$(BIN)/python -m isotruss_ros.demo.view --plant $(PLANT) $(if $(ROBOT),--robot '$(ROBOT)') \
+		$(if $(OBJECT),--object '$(OBJECT)')
 
 paper: venv
 	$(BIN)/python -m studies.paper

@@ -8,15 +8,18 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 import contextlib
+from dataclasses import replace
 import math
 from pathlib import Path
 import sys
 import time
 from typing import TYPE_CHECKING
 
-from isotruss_ros.core import IsotrussError, load_robot
+from isotruss_ros.core import Disc, IsotrussError, load_robot, Robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.model.pose import check_range, MAX_SIZE, MIN_DIAMETER
+from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.recording.encoded_values import RecordedCycleError
 from isotruss_ros.extras import MissingPackageError
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import LOCAL
@@ -25,6 +28,8 @@ from isotruss_ros.viewer.picture import Picture
 if TYPE_CHECKING:
     from isotruss_ros.viewer.view import View
 
+#: Robot of a recording that contains none, unless another one is given.
+ROBOT = 'nine_member'
 #: Rate of displayed frames [Hz].
 FRAME_RATE = 20.0
 #: Smallest and largest speed of the playback relative to the recording [-].
@@ -104,6 +109,27 @@ def _repeat(view: View, options: argparse.Namespace) -> None:
         view.picture.samples.clear()
 
 
+def _read_setup(options: argparse.Namespace) -> tuple[Robot, Shape | None]:
+    """Return robot and shape of a recording; the robot of the options if it contains none."""
+    from isotruss_ros.viewer.recorded_cycles import read_setup
+
+    try:
+        recorded, shape = read_setup(options.file)
+    except RecordedCycleError as error:  # messages beside the cycles can still be shown
+        print(f'replay: {error}', file=sys.stderr)
+        recorded = shape = None
+    if recorded is None:
+        if options.robot is None:
+            print(f'replay: the recording contains no robot: {ROBOT}, or --robot', file=sys.stderr)
+        return load_robot(options.robot or ROBOT), shape
+    if options.robot is not None:
+        given = replace(load_robot(options.robot).description, source='')
+        if repr(given) != repr(replace(recorded.description, source='')):
+            words = f'--robot {options.robot}: not the robot of the recording, which is used'
+            print(f'replay: {words}: {recorded.name}', file=sys.stderr)
+    return recorded, shape
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """
     Show a recording repeatedly until Ctrl-C, or write a page that plays it.
@@ -120,11 +146,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('file', type=Path, help='MCAP file of the node record')
     parser.add_argument(
         '--robot',
-        default='nine_member',
-        help='name of a preset, or path of a robot file; with --decide only for recordings that '
-        'contain no robot',
+        help='name of a preset, or path of a robot file, for a recording that contains no robot '
+        f'(default {ROBOT})',
     )
-    parser.add_argument('--diameter', type=float, default=0.3, help='diameter of the object [m]')
+    parser.add_argument(
+        '--diameter',
+        type=float,
+        default=0.3,
+        help='diameter of the object [m], for a recording that contains no object',
+    )
     parser.add_argument('--speed', type=float, default=1.0, help='playback speed, 1: as recorded')
     parser.add_argument('--port', type=int, default=8080, help='port of the server')
     parser.add_argument('--once', action='store_true', help='play the recording only once')
@@ -156,7 +186,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 from isotruss_ros.cli.decide_again import print_run
             except ModuleNotFoundError as error:
                 raise MissingPackageError(error) from error
-            robot = load_robot(options.robot)
+            robot, _ = _read_setup(options)
             is_equal = print_run(options.file, robot, options.diameter, options.set)
             return 0 if is_equal else DIFFERENT
         try:
@@ -164,11 +194,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             from isotruss_ros.viewer.view import View
         except ModuleNotFoundError as error:
             raise MissingPackageError(error) from error
-        robot = load_robot(options.robot)
         next(read_recording(options.file))  # refused before an address is printed
+        robot, shape = _read_setup(options)
+        diameter = shape.diameter if isinstance(shape, Disc) else options.diameter
         # Writing needs no fixed port.
         port = options.port if options.page is None else 0
-        with contextlib.closing(View(Picture(robot, options.diameter), LOCAL, port)) as view:
+        with contextlib.closing(View(Picture(robot, diameter, shape), LOCAL, port)) as view:
             if options.page is not None:
                 _write_page(view, options.file, options.speed, options.page)
                 print(f'written: {options.page}')

@@ -13,7 +13,7 @@ import tempfile
 import time
 from typing import Any
 
-from isotruss_ros.core import IsotrussError, read_object, read_obstacles
+from isotruss_ros.core import IsotrussError, load_robot, read_object, read_obstacles
 from isotruss_ros.demo.processes import (
     handle_stops,
     keep_to_this_machine,
@@ -22,6 +22,8 @@ from isotruss_ros.demo.processes import (
 )
 from isotruss_ros.viewer.names import ELASTIC, PLANTS
 
+#: Robot of the view, unless another one is given.
+ROBOT = 'nine_member'
 DIAMETER = 0.3
 #: Initial indentation of each grasping tube by the object, which gives the squeeze [m].
 INDENTATION = 0.005
@@ -41,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :return: 0 after Ctrl-C, 1 if a node has ended.
     """
     parser = argparse.ArgumentParser(prog='isotruss view', description=__doc__)
+    parser.add_argument('--robot', default=ROBOT, help='name of a preset, or path of a robot file')
     parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='simulated plant')
     parser.add_argument('--port', type=int, default=8080, help='port of the viewer')
     parser.add_argument('--object', type=Path, help='YAML file of an object')
@@ -55,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     shown: dict[str, Any] = {'object_diameter': DIAMETER, 'friction': FRICTION}
     room: dict[str, Any] = {}
     try:
+        source = load_robot(options.robot).description.source
+        shown['robot'] = str(Path(source).resolve())
         if options.object is not None:
             read_object(options.object)
             shown['object'] = str(options.object.resolve())
@@ -95,7 +100,7 @@ def list_nodes(
         ('manipulation', common | {'object_mass': 0.5} | room),
         ('grasp_analysis', common | {'rate': 20.0}),
         ('path_follower', shown | timeout | room),
-        ('grasp_planner', timeout | room),
+        ('grasp_planner', {'robot': shown.get('robot', ROBOT)} | timeout | room),
         ('pick_and_place', shown | timeout | room),
     ]
 

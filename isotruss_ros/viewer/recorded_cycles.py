@@ -16,7 +16,9 @@ from isotruss_ros.core.errors import quote
 from isotruss_ros.core.inputs import MAX_TIMEOUT, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.recording.recorded_cycle import read_cycle, RecordedCycle
+from isotruss_ros.core.recording.repeated_run import read_robot
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording, RecordingError
 import numpy as np
@@ -90,6 +92,15 @@ def has_cycles(path: str | Path) -> bool:
     except RecordingError:
         return False
     return True
+
+
+def read_setup(path: str | Path) -> tuple[Robot | None, Shape | None]:
+    """Return robot and shape of the object of the first recorded cycle, if they are recorded."""
+    try:
+        first = next(read_cycles(path))
+    except RecordingError:  # without cycles, or damaged before the first one
+        return None, None
+    return read_robot(first), first.settings.grip.body.shape
 
 
 def read_older_cycles(path: str | Path, robot: Robot, diameter: float) -> Iterator[RecordedCycle]:

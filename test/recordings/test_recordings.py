@@ -46,6 +46,8 @@ COMPRESSIONS = ('NONE', 'LZ4', 'ZSTD')
 KIND, TOPIC = 'sensor_msgs/msg/JointState', 'joint_states'
 TEXT = schema_text(JointState)
 few_examples = examples(100)
+#: Robot of recordings without one.
+NAMED = '--robot', 'nine_member'
 
 
 def pack_joints(number):
@@ -172,7 +174,7 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path, content, words):
 def test_messages_that_are_no_joint_states_are_not_shown_as_such(tmp_path, capsys, changes):
     path = tmp_path / 'other.mcap'
     path.write_bytes(write([pack_joints(0)], **changes))
-    replay.main([str(path), '--once', '--port', '0'])
+    replay.main([str(path), *NAMED, '--once', '--port', '0'])
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(('replay failed: ', 'replay: '))
 
@@ -190,7 +192,7 @@ def test_a_message_of_random_bytes_raises_package_errors_only(tmp_path_factory, 
 def test_replay_shows_the_readable_part_and_reports_the_damage_in_one_line(tmp_path, capsys):
     path, content = tmp_path / 'half.mcap', whole()
     path.write_bytes(content[: len(content) // 2])
-    assert replay.main([str(path), '--once', '--port', '0', '--speed', '1000']) == 0
+    assert replay.main([str(path), *NAMED, '--once', '--port', '0', '--speed', '1000']) == 0
     out, err = capsys.readouterr()
     assert out.startswith('replay: http://127.0.0.1:')
     (line,) = err.splitlines()
@@ -209,7 +211,7 @@ def test_an_exported_page_plays_at_its_speed_and_names_no_server(tmp_path, capsy
     path.write_bytes(whole())
     scene = SimpleNamespace(insert_sleep=pauses.append, as_html=str)
     monkeypatch.setattr('viser.ViserServer.get_scene_serializer', lambda _: scene)
-    assert replay.main([str(path), '--page', str(page), '--speed', '2']) == 0
+    assert replay.main([str(path), *NAMED, '--page', str(page), '--speed', '2']) == 0
     assert capsys.readouterr() == (f'written: {page}\n', '')
     assert sum(pauses) == pytest.approx(0.5 * 0.1 * (COUNT - 1))
 
@@ -266,7 +268,7 @@ def test_a_missing_field_is_reported_once_by_name(tmp_path, capsys):
     older = {'name': 'isotruss_msgs/msg/ManipulationStatus', 'topic': 'manipulation/status'}
     record = bytes([0, 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0])
     path.write_bytes(write([record] * 3, text='uint8 code\nstring message\n', **older))
-    assert replay.main([str(path), '--page', str(tmp_path / 'older.html')]) == 0
+    assert replay.main([str(path), *NAMED, '--page', str(tmp_path / 'older.html')]) == 0
     reported = capsys.readouterr().err.splitlines()
     words = 'replay: /arm/manipulation/status: no field {} in this version: unknown'
     assert words.format('squeeze_deviation') in reported

@@ -9,20 +9,31 @@ from pathlib import Path
 import re
 
 from held_grips import HOME
-from isotruss_ros.core import ConvexObject, Disc, Grip, Pose, Status, tangent_center
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Grip,
+    load_robot,
+    Pose,
+    Status,
+    tangent_center,
+)
 from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.model.robot_file import find_robot_file
 from isotruss_ros.core.recording.recorded_servo import RecordedServo
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 import pytest
+import yaml
 
-for package in ('mcap', 'rosbags'):
+for package in ('mcap', 'rosbags', 'viser'):
     pytest.importorskip(package)
 from isotruss_ros.cli import compare, replay  # noqa: E402,I100
 from isotruss_ros.cli.decide_again import has_news  # noqa: E402
+from isotruss_ros.viewer import view  # noqa: E402
 from mcap.writer import Writer  # noqa: E402
 from rosbags.typesys import get_typestore, Stores  # noqa: E402
 
@@ -55,11 +66,11 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path, capsys):
     assert capsys.readouterr().err.startswith(f'compare: {path}: no MCAP file')
 
 
-def record():
+def record(home=HOME, diameter=0.3):
     """Return the records of a motion that ends because the pose is missing."""
-    body = ConvexObject(Disc(0.3)).moved_to((*tangent_center(HOME, MODULE, 0.3), 0.0))
-    grip, texts = Grip(members_at(HOME.robot, MODULE), body), []
-    servo = RecordedServo(HOME.robot, ServoSettings(grip, 0.01, 0.05), LatestInputs())
+    body = ConvexObject(Disc(diameter)).moved_to((*tangent_center(home, MODULE, diameter), 0.0))
+    grip, texts = Grip(members_at(home.robot, MODULE), body), []
+    servo = RecordedServo(home.robot, ServoSettings(grip, 0.01, 0.05), LatestInputs())
     zeros = np.zeros(6)
     for now in 0.01 * np.arange(20):
         servo.receive(
@@ -99,6 +110,47 @@ def decide(tmp_path, capsys):
         return replay.main([path, '--decide', *options]), *capsys.readouterr()
 
     return run
+
+
+class View:
+    """A view without a server."""
+
+    address, drawn = '', []
+
+    def __init__(self, picture, *_):
+        self.picture = picture
+        self.drawn.append(picture)
+
+    def update(self, now):
+        pass
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def own_robot(tmp_path):
+    """Return the path of a robot with the members of nine_member, 1.25 times as long."""
+    content = yaml.safe_load(find_robot_file('nine_member').read_text('utf-8'))
+    content['joints'] = {name: [1.25 * x, 1.25 * y] for name, (x, y) in content['joints'].items()}
+    path = tmp_path / 'mine.yaml'
+    path.write_text(yaml.safe_dump(content | {'name': 'mine'}), 'utf-8')
+    return path
+
+
+@pytest.mark.parametrize('options', [(), ('--robot', 'nine_member', '--diameter', '0.1')])
+def test_replay_draws_robot_and_object_of_the_recording(
+    options, own_robot, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(view, 'View', View)
+    robot = load_robot(own_robot)
+    path = write(tmp_path / 'run.mcap', record(robot.home, 0.36))
+    assert replay.main([path, '--once', '--speed', '1000', *options]) == 0
+    picture = View.drawn.pop()
+    assert picture.robot.home.points == pytest.approx(robot.home.points)
+    assert (picture.diameter, picture.shape) == (0.36, Disc(0.36))
+    told = '--robot nine_member: not the robot of the recording'
+    assert (told in capsys.readouterr().err) == bool(options)
 
 
 def test_a_recorded_run_has_the_same_commands_and_the_reason_of_its_halt(decide):
