@@ -11,7 +11,6 @@ from pathlib import Path
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError, load_robot
-from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.film import film
@@ -28,7 +27,7 @@ from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.demo.sensors import PERFECT, REAL, REAL_SENSORS, truth_table
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 from isotruss_ros.demo.verdict import print_verdict
-from isotruss_ros.mujoco_plant.options import RIGID_SECTION_STIFFNESS
+from isotruss_ros.mujoco_plant.options import write_round_robot
 from isotruss_ros.mujoco_plant.rendering import require_egl
 from isotruss_ros.nodes.framework.command_line import start_ros
 from isotruss_ros.viewer.names import ELASTIC, MUJOCO
@@ -36,7 +35,6 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from ruamel.yaml import YAML
 
 ROBOT = 'nine_member'
 #: Simulated robots in which friction holds the object.
@@ -106,7 +104,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         if round_tubes:
             require_egl()
-        file = str(_write_round_robot(options.output)) if round_tubes else ROBOT
+        file = str(write_round_robot(ROBOT, options.output)) if round_tubes else ROBOT
         # An interrupt within rclpy would end in an error of a conversion.
         with deferred_interrupts() as check:
             records, plan = _play(options, file, ros_arguments, console, check)
@@ -214,16 +212,3 @@ def _play(
         if client is not None:
             client.destroy_node()
         rclpy.try_shutdown()
-
-
-def _write_round_robot(output: Path) -> Path:
-    """Write a robot file whose tubes do not flatten, as in MuJoCo, and return its path."""
-    yaml = YAML(typ='safe', pure=True)
-    # The order of tubes is that of the rollers.
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    content = yaml.load(find_robot_file(ROBOT).read_text(encoding='utf-8'))
-    content['tube']['local_stiffness'] = RIGID_SECTION_STIFFNESS
-    path = output.resolve() / f'{ROBOT}_round.yaml'
-    with path.open('w', encoding='utf-8') as file:
-        yaml.dump(content, file)
-    return path

@@ -20,7 +20,8 @@ from isotruss_ros.demo.processes import (
     parse_arguments,
     running_nodes,
 )
-from isotruss_ros.viewer.names import ELASTIC, PLANTS
+from isotruss_ros.mujoco_plant.options import write_round_robot
+from isotruss_ros.viewer.names import ELASTIC, MUJOCO, PLANTS
 
 #: Robot of the view, unless another one is given.
 ROBOT = 'nine_member'
@@ -70,12 +71,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(str(error))
     domain = keep_to_this_machine()
     page = {'port': options.port, 'browser_timeout': options.browser_timeout}
-    nodes = [*list_nodes(options.plant, shown, room), ('viewer', shown | page | room)]
     print(f'plant {options.plant}; ROS_DOMAIN_ID={domain}, this machine only; Ctrl-C ends it')
     handle_stops()
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            return _run(nodes, Path(folder), ros_arguments)
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            if options.plant == MUJOCO:
+                # The tubes of the analysis are those of the plant.
+                shown['robot'] = str(write_round_robot(source, folder))
+            nodes = [*list_nodes(options.plant, shown, room), ('viewer', shown | page | room)]
+            return _run(nodes, folder, ros_arguments)
     except KeyboardInterrupt:
         return 0
     except IsotrussError as error:

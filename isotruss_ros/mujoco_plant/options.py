@@ -13,11 +13,14 @@ from dataclasses import dataclass
 import functools
 import importlib
 import math
+from pathlib import Path
 from types import ModuleType
 
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
+from isotruss_ros.core.model.presets import find_robot_file
 import numpy as np
+from ruamel.yaml import YAML
 
 #: Value of `local_stiffness` with which cross sections do not flatten, as in MuJoCo; their
 #: indentation is below a micrometre.
@@ -55,6 +58,24 @@ def load_mujoco() -> ModuleType:
             "pip install 'mujoco>=3.11,<4' in the environment of this Python, or use plant "
             'kinematic or elastic'
         ) from error
+
+
+def write_round_robot(robot: str | Path, folder: Path) -> Path:
+    """
+    Write a robot file whose tubes do not flatten, as in MuJoCo, and return its path.
+
+    :param robot: name of a preset, or path of a robot file.
+    """
+    yaml = YAML(typ='safe', pure=True)
+    # The order of tubes is that of the rollers.
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    file = find_robot_file(robot)
+    content = yaml.load(file.read_text(encoding='utf-8'))
+    content['tube']['local_stiffness'] = RIGID_SECTION_STIFFNESS
+    path = folder.resolve() / f'{file.stem}_round.yaml'
+    with path.open('w', encoding='utf-8') as written:
+        yaml.dump(content, written)
+    return path
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from isotruss_ros.demo.gripping import find_unknown_offsets, slow_down
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.sensors import truth_table
 from isotruss_ros.demo.verdict import print_verdict
+from isotruss_ros.mujoco_plant.options import RIGID_SECTION_STIFFNESS
 from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.framework.topics import RELIABLE
@@ -148,6 +149,24 @@ def test_object_of_another_shape_is_passed_to_all_nodes_of_a_view(started, monke
     shown = {name for name, command in started.items() if 'box.yaml' in ' '.join(command)}
     assert shown == started.keys() - {'grasp_planner'}
     assert 'viewer' in shown
+
+
+def test_nodes_of_a_view_of_mujoco_analyse_with_tubes_that_do_not_flatten(monkeypatch):
+    robots = {}
+
+    @contextlib.contextmanager
+    def run_nodes(nodes, *_):
+        robots.update({name: load_robot(values['robot']) for name, values in nodes})
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr(view, 'running_nodes', run_nodes)
+    monkeypatch.setattr(signal, 'signal', lambda *_: None)
+    assert view.main(['--plant', 'mujoco', '--robot', 'triangle']) == 0
+    assert {'simulator', 'grasp_analysis', 'pick_and_place'} <= robots.keys()
+    stiffness = {robot.description.local_stiffness for robot in robots.values()}
+    assert stiffness == {RIGID_SECTION_STIFFNESS}
+    assert {robot.roller_names for robot in robots.values()} == {TRIANGLE.roller_names}
 
 
 @pytest.mark.parametrize(
