@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.held_shape import deformed_lines, force_lines, region_lines
+from isotruss_ros.core.holding.held_shape import force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.plotting.robot_drawing import MODULE_COLOR, new_axes, OBJECT_COLOR, TUBE_COLORS
@@ -58,7 +58,7 @@ def plot_grasp(grip: HeldGrip, axes: Axes | None = None, scale: float = ARROW_SC
     axes = axes or new_axes()
     robot, body = grip.config.robot, grip.body
     used = grip.sections.used.tolist()
-    for tube, line, part in zip(robot.topology.tube, deformed_lines(grip), used, strict=True):
+    for tube, line, part in zip(robot.topology.tube, grip.member_lines()[1], used, strict=True):
         band = _band(line, robot.description.tube_diameter)
         patch = Polygon(band, facecolor=TUBE_COLORS[tube % len(TUBE_COLORS)], alpha=0.85)
         patch.set(edgecolor='white', lw=0.5)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.holding.held_shape import deformed_lines
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, Progress
@@ -71,7 +70,7 @@ def compute(advance: Advance) -> Sequence[Held]:
 def _hold(plan: PlannedGrasp) -> Held:
     start, end = member_lines(plan.config).T[:, :, None]
     axis = (end - start) / np.abs(end - start)
-    across = ((deformed_lines(plan.equilibrium) - start) * axis.conj()).imag
+    across = ((plan.equilibrium.member_lines()[1] - start) * axis.conj()).imag
     return Held(plan, float(np.abs(across).max()))
 
 

@@ -24,6 +24,7 @@ from isotruss_ros.core.holding.grip_response import (
 from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
 from isotruss_ros.core.holding.rolling_invariants import find_anchors
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.distances import BentParts
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.object_samples import ObjectSamples
@@ -39,6 +40,9 @@ from scipy.linalg import lapack
 #: Largest distance between an equilibrium and the measured pose, and largest gap of a member that
 #: a motion may close, in tube diameters [-].
 MAX_DISPLACEMENT = 0.25
+#: Number of points on each bent centre line, ends and a contact included [-]. The chords of a line
+#: that is 40 mm off its straight place are within 0.3 mm of it.
+LINE_POINTS = 15
 #: Largest multiple of the previous change that is extrapolated [-].
 MAX_EXTRAPOLATION = 2.0
 #: Smallest slip margin of a moving object, relative to the squeeze [-]. It covers the error of the
@@ -236,8 +240,8 @@ class HeldGrip:
         return tuple(self.config.robot.member_names[i] for i in self.members)
 
     def touching(self, friction: float) -> Grip:
-        """Return the contacts of this equilibrium as a `Grip`, whose members are straight."""
-        grip = Grip(self.member_names, self.body, friction)
+        """Return the contacts of this equilibrium as a `Grip`, with the bent robot."""
+        grip = Grip(self.member_names, self.body, friction, bent=self.bent_parts)
         return grip.touching(self.contacts.owners, self.contacts.corners)
 
     @_OfSamples
@@ -291,6 +295,33 @@ class HeldGrip:
         starts = config.points[..., config.robot.topology.b[members]]
         straight = starts + positions * config.member_axes[..., members]
         return straight + (ux + 1j * uy), np.exp(1j * angles)
+
+    @functools.cached_property
+    def bent_parts(self) -> BentParts:
+        """Return the displacements of the robot's parts by the contact forces."""
+        config, topology = self.config, self.config.robot.topology
+        positions, lines = self.member_lines()
+        starts = config.points[topology.b, None]
+        members = lines - starts - positions * config.member_axes[:, None]
+        middles = 0.5 * (members[:, 0] + members[topology.previous, -1])
+        joints = self.displacements[topology.joint]
+        along, of_joints = np.linspace(0.0, 1.0, LINE_POINTS), joints[:, 0] + 1j * joints[:, 1]
+        modules = np.repeat(middles[:, None], LINE_POINTS, axis=1)
+        rods = of_joints[:, None] + along * (middles - of_joints)[:, None]
+        ends = np.broadcast_to(along, positions.shape)
+        shares = np.concatenate([positions / config.member_lengths[:, None], ends, ends])
+        return BentParts(shares, np.concatenate([members, modules, rods]))
+
+    def member_lines(self) -> tuple[Array, Points]:
+        """Return s positions (m, s) on each member and the bent centre lines (m, s) there [m]."""
+        length = self.config.member_lengths[:, None]
+        positions = length * np.linspace(0.0, 1.0, LINE_POINTS)
+        # A centre line has its kinks at the contacts.
+        for member, foot in zip(self.contacts.members, self.state.feet, strict=True):
+            inner = np.abs(positions[member, 1:-1] - foot)
+            positions[member, 1 + int(inner.argmin())] = np.clip(foot, 0.0, length[member, 0])
+        members = np.repeat(np.arange(len(positions)), LINE_POINTS)
+        return positions, self.bent_lines(members, positions.ravel())[0].reshape(positions.shape)
 
     @_OfSamples
     def end_forces(self) -> tuple[Array, Array]:

@@ -25,18 +25,8 @@ from isotruss_ros.core.statics.tube_rates import find_load_changes
 import numpy as np
 import scipy.linalg
 
-#: Number of points on each member from guide ring to guide ring, and in each contact region [-].
-POINTS_PER_MEMBER, POINTS_PER_REGION = 13, 9
-
-
-def deformed_lines(grip: HeldGrip) -> Points:
-    """Return s points (m, s) on each bent centre line, from pinch to pinch point, x + iy [m]."""
-    config = grip.config
-    length, ring = config.member_lengths, config.robot.description.module.guide_ring_distance
-    between = ring + (length - 2.0 * ring)[:, None] * np.linspace(0.0, 1.0, POINTS_PER_MEMBER)
-    positions = np.column_stack([np.zeros_like(length), between, length])
-    drawn = np.repeat(np.arange(len(positions)), positions.shape[1])
-    return grip.bent_lines(drawn, positions.ravel())[0].reshape(positions.shape)
+#: Number of points in each contact region [-].
+POINTS_PER_REGION = 9
 
 
 def region_lines(grip: HeldGrip) -> Points:

@@ -7,7 +7,8 @@ Distances between parts of a robot, and between the robot and an object.
 Distances are between surfaces [m], negative for an overlap. There are three kinds of parts, with m
 parts of each kind:
 
-- a member is its straight tube from pinch point to pinch point;
+- a member is its tube from pinch point to pinch point, straight or, where the displacements of a
+    bent robot are known (`BentParts`), with its bent centre line;
 - a module is a disc around the midpoint of its pinch points B and C, which contains the pinched
     tube: its radius is s/2 + tube radius;
 - a rod is the straight line from that midpoint to the joint A. It has no thickness, so the
@@ -25,6 +26,7 @@ that meet at a joint are kept apart by the distance of their modules.
 from __future__ import annotations
 
 import functools
+from typing import Any, NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
@@ -32,6 +34,66 @@ from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps, Se
 from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 import numpy as np
+
+
+class BentParts(NamedTuple):
+    """Displacements of the parts of a bent robot from its configuration, at s points of each."""
+
+    shares: Array  #: (3m, s) positions of the points on the parts' segments, from 0 to 1
+    displacements: Points  #: (3m, s) displacements of these points [m]
+
+    def at(self, parts: Indices, shares: Array) -> Points:
+        """Return the displacements (k,) of parts at positions (k,) on their segments [m]."""
+        places = zip(shares.tolist(), parts.tolist(), strict=True)
+        values = [np.interp(x, self.shares[i], self.displacements[i]) for x, i in places]
+        return np.array(values, dtype=np.complex128)
+
+
+def find_bend_change(first: BentParts | None, second: BentParts | None) -> float:
+    """Return the largest difference of the displacements of two states [m]; None: straight."""
+    if first is second:
+        return 0.0
+    before, after = (0.0 if bent is None else bent.displacements for bent in (first, second))
+    return float(np.abs(after - before).max())
+
+
+#: Positions of the ends of a straight part.
+STRAIGHT = np.array([0.0, 1.0])
+
+
+class Polylines(NamedTuple):
+    """Centre lines of k parts through s points each."""
+
+    points: Points  #: (k, s) points [m]
+    shares: Array  #: (k, s) positions of the points on the parts' segments
+
+    def take(self, chosen: Indices) -> Polylines:
+        """Return chosen lines."""
+        return Polylines(self.points[chosen], self.shares[chosen])
+
+    def nearest_to(self, points: Points) -> SegmentGaps:
+        """Return the nearest points of the lines to k points, see `nearest_on_segment`."""
+        starts, ends = self.points[:, :-1], self.points[:, 1:]
+        return self._choose(SegmentGaps(*nearest_on_segment(points[:, None], starts, ends)))
+
+    def gaps_to(self, body: ConvexObject) -> SegmentGaps:
+        """Return the gaps (k,) between an object and the lines, see `segment_gaps`."""
+        starts, ends = self.points[:, :-1], self.points[:, 1:]
+        gaps = segment_gaps(body, starts.ravel(), ends.ravel())
+        return self._choose(SegmentGaps(*(part.reshape(starts.shape) for part in gaps)))
+
+    def gaps_to_each(self, bodies: Any) -> SegmentGaps:
+        """Return the gaps (k,) between k `ObjectSamples` and the line of each."""
+        return self._choose(segment_gaps(bodies, self.points[:, :-1], self.points[:, 1:]))
+
+    def _choose(self, gaps: SegmentGaps) -> SegmentGaps:
+        """Return the smallest of the gaps (k, s - 1) to the pieces of each line."""
+        if self.points.shape[1] == 2:
+            return SegmentGaps(*(part[:, 0] for part in gaps))
+        pieces, lines = gaps.gaps.argmin(axis=1), np.arange(len(self.points))
+        begin, end = self.shares[lines, pieces], self.shares[lines, pieces + 1]
+        distances, normals, within = (part[lines, pieces] for part in gaps)
+        return SegmentGaps(distances, normals, begin + within * (end - begin))
 
 
 def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
@@ -82,6 +144,9 @@ class CollisionModel:
         point_nodes = np.array([np.append(b, joints), np.append(c, joints)])
         point_radii = np.repeat([module_radius, 0.0], [m, len(joints)])
         self._pair_points, self._pair_parts = np.nonzero(_pair_mask(robot))
+        # The parts that begin at these points: modules, and a rod of each joint.
+        rods = 2 * m + np.array([np.flatnonzero(a == joint)[0] for joint in joints])
+        self._pair_point_parts = np.append(m + np.arange(m), rods)[self._pair_points]
         self._pair_nodes = point_nodes[:, self._pair_points]
         self._pair_radii = point_radii[self._pair_points] + self.part_radii[self._pair_parts]
 
@@ -100,16 +165,24 @@ class CollisionModel:
             *(f'rod {name}' for name in self._robot.module_names),
         ]
 
-    def distances(self, config: Configuration, pairs: Indices | slice = slice(None)) -> Array:
+    def distances(
+        self,
+        config: Configuration,
+        pairs: Indices | slice = slice(None),
+        bent: BentParts | None = None,
+    ) -> Array:
         """Return the distances between the surfaces of pairs of parts [m]."""
-        return self.nearest(config, pairs).gaps
+        return self.nearest(config, pairs, bent).gaps
 
-    def nearest(self, config: Configuration, pairs: Indices | slice) -> SegmentGaps:
+    def nearest(
+        self, config: Configuration, pairs: Indices | slice, bent: BentParts | None = None
+    ) -> SegmentGaps:
         """Return the distances between the surfaces of pairs of parts, with their directions."""
-        starts, ends = self.part_ends(config, self._pair_parts[pairs])
         points = _middles(config.points, self._pair_nodes[:, pairs])
-        distances, normals, shares = nearest_on_segment(points, starts, ends)
-        return SegmentGaps(distances - self._pair_radii[pairs], normals, shares)
+        if bent is not None:
+            points = points + bent.displacements[self._pair_point_parts[pairs], 0]
+        nearest = self.lines(config, self._pair_parts[pairs], bent).nearest_to(points)
+        return nearest._replace(gaps=nearest.gaps - self._pair_radii[pairs])
 
     def gradients(
         self, config: Configuration, pairs: Indices, nearest: SegmentGaps | None = None
@@ -121,12 +194,16 @@ class CollisionModel:
         return rows.view(np.float64)
 
     def body_distances(
-        self, config: Configuration, body: ConvexObject, parts: Indices | slice = slice(None)
+        self,
+        config: Configuration,
+        body: ConvexObject,
+        parts: Indices | slice = slice(None),
+        bent: BentParts | None = None,
     ) -> tuple[Array, Array, Array]:
         """Return distances (k,) of parts from an object [m], derivatives by nodes and twist."""
-        nearest = segment_gaps(body, *self.part_ends(config, parts))
+        nearest = self.lines(config, parts, bent).gaps_to(body)
         distances = nearest.gaps - self.part_radii[parts]
-        return distances, *self.body_gradients(config, body, parts, nearest)
+        return distances, *self.body_gradients(config, body, parts, nearest, bent)
 
     def body_gradients(
         self,
@@ -134,14 +211,14 @@ class CollisionModel:
         body: ConvexObject,
         parts: Indices | slice,
         nearest: SegmentGaps,
+        bent: BentParts | None = None,
     ) -> tuple[Array, Array]:
         """Return the derivatives of the distances of k parts from an object by nodes and twist."""
         # The normals point from the object to the parts.
-        starts, ends = self.part_ends(config, parts)
         rows = self.part_rows(config, parts, nearest.shares, -nearest.normals)
         # Moments of the normals about the object's origin; the nearest points of the segment and
         # of the surface are on the same line of action.
-        arms = starts + nearest.shares * (ends - starts) - body.center
+        arms = self.points_on(config, parts, nearest.shares, bent) - body.center
         moments = (nearest.normals.conj() * 1j * arms).real
         # Motion of the object along the normal shortens the distance.
         twist_rows = -np.column_stack([as_xy(nearest.normals), moments])
@@ -153,6 +230,36 @@ class CollisionModel:
         """Return the start points (k,) and end points (k,) of the parts' segments [m]."""
         starts = _middles(config.points, self._start_nodes[:, parts])
         return starts, _middles(config.points, self._end_nodes[:, parts])
+
+    def lines(
+        self,
+        config: Configuration,
+        parts: Indices | slice = slice(None),
+        bent: BentParts | None = None,
+    ) -> Polylines:
+        """Return the centre lines of parts, straight or bent."""
+        starts, ends = self.part_ends(config, parts)
+        if bent is None:
+            return Polylines(
+                np.stack([starts, ends], axis=1), np.broadcast_to(STRAIGHT, (len(starts), 2))
+            )
+        shares = bent.shares[parts]
+        straight = starts[:, None] + shares * (ends - starts)[:, None]
+        return Polylines(straight + bent.displacements[parts], shares)
+
+    def points_on(
+        self,
+        config: Configuration,
+        parts: Indices | slice,
+        shares: Array,
+        bent: BentParts | None = None,
+    ) -> Points:
+        """Return the points (k,) of the centre lines of parts at positions (k,), x + iy [m]."""
+        starts, ends = self.part_ends(config, parts)
+        points = starts + shares * (ends - starts)
+        if bent is None:
+            return points
+        return points + bent.at(np.arange(len(self.part_radii))[parts], shares)
 
     def part_rows(
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points

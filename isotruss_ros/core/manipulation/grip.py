@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import functools
 import itertools
 import math
@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.distances import BentParts
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
@@ -57,6 +58,8 @@ class Grip(Record, headline=('members', 'friction', 'body')):
         corners at both ends of a face. None: the corners are found by `Shape.contact_patch`.
     :ivar gaps: gaps of corners without contact near the members, which close slowly, see
         `land_faces`; only with `corners`.
+    :ivar bent: displacements of the robot's parts by the contact forces, which clearances take
+        into account; None: they are unknown, and clearances are those of straight tubes.
     :raises GraspError: the members are not two or three different names, or the coefficient or
         a corner is invalid.
     """
@@ -66,6 +69,7 @@ class Grip(Record, headline=('members', 'friction', 'body')):
     friction: float = None  # type: ignore[assignment]  # a number from the start on
     corners: tuple[tuple[int, ...], ...] | None = None
     gaps: tuple[CornerGap, ...] = ()
+    bent: BentParts | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check the number of members; their names are checked later, against a robot."""

@@ -30,6 +30,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import member_rows
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -135,14 +136,19 @@ class SearchState(NamedTuple):
 
 
 def evaluate_state(
-    config: Configuration, body: ConvexObject, needs: GraspRequirements
+    config: Configuration, body: ConvexObject, needs: GraspRequirements, grip: Grip | None = None
 ) -> SearchState:
-    """Return the gaps, distances and singular values of a configuration around an object."""
+    """
+    Return the gaps, distances and singular values of a configuration around an object.
+
+    They are those of straight tubes, or of the bent ones of a grip in equilibrium.
+    """
     model, modes = collision_model(config.robot), rigidity_index(config.robot).modes(config)
-    gaps, by_nodes, _ = model.body_distances(config, body)
+    bent = None if grip is None else grip.bent
+    gaps, by_nodes, _ = model.body_distances(config, body, bent=bent)
     barrier = obstacle_barrier(config.robot, needs.obstacles, needs.min_obstacle_clearance)
-    near = barrier.active(config, None)
-    return SearchState(config, gaps, by_nodes, modes, model.distances(config), near, barrier)
+    near, distances = barrier.active(config, grip), model.distances(config, bent=bent)
+    return SearchState(config, gaps, by_nodes, modes, distances, near, barrier)
 
 
 @functools.lru_cache(maxsize=16)

@@ -127,7 +127,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
 def _check_in_place(grasp: HeldGrip, closing: Closing) -> None:
     """Raise RequirementError if the object is displaced, or rigidity or a gap is too small."""
     needs = closing.needs
-    state = evaluate_state(grasp.config, grasp.body, needs)
+    state = evaluate_state(grasp.config, grasp.body, needs, grasp.touching(needs.friction))
     min_gaps = np.zeros(len(state.gaps))
     min_gaps[closing.members] = -np.inf
     state.check_bounds(needs.min_rigidity, 0.0, min_gaps, needs.min_obstacle_clearance)

@@ -15,7 +15,11 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.distances import collision_model
+from isotruss_ros.core.kinematics.distances import (
+    BentParts,
+    collision_model,
+    find_bend_change,
+)
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.grip import Grip
@@ -45,12 +49,18 @@ class EvaluatedState(NamedTuple):
     grip: Grip | None  #: grip; None if the distances do not depend on it
     spare: float  #: lower bound of the distances, minus `BarrierLaw.active_below` [m]
     obstacles: tuple[Obstacle, ...] = ()  #: obstacles
+    bent: BentParts | None = None  #: displacements of the robot's parts
 
     def holds(
-        self, config: Configuration, grip: Grip | None, obstacles: tuple[Obstacle, ...]
+        self,
+        config: Configuration,
+        grip: Grip | None,
+        obstacles: tuple[Obstacle, ...],
+        bent: BentParts | None,
     ) -> bool:
         """Return whether all distances have fallen by less than `spare` since the evaluation."""
         moved = float(np.abs(config.points - self.config.points).max())
+        moved += find_bend_change(self.bent, bent)
         if grip is not self.grip:
             if grip.members != self.grip.members:
                 return False
@@ -98,11 +108,12 @@ class NeighborList:
         grip: Grip | None,
         measure: Callable[[Selection], SegmentGaps],
         obstacles: tuple[Obstacle, ...] = (),
+        bent: BentParts | None = None,
     ) -> tuple[Indices, SegmentGaps]:
         """Return indices and distances of close pairs; `measure` evaluates distances."""
         # Verlet list: all pairs are measured after a motion by the skin, the listed ones after a
         # motion by which one of them could become close.
-        state = config, grip, obstacles
+        state = config, grip, obstacles, bent
         if self._all_state is None or not self._all_state.holds(*state):
             measured = measure(ALL_VALUES)
             self._list = np.flatnonzero(measured.gaps < self.listed_below)
@@ -110,15 +121,20 @@ class NeighborList:
             # Pairs outside of the list are farther by at least the skin.
             smallest = measured.gaps.min(initial=np.inf)
             spare = self._skin if len(self._list) else smallest - self._close_below
-            self._all_state = EvaluatedState(config, grip, float(spare), obstacles)
+            self._all_state = EvaluatedState(config, grip, float(spare), obstacles, bent)
         elif self._list_state.holds(*state):
             return self._list[:0], NO_GAPS
         else:
             listed = measure(self._list)
         spare = float(listed.gaps.min(initial=np.inf)) - self._close_below
-        self._list_state = EvaluatedState(config, grip, spare, obstacles)
+        self._list_state = EvaluatedState(config, grip, spare, obstacles, bent)
         is_close = listed.gaps < self._close_below
         return self._list[is_close], _choose(listed, is_close)
+
+
+def bent_parts(grip: Grip | None) -> BentParts | None:
+    """Return the displacements of the robot's parts, if the grip has them."""
+    return None if grip is None else grip.bent
 
 
 def _choose(gaps: SegmentGaps, chosen: Indices | Flags) -> SegmentGaps:
@@ -131,7 +147,8 @@ class ClearanceBarrier:
     Barrier on distances between surfaces [m].
 
     They are distances between parts of the robot, see `CollisionModel`; with `needs_object`, those
-    of the held object from the parts outside of the grip.
+    of the held object from the parts outside of the grip. Parts are bent if the grip has their
+    displacements, see `Grip.bent`.
     """
 
     def __init__(self, robot: Mechanism, law: BarrierLaw, needs_object: bool) -> None:
@@ -141,9 +158,9 @@ class ClearanceBarrier:
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """Return the distances that are near the bound; see `Barrier.active`."""
-        relevant_grip = grip if self.needs_object else None
+        relevant_grip, bent = grip if self.needs_object else None, bent_parts(grip)
         measure = partial(self._measure, config, grip)
-        close, nearest = self._neighbors.find_close(config, relevant_grip, measure)
+        close, nearest = self._neighbors.find_close(config, relevant_grip, measure, bent=bent)
         if not len(close):
             return NO_ACTIVE_VALUES
         if relevant_grip is None:
@@ -151,7 +168,7 @@ class ClearanceBarrier:
             return ActiveValues(close, nearest.gaps, by_nodes)
         # By the nodes for a fixed object, and by roller travel for an object that rolls.
         body = relevant_grip.body
-        by_nodes, by_twist = self._model.body_gradients(config, body, close, nearest)
+        by_nodes, by_twist = self._model.body_gradients(config, body, close, nearest, bent)
         by_travel = by_twist @ grip_jacobian(config, relevant_grip)[:3]
         return ActiveValues(close, nearest.gaps, by_nodes, by_travel)
 
@@ -164,9 +181,9 @@ class ClearanceBarrier:
     ) -> SegmentGaps:
         """Return the distances with their directions."""
         if not self.needs_object:
-            return self._model.nearest(config, indices)
+            return self._model.nearest(config, indices, bent_parts(grip))
         far = self._neighbors.listed_below
-        return object_gaps(config, grip.body, grip.members, far, indices)
+        return object_gaps(config, grip.body, grip.members, far, indices, grip.bent)
 
     def names(self, indices: Indices) -> list[str]:
         """Return the names of the pairs of parts, or of a part and the object."""

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.distances import collision_model, nearest_on_segment
+from isotruss_ros.core.kinematics.distances import BentParts, collision_model
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members
-from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps, SegmentGaps
+from isotruss_ros.core.model.convex_object import ConvexObject, SegmentGaps
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -65,19 +65,17 @@ def object_gaps(
     members: tuple[str, ...],
     far: float,
     parts: Indices | slice,
+    bent: BentParts | None = None,
 ) -> SegmentGaps:
     """Return `object_distances` with their directions, which are exact for distances to `far`."""
     model = collision_model(config.robot)
-    starts, ends = model.part_ends(config, parts)
-    radii = model.part_radii[parts]
+    lines, radii = model.lines(config, parts, bent), model.part_radii[parts]
     # The object's enclosing circle gives lower bounds. Those below `far` are made exact.
-    nearest = SegmentGaps(*nearest_on_segment(body.center, starts, ends))
+    nearest = lines.nearest_to(np.full(len(radii), body.center))
     distances = nearest.gaps - body.shape.reach - radii
     close = np.flatnonzero(distances < far)
     if len(close):
-        gaps, nearest.normals[close], nearest.shares[close] = segment_gaps(
-            body, starts[close], ends[close]
-        )
+        gaps, nearest.normals[close], nearest.shares[close] = lines.take(close).gaps_to(body)
         distances[close] = gaps - radii[close]
     distances[_mask_grip(config.robot, members)[parts]] = np.inf
     return nearest._replace(gaps=distances)

@@ -12,15 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property, partial
-from typing import Any
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.distances import collision_model, nearest_on_segment
+from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.convex_object import segment_gaps, SegmentGaps
+from isotruss_ros.core.model.convex_object import SegmentGaps
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.model.separation import separate
@@ -31,7 +30,7 @@ from isotruss_ros.core.safety.barrier_law import (
     NO_ACTIVE_VALUES,
     Selection,
 )
-from isotruss_ros.core.safety.barriers import NeighborList
+from isotruss_ros.core.safety.barriers import bent_parts, NeighborList
 import numpy as np
 
 
@@ -85,9 +84,11 @@ class ObstacleBarrier:
         """Return the distances that are near the bound; see `Barrier.active`."""
         if not self.obstacles:
             return NO_ACTIVE_VALUES
-        relevant_grip = grip if self.needs_object else None
+        relevant_grip, bent = grip if self.needs_object else None, bent_parts(grip)
         measure = partial(self._measure, config, grip)
-        close, nearest = self._neighbors.find_close(config, relevant_grip, measure, self.obstacles)
+        close, nearest = self._neighbors.find_close(
+            config, relevant_grip, measure, self.obstacles, None if self.needs_object else bent
+        )
         if not len(close):
             return NO_ACTIVE_VALUES
         numbers, parts = np.divmod(close, self._count)
@@ -101,9 +102,8 @@ class ObstacleBarrier:
             by_travel = by_twist @ grip_jacobian(config, grip)[:3]
             by_nodes = np.zeros((len(close), 2 * len(config.points)))
         else:
-            starts, ends = self._model.part_ends(config, parts)
-            rows = self._model.part_rows(config, parts, shares, -normals)
-            by_nodes, points = rows.view(np.float64), starts + shares * (ends - starts)
+            by_nodes = self._model.part_rows(config, parts, shares, -normals).view(np.float64)
+            points = self._model.points_on(config, parts, shares, bent)
             gaps = gaps + self._model.part_radii[parts]  # from the centre lines of the parts
         if not self._moves:
             return ActiveValues(close, nearest.gaps, by_nodes, by_travel)
@@ -137,16 +137,17 @@ class ObstacleBarrier:
                 body = self.obstacles[numbers[i]].body
                 distances[i], normals[i], _ = separate(body, grip.body)
             return SegmentGaps(distances, normals, np.zeros(len(away)))
-        starts, ends = self._model.part_ends(config, parts)
+        lines = self._model.lines(config, parts, bent_parts(grip))
         radii = self._model.part_radii[parts]
-        gaps, toward, shares = nearest_on_segment(centers, starts, ends)
+        gaps, toward, shares = lines.nearest_to(centers)
         distances = gaps - radii - reaches
         nearest = SegmentGaps(distances, -toward, shares)
         near = np.flatnonzero((distances < self.law.active_below) & ~self._is_round[numbers])
         if len(near):
-            bodies: Any = self._bodies.take_samples(numbers[near])
-            exact = segment_gaps(bodies, starts[near, None], ends[near, None])
-            gaps, nearest.normals[near], nearest.shares[near] = (part[:, 0] for part in exact)
+            bodies = self._bodies.take_samples(numbers[near])
+            gaps, nearest.normals[near], nearest.shares[near] = lines.take(near).gaps_to_each(
+                bodies
+            )
             distances[near] = gaps - radii[near]
         return nearest
 

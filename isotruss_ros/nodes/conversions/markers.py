@@ -10,7 +10,7 @@ import itertools
 from typing import Any
 
 from geometry_msgs.msg import Point
-from isotruss_ros.core.holding.held_shape import deformed_lines, force_lines, region_lines
+from isotruss_ros.core.holding.held_shape import force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
@@ -92,7 +92,7 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
         return _make_markers(rows)
     scale = min(ARROW_SCALE, LONGEST_ARROW / max(float(grip.normal_forces.max()), MIN_FORCE))
     used = map(_tube_color, grip.sections.used.tolist())
-    bent = map(_flat, deformed_lines(grip))
+    bent = map(_flat, grip.member_lines()[1])
     strips = map(_strip, region_lines(grip), 0.5 * grip.patches.widths)
     forces = map(_flat, force_lines(grip, scale))
     rows += [

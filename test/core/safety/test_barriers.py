@@ -15,6 +15,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.kinematics.distances import BentParts
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.barrier_law import ActiveValues, ALL_VALUES, BarrierLaw, BarrierLimit
 from isotruss_ros.core.safety.barriers import ClearanceBarrier, EvaluatedState, RigidityBarrier
@@ -22,6 +23,7 @@ from isotruss_ros.core.safety.margins import object_distances, shape_margins
 from isotruss_ros.core.safety.obstacle_barrier import ObstacleBarrier
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.safety.usage_limits import UsageLimits
+from nightly import some_now
 import numpy as np
 import pytest
 from random_grips import random_convex_grip
@@ -32,6 +34,8 @@ from studies.comparison.rooms import clearance, random_room
 ALL = BarrierLaw(0.0, 1e3)
 SelfCollisionBarrier = functools.partial(ClearanceBarrier, needs_object=False)
 ObjectBarrier = functools.partial(ClearanceBarrier, needs_object=True)
+#: Corners of a square, counter-clockwise.
+SQUARE = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 KINDS = (RigidityBarrier, SelfCollisionBarrier, ObjectBarrier)
 
 
@@ -123,10 +127,93 @@ def test_evaluated_distances_are_valid_until_their_spare_is_used(changes, approa
     there, later = moved(**changes)
     for share, is_valid in ((0.99, False), (1.01, not np.isinf(approach))):
         state = EvaluatedState(config, grip, share * min(approach, 1e9))
-        assert state.holds(there, later, ()) == is_valid
+        assert state.holds(there, later, (), None) == is_valid
         if 'shift' in changes:
             alone = EvaluatedState(config, None, share * 2.0 * changes['shift'])
-            assert alone.holds(there, None, ()) == is_valid
+            assert alone.holds(there, None, (), None) == is_valid
+
+
+@pytest.mark.parametrize('bends', [(0.0, 0.03), (None, 0.03), (0.03, None)])
+def test_evaluated_distances_are_valid_until_the_bending_of_two_parts_uses_their_spare(bends):
+    ends = np.array([[0.0, 1.0]])
+    before, after = (None if x is None else BentParts(ends, np.array([[0.0, x]])) for x in bends)
+    config, _ = moved()
+    for share, is_valid in ((0.99, False), (1.01, True)):
+        state = EvaluatedState(config, None, share * 0.06, (), before)
+        assert state.holds(config, None, (), after) == is_valid
+
+
+def dense_line(held, member):
+    """Return 2,001 points of the bent centre line of a member [m]."""
+    positions = np.linspace(0.0, held.config.member_lengths[member], 2001)
+    return held.bent_lines(np.full(2001, member), positions)[0]
+
+
+@pytest.fixture(scope='module', params=some_now(range(30), 4))
+def bent(request):
+    """Return a random grasp whose tubes are bent, the contacts, and a generator."""
+    rng = np.random.default_rng(request.param)
+    while True:
+        config = NINE.configuration(rng.uniform(-0.06, 0.06, len(NINE.roller_names)))
+        module, diameter = NINE.module_names[rng.integers(9)], rng.uniform(0.15, 0.35)
+        try:
+            center = core.tangent_center(config, module, diameter, rng.uniform(0.01, 0.03))
+        except GraspError:
+            continue
+        settled = core.settle_grasp(config, core.ConvexObject.disc(center, diameter), 1.5)
+        if settled.held:
+            return settled.equilibrium, settled.equilibrium.touching(1.5), rng
+
+
+def test_distance_of_a_bent_tube_from_an_obstacle_is_that_of_its_centre_line(bent):
+    held, grip, rng = bent
+    radius = 0.5 * NINE.description.tube_diameter
+    for member in (*held.members.tolist(), rng.integers(9)):
+        line, topology = dense_line(held, member), NINE.topology
+        start, axis = held.config.points[topology.b[member]], held.config.member_axes[member]
+        across = ((line - start) * axis.conj()).imag
+        most = int(np.abs(across).argmax())
+        size = rng.uniform(0.02, 0.1)
+        # 20 mm beside the straight tube, where it bends most.
+        away = 1j * axis * np.sign(across[most]) * (radius + 0.02 + size)
+        center = start + (axis.conj() * (line[most] - start)).real * axis + away
+        pose = center.real, center.imag, np.angle(axis)
+        shape = rng.choice([core.Disc(2.0 * size), core.Polygon(size * SQUARE)])
+        post = core.Obstacle('post', core.ConvexObject(shape, pose))
+        barrier = ObstacleBarrier(NINE, ALL, [post], needs_object=False)
+        wanted = post.body.nearest(line).gaps.min() - radius
+        assert barrier.values(held.config, grip, [member]) == pytest.approx(wanted, abs=5e-4)
+        assert wanted < 0.02
+
+
+def test_distances_of_the_object_from_other_members_are_those_of_bent_tubes(bent):
+    held, grip, _ = bent
+    radius = 0.5 * NINE.description.tube_diameter
+    others = [member for member in range(9) if member not in held.members]
+    wanted = [held.body.nearest(dense_line(held, i)).gaps.min() - radius for i in others]
+    values = ObjectBarrier(NINE, ALL).values(held.config, grip, others)
+    assert values == pytest.approx(wanted, abs=5e-4)
+
+
+def test_distances_between_parts_are_those_of_the_bent_robot(bent):
+    held, grip, _ = bent
+    barrier, nodes = SelfCollisionBarrier(NINE, ALL), NINE.topology
+    radius, spread = 0.5 * NINE.description.tube_diameter, NINE.description.module.pinch_separation
+    names = barrier.names(np.arange(len(barrier.values(held.config, grip, ALL_VALUES))))
+    middles = {
+        f'module {name}': 0.5 * (dense_line(held, i)[0] + dense_line(held, nodes.previous[i])[-1])
+        for i, name in enumerate(NINE.module_names)
+    }
+    lines = {f'member {name}': dense_line(held, i) for i, name in enumerate(NINE.member_names)}
+    compared = 0
+    for i, name in enumerate(names):
+        module, _, member = name.partition(' and ')
+        if module in middles and member in lines:
+            wanted = np.abs(lines[member] - middles[module]).min() - 2.0 * radius - 0.5 * spread
+            value = barrier.values(held.config, grip, [i])
+            assert value == pytest.approx(wanted, abs=5e-4)
+            compared += 1
+    assert compared > 9
 
 
 @robots.examples(100)

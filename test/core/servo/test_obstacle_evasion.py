@@ -7,11 +7,22 @@ from dataclasses import replace
 
 from driven import Driven
 from grips import held_at
-from isotruss_ros.core import ConvexObject, Disc, load_robot, Obstacle, Robot, Status
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Grip,
+    load_robot,
+    Obstacle,
+    Robot,
+    Status,
+    tangent_center,
+)
 from isotruss_ros.core.inputs import StampedInput
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from nightly import some_now
 import numpy as np
 import pytest
+from squeeze_loop import SqueezeLoop
 from studies.comparison.rooms import clearance
 
 ROBOT = load_robot('nine_member')
@@ -126,3 +137,30 @@ def test_invalid_moving_obstacles_halt_the_robot_with_the_reason():
     ):
         servo.receive(obstacles=StampedInput(obstacles, 0.0))
         assert words in servo.inputs.obstacles.reason
+
+
+@pytest.mark.parametrize('indentation', some_now([0.03, 0.008, 0.02], 1))
+def test_bent_tube_keeps_its_clearance_from_a_post_opposite_the_object(indentation):
+    config, radius = ROBOT.home, 0.5 * ROBOT.description.tube_diameter
+    center = tangent_center(config, 'north/Z', 0.25, indentation)
+    body = ConvexObject.disc(center, 0.25)
+    member = ROBOT.member_names.index('north/P-Z')
+    start, axis = config.points[ROBOT.topology.b[member]], config.member_axes[member]
+    across = ((complex(*center) - start) * axis.conj()).imag
+    foot = start + ((complex(*center) - start) * axis.conj()).real * axis
+    # 60 mm beside the straight tube, on the side to which the object bends it.
+    away = -1j * axis * np.sign(across)
+    place = foot + away * (radius + 0.06 + 0.05)
+    post = Obstacle('post', ConvexObject.disc((place.real, place.imag), 0.1))
+    servo = {'bounds': ShapeBounds(), 'obstacles': (post,)}
+    loop = SqueezeLoop(
+        config, Grip.at_module(ROBOT, 'north/Z', body, 1.5), period=0.02, servo=servo
+    )
+    least, twist = np.inf, 0.03 * np.array([away.real, away.imag, 0.0])
+    for _ in range(150):
+        loop.cycle(twist)
+        held = loop.object.grasp
+        positions = np.linspace(0.0, held.config.member_lengths[member], 401)
+        line, _ = held.bent_lines(np.full(401, member), positions)
+        least = min(least, post.body.nearest(line).gaps.min() - radius)
+    assert 0.019 < least < 0.025
