@@ -6,16 +6,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.core.errors import quote
 from isotruss_ros.viewer.message_checks import HELD_UNKNOWN, PictureError
 from isotruss_ros.viewer.picture import Picture
-from mcap.reader import NonSeekingReader
+import lz4.frame
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.stream_reader import breakup_chunk, StreamReader
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+import zstandard
 
 #: First bytes of an MCAP file.
 MAGIC = b'\x89MCAP0\r\n'
@@ -56,6 +62,14 @@ UNKNOWN_VALUES: dict[str, dict[str, Any]] = {
 }
 #: Largest size of a record [bytes]; a larger size in a file shows that the file is damaged.
 MAX_RECORD_SIZE = 2**30
+#: Largest size of a decompressed chunk [bytes], and its largest ratio to the compressed size [-];
+#: the ratio holds from `MIN_BOUNDED_SIZE` on [bytes]. A writer of MCAP begins a chunk each 2^20
+#: bytes; recorded carries have a ratio of 4.
+MAX_CHUNK_SIZE, MAX_COMPRESSION, MIN_BOUNDED_SIZE = 2**24, 500, 2**21
+#: Largest number of bytes and of lines beside comments in all schemas of a file [-].
+MAX_SCHEMA_SIZE, MAX_SCHEMA_LINES = 2**18, 2000
+#: Largest number of values in the arrays of fixed length of a message [-].
+MAX_FIXED_VALUES = 10**5
 
 
 class RecordingError(IsotrussError, ValueError):
@@ -110,8 +124,7 @@ def _decode(stream: BinaryIO, kinds: Mapping[str, str]) -> Iterator[tuple[float,
     """Yield time [s], topic and message for each message of `kinds`; at damage, its cause."""
     types = get_typestore(Stores.EMPTY)
     registered: set[int] = set()
-    reader = NonSeekingReader(stream, True, record_size_limit=MAX_RECORD_SIZE)
-    records = reader.iter_messages(log_time_order=False)
+    records, text = _read_messages(stream), ''
     while True:
         try:
             schema, channel, record = next(records)
@@ -120,7 +133,10 @@ def _decode(stream: BinaryIO, kinds: Mapping[str, str]) -> Iterator[tuple[float,
             if not is_read or channel.message_encoding != 'cdr':
                 continue
             if schema.id not in registered:
+                text += schema.data.decode()
+                _check_schemas(text)
                 _register(types, schema.name, schema.data.decode())
+                _check_fixed_values(types, schema.name)
                 registered.add(schema.id)
             message = types.deserialize_cdr(record.data, schema.name)
         except StopIteration:
@@ -132,6 +148,64 @@ def _decode(stream: BinaryIO, kinds: Mapping[str, str]) -> Iterator[tuple[float,
             yield f'{type(error).__name__}: {error}'
             return
         yield 1e-9 * record.log_time, channel.topic, message
+
+
+def _read_messages(stream: BinaryIO) -> Iterator[tuple[Schema | None, Channel, Message]]:
+    """Yield schema, channel and message of each message of an MCAP file."""
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    reader = StreamReader(
+        stream, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_RECORD_SIZE
+    )
+    for outer in reader.records:
+        for record in _decompress(outer) if isinstance(outer, Chunk) else [outer]:
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Message):
+                channel = channels[record.channel_id]
+                yield schemas[channel.schema_id] if channel.schema_id else None, channel, record
+
+
+def _decompress(chunk: Chunk) -> list[McapRecord]:
+    """Return the records of a chunk, of which no more is decompressed than its bounds allow."""
+    bound = min(MAX_CHUNK_SIZE, max(MIN_BOUNDED_SIZE, MAX_COMPRESSION * len(chunk.data)))
+    data = chunk.data
+    if chunk.compression == 'zstd':
+        data = zstandard.ZstdDecompressor().stream_reader(data).read(bound + 1)
+    elif chunk.compression == 'lz4':
+        data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=bound + 1)
+    elif chunk.compression:
+        raise RecordingError(f'compression {quote(chunk.compression)}: must be zstd or lz4')
+    if len(data) > bound:
+        raise RecordingError(f'chunk of {len(chunk.data)} bytes: larger than {bound} bytes')
+    return breakup_chunk(replace(chunk, compression='', data=data), validate_crc=True)
+
+
+def _check_schemas(text: str) -> None:
+    """Raise RecordingError if the definitions of messages in a file are too long."""
+    count = sum(bool(line.partition('#')[0].strip()) for line in text.splitlines())
+    if len(text) > MAX_SCHEMA_SIZE or count > MAX_SCHEMA_LINES:
+        raise RecordingError(
+            f'schemas of {len(text)} bytes and {count} lines: must have at most {MAX_SCHEMA_SIZE} '
+            f'and {MAX_SCHEMA_LINES}'
+        )
+
+
+def _check_fixed_values(types: Any, name: str) -> None:
+    """Raise RecordingError if the arrays of fixed length of a message have too many values."""
+
+    def count(kind: tuple[Any, Any]) -> int:
+        node, content = kind
+        if node == Nodetype.NAME:
+            return 1 + sum(count(field) for _, field in types.fielddefs[content][1])
+        if node == Nodetype.BASE:
+            return 1
+        return count(content[0]) * (content[1] if node == Nodetype.ARRAY else 1)
+
+    if (number := count((Nodetype.NAME, name))) > MAX_FIXED_VALUES:
+        raise RecordingError(f'{name} has {number} values: must have at most {MAX_FIXED_VALUES}')
 
 
 def show_message(picture: Picture, topic: str, message: Any, now: float) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import contextlib
 import functools
 import importlib
 import io
+import time
 from pathlib import Path
 import struct
 from types import SimpleNamespace
@@ -273,3 +274,27 @@ def test_a_missing_field_is_reported_once_by_name(tmp_path, capsys):
     words = 'replay: /arm/manipulation/status: no field {} in this version: unknown'
     assert words.format('squeeze_deviation') in reported
     assert len(set(reported)) == len(reported)
+
+
+LONG_NAMES = [f'float64 field_{number}\n' for number in range(60_000)]
+BOMBS = {
+    'chunk': ({}, bytes(10**8), 'chunk of'),
+    'strings': ({'text': 'string[100000000] name\n'}, bytes(10**6), '100000001 values'),
+    'nested': (
+        {'text': f'a/Part[1000] part\n{"=" * 80}\nMSG: a/Part\nstring[1000] name\n'},
+        bytes(10**6),
+        'values: must have at most',
+    ),
+    'schema': ({'text': ''.join(LONG_NAMES)}, bytes(8), '60000 lines: must have at most'),
+}
+
+
+@pytest.mark.parametrize('bomb', BOMBS)
+def test_a_recording_that_asks_for_too_much_is_refused_in_short_time(bomb, tmp_path):
+    changes, data, words = BOMBS[bomb]
+    content = write([data], **changes)
+    begun = time.process_time()
+    numbers, error = read(content, tmp_path)
+    assert not numbers
+    assert words in error
+    assert time.process_time() - begun < 3.0
