@@ -57,9 +57,9 @@ SWING_COUNT = 3
 #: Smallest ratio of the amplitudes of successive half periods [-]. Swings that decay by 6 % are no
 #: oscillation, swings that decay by 3.5 % are one.
 MIN_SWING_RATIO = 0.95
-#: Largest ratio of the amplitudes of successive half periods [-]. The first half period from rest
-#: has half of the second one. A pull on the object and its end are two half periods; without this
-#: bound they would be an oscillation after a small motion to and fro.
-MAX_SWING_RATIO = 2.2
+#: Smallest return behind the last of these half periods, relative to its amplitude [-]. A pull on
+#: the object and its end are two half periods; without this return they would be an oscillation
+#: after any motion to and fro.
+MIN_RETURN_SHARE = 0.5
 #: Time at rest after an oscillation [s]; each oscillation also halves the gain.
 REST_TIME = 1.0

@@ -26,8 +26,8 @@ from isotruss_ros.core.estimation.fault_thresholds import (
     DEFAULT_FREQUENCY,
     MAX_DEVIATIONS,
     MAX_SWING_PHASE,
-    MAX_SWING_RATIO,
     MAX_SWING_TIME,
+    MIN_RETURN_SHARE,
     MIN_SWING,
     MIN_SWING_POSES,
     MIN_SWING_RATIO,
@@ -71,10 +71,12 @@ class Swings:
 
     @property
     def persist(self) -> bool:
-        """Return whether a half period has ended, and successive swings are alike."""
-        pairs = itertools.pairwise(self.amplitudes)
-        are_alike = all(MIN_SWING_RATIO * a <= b <= MAX_SWING_RATIO * a for a, b in pairs)
-        return self.poses == 0 and len(self.amplitudes) == SWING_COUNT and are_alike
+        """Return whether successive swings do not decay, and the object swings back."""
+        if len(self.amplitudes) < SWING_COUNT or self.age > self.longest:
+            return False
+        ratios = [b >= MIN_SWING_RATIO * a for a, b in itertools.pairwise(self.amplitudes)]
+        swing_back = abs(self.extremum - self.previous)
+        return all(ratios) and swing_back >= MIN_RETURN_SHARE * self.amplitudes[-1]
 
     def updated(self, value: float, elapsed: float, smallest: float, travel: float) -> Swings:
         """Return the detector after a value; smaller swings than `smallest` do not count."""

@@ -57,7 +57,7 @@ HEIGHT = 0.0015 * math.sqrt(2.0)
 @pytest.mark.parametrize(
     ('quantity', 'threshold', 'settings'),
     [
-        ('duration', 3.0 * math.pi, {'height': 0.1, 'rate': 12.0, 'known': 12.0}),
+        ('duration', 3.25 * math.pi, {'height': 0.1, 'rate': 12.0, 'known': 12.0}),
         *(
             ('height', HEIGHT, {'rate': rate, 'known': known, 'axis': axis})
             for axis in range(3)
@@ -92,9 +92,11 @@ def test_a_restarted_detection_needs_three_more_swings():
 
 @pytest.mark.parametrize('axis', range(3))
 @pytest.mark.parametrize('away', [-7e-3, 7e-3])
-@pytest.mark.parametrize('before', [0.0, -3e-3, 3e-3])
+@pytest.mark.parametrize('before', [0.0, -6e-3, -3e-3, -1.6e-3, 3e-3])
 @pytest.mark.parametrize('shift', [0.3, 3.0])
-def test_one_step_each_way_is_no_oscillation_after_a_small_motion(axis, away, before, shift):
+def test_one_step_each_way_is_no_oscillation_whatever_motion_came_before(
+    axis, away, before, shift
+):
     """The object drifts for a time [s], is pulled away, and returns by 2 % less."""
     poses, told = Poses(8.0), []
     places = [before * min(k * PERIOD / shift, 1.0) for k in range(round(shift / PERIOD) + 50)]
