@@ -8,9 +8,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
+import contextlib
 from dataclasses import asdict, dataclass, field
+import fcntl
 import hashlib
 import json
+import os
 from pathlib import Path
 import shutil
 from typing import Any
@@ -18,15 +21,18 @@ from typing import Any
 from isotruss_ros.core import ConvexObject, Robot
 from isotruss_ros.core.holding.settle_grasps import GROUP_SIZE
 from isotruss_ros.core.numerics.arrays import check_count
-from isotruss_ros.dataset.columns import check_columns, compute_columns, corner_count
+from isotruss_ros.core.recording.recorded_servo import find_versions
+from isotruss_ros.dataset.columns import check_columns, COLUMNS, compute_columns, corner_count
 from isotruss_ros.dataset.random_grasps import DatasetError, draw_grasp, GraspDistribution
 from isotruss_ros.dataset.table_files import (
     check_path,
+    Form,
     join_parts,
     read_settings,
     write_part,
     write_text,
 )
+import numpy as np
 from numpy.typing import NDArray
 
 #: Default number of grasps in a part [-], those that `settle_grasps` computes together.
@@ -75,6 +81,7 @@ class DatasetRun:
         described = [i.to_dict() if isinstance(i, ConvexObject) else i for i in items]
         content = repr(asdict(self.robot.description) | {'source': ''})
         settings = {
+            'version': find_versions()['isotruss_ros'],
             'robot': self.robot.name,
             'robot_file': hashlib.sha256(content.encode()).hexdigest()[:16],
             'member_names': self.robot.member_names,
@@ -87,6 +94,19 @@ class DatasetRun:
             'part_size': self.part_size,
         }
         return json.loads(json.dumps(settings))  # as it is read from a file
+
+    def forms(self) -> dict[str, Form]:
+        """Return the data type and the shape of a row of each column."""
+        counts = {
+            'corners': corner_count(self.distribution.objects),
+            'rollers': len(self.robot.roller_names),
+            'members': len(self.robot.member_names),
+        }
+        axes = {name: COLUMNS[name].axis for name in self.columns}
+        return {
+            name: (np.dtype(COLUMNS[name].kind), (int(counts.get(axis, axis)),) if axis else ())
+            for name, axis in axes.items()
+        }
 
 
 _DRAWN = ('sizes', 'friction', 'depth', 'travel', 'force', 'moment')
@@ -109,39 +129,70 @@ def write_dataset(
     :param executor: executor that computes the parts, for example a process pool; None: this
         process computes them.
     :param on_progress: function that is called with the number of stored grasps.
-    :raises DatasetError: the path is invalid, or it is a file or the parts of another run.
+    :raises DatasetError: the path is invalid, or it is a file or the parts of another run, or
+        another process writes it.
     :raises MissingPackageError: a Parquet file needs pyarrow.
     """
     check_path(path)
     settings, folder = run.settings(), path.with_name(f'{path.name}.parts')
-    if path.exists():
-        _check_same(path, read_settings(path), settings)
-        return False
-    head = folder / 'settings.json'
-    if head.exists():
-        _check_same(folder, head.read_text(encoding='utf-8'), settings)
-    else:
-        if folder.exists():
-            raise DatasetError(f'{folder}: has no {head.name}: must not exist, or be of a run')
-        folder.mkdir()
-        write_text(head, json.dumps(settings))
-    begins = range(0, run.count, run.part_size)
-    parts = [folder / f'{begin:010d}.npz' for begin in begins]
-    missing = [i for i, part in enumerate(parts) if not part.exists()]
-    stored = run.count - sum(_size(run, begins[i]) for i in missing)
-    report = on_progress or (lambda _: None)
+    if folder.is_symlink():
+        raise DatasetError(f'{folder}: is a link; must be a folder, or not exist')
+    if not path.exists():
+        folder.mkdir(exist_ok=True)
+        with _locked(folder):
+            if not path.exists():  # another process may have written it meanwhile
+                _write(run, path, folder, executor, on_progress or (lambda _: None))
+                return True
+    _check_same(path, read_settings(path), settings)
+    return False
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Let no other process write the parts in a folder, which is removed if it is empty."""
+    lock = os.open(folder, os.O_RDONLY)
     try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):  # it has parts, or another process removed it
+                folder.rmdir()
+    except BlockingIOError as error:
+        raise DatasetError(f'{folder}: another process writes it: wait for its end') from error
+    finally:
+        os.close(lock)
+
+
+def _write(
+    run: DatasetRun,
+    path: Path,
+    folder: Path,
+    executor: Executor | None,
+    report: Callable[[int], None],
+) -> None:
+    """Compute the missing parts in a folder, join all, and delete them."""
+    settings, head = run.settings(), folder / 'settings.json'
+    if head.exists():
+        _check_same(folder, head.read_bytes(), settings)
+    elif any(folder.iterdir()):
+        raise DatasetError(f'{folder}: has no {head.name}: must not exist, or be of a run')
+    begins = range(0, run.count, run.part_size)
+    parts = {folder / f'{begin:010d}.npz': _size(run, begin) for begin in begins}
+    missing = {part: begin for part, begin in zip(parts, begins, strict=True) if not part.exists()}
+    stored = run.count - sum(parts[part] for part in missing)
+    try:
+        write_text(head, json.dumps(settings))
         report(stored)
-        computed = _compute(run, [begins[i] for i in missing], executor)
-        for i, columns in zip(missing, computed, strict=True):
-            write_part(parts[i], columns)
-            stored += _size(run, begins[i])
+        computed = _compute(run, list(missing.values()), executor)
+        for part, columns in zip(missing, computed, strict=True):
+            write_part(part, columns)
+            stored += parts[part]
             report(stored)
-        join_parts(path, parts, run.count, json.dumps(settings))
+        join_parts(path, parts, run.forms(), json.dumps(settings))
     finally:
         if path.exists() or not any(part.exists() for part in parts):
             shutil.rmtree(folder)
-    return True
 
 
 def _size(run: DatasetRun, begin: int) -> int:
@@ -149,12 +200,12 @@ def _size(run: DatasetRun, begin: int) -> int:
     return min(run.part_size, run.count - begin)
 
 
-def _check_same(path: Path, stored: str, settings: dict[str, Any]) -> None:
+def _check_same(path: Path, stored: str | bytes, settings: dict[str, Any]) -> None:
     """Raise DatasetError for the first setting in which a stored run is another one."""
     try:
         other = json.loads(stored)
         differing = [name for name in settings if other[name] != settings[name]]
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise DatasetError(f'{path}: no data set of grasps; must be one, or new') from error
     for name in differing:
         raise DatasetError(

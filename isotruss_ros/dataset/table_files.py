@@ -10,7 +10,7 @@ part, is in memory at a time. A file has a text that describes it, `settings`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 import contextlib
 import os
 from pathlib import Path
@@ -25,6 +25,9 @@ from numpy.typing import NDArray
 #: Name of the text in an NPZ file, and its key among the metadata of a Parquet file.
 SETTINGS = 'settings'
 SUFFIXES = ('.npz', '.parquet')
+#: Data type of a column, and shape of one of its rows.
+Form = tuple[np.dtype[Any], tuple[int, ...]]
+Forms = Mapping[str, Form]
 
 
 def check_path(path: Path) -> None:
@@ -39,12 +42,13 @@ def check_path(path: Path) -> None:
 
 def read_settings(path: Path) -> str:
     """Return the text that describes a table file."""
+    parquet = None if path.suffix == '.npz' else _parquet()
     try:
-        if path.suffix == '.npz':
+        if parquet is None:
             with np.load(path) as file:
                 return str(file[SETTINGS])
-        return _parquet().read_schema(path).metadata[SETTINGS.encode()].decode()
-    except (ValueError, TypeError, KeyError, zipfile.BadZipFile, EOFError) as error:
+        return parquet.read_schema(path).metadata[SETTINGS.encode()].decode()
+    except Exception as error:  # the decoders raise any on the bytes of a stranger
         raise DatasetError(f'{path}: no data set of grasps; must be one, or a new file') from error
 
 
@@ -60,11 +64,23 @@ def write_part(path: Path, columns: dict[str, NDArray[Any]]) -> None:
         np.savez(file, **columns)
 
 
-def join_parts(path: Path, parts: Sequence[Path], count: int, settings: str) -> None:
-    """Write a table file of all rows of the parts, which exists as a whole or not at all."""
+def join_parts(path: Path, parts: Mapping[Path, int], forms: Forms, settings: str) -> None:
+    """
+    Write a table file of all rows of the parts, which exists as a whole or not at all.
+
+    The written file is read once before it gets its name.
+
+    :param parts: number of rows of each part.
+    :raises DatasetError: a part is damaged, or its rows are not of the forms.
+    """
     with _replaced(path) as new:
-        write = _write_npz if path.suffix == '.npz' else _write_parquet
-        write(new, parts, count, settings)
+        if path.suffix == '.npz':
+            _write_npz(new, parts, forms, settings)
+            _read_npz(new)
+        else:
+            _write_parquet(new, parts, forms, settings)
+            for _ in _parquet().ParquetFile(new).iter_batches():
+                pass
 
 
 @contextlib.contextmanager
@@ -74,46 +90,58 @@ def _replaced(path: Path) -> Iterator[Path]:
     try:
         yield new
         os.replace(new, path)
+    except OSError as error:
+        raise DatasetError(f'{path}: cannot be written: {error.strerror or error}') from error
     finally:
         new.unlink(missing_ok=True)
 
 
-@contextlib.contextmanager
-def _loaded(part: Path) -> Iterator[Any]:
-    """Yield the columns of a part, each of which is read when it is used."""
+def _load(part: Path, count: int, name: str, form: Form) -> NDArray[Any]:
+    """Return a column of a part; raise DatasetError unless its rows have a number and a form."""
     try:
         with np.load(part) as columns:
-            yield columns
-    except (ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
-        raise DatasetError(f'{part}: damaged: {error}; delete it and run again') from error
+            values = np.ascontiguousarray(columns[name])
+    except Exception as error:  # the decoders raise any on damaged bytes
+        raise DatasetError(f'{part}: damaged: {name}: {error}; delete it and run again') from error
+    kind, shape = form
+    if (values.dtype, values.shape) != (kind, (count, *shape)):
+        raise DatasetError(
+            f'{part}: {name} is {values.dtype} {values.shape}: must be {kind} {(count, *shape)}; '
+            'delete the part and run again'
+        )
+    return values
 
 
-def _write_npz(path: Path, parts: Sequence[Path], count: int, settings: str) -> None:
-    with _loaded(parts[0]) as first:
-        heads = {name: (first[name].dtype, first[name].shape[1:]) for name in first.files}
+def _write_npz(path: Path, parts: Mapping[Path, int], forms: Forms, settings: str) -> None:
     with zipfile.ZipFile(path, 'w') as archive:
-        for name, (kind, shape) in heads.items():
+        for name, (kind, shape) in forms.items():
             # A part is small, but the column of all parts may be larger than 2 GiB.
             with archive.open(f'{name}.npy', 'w', force_zip64=True) as file:
                 form = {
                     'descr': np.lib.format.dtype_to_descr(kind),
                     'fortran_order': False,
-                    'shape': (count, *shape),
+                    'shape': (sum(parts.values()), *shape),
                 }
                 np.lib.format.write_array_header_1_0(file, form)
-                for part in parts:
-                    with _loaded(part) as columns:
-                        file.write(np.ascontiguousarray(columns[name]).tobytes())
+                for part, count in parts.items():
+                    file.write(_load(part, count, name, forms[name]).tobytes())
         with archive.open(f'{SETTINGS}.npy', 'w') as file:
             np.lib.format.write_array(file, np.array(settings))
 
 
-def _write_parquet(path: Path, parts: Sequence[Path], _count: int, settings: str) -> None:
+def _read_npz(path: Path) -> None:
+    """Read an NPZ file, of which only a block is in memory, and compare its checksums."""
+    with zipfile.ZipFile(path) as archive:
+        if (name := archive.testzip()) is not None:
+            raise DatasetError(f'{path}: {name} differs from what was written; run again')
+
+
+def _write_parquet(path: Path, parts: Mapping[Path, int], forms: Forms, settings: str) -> None:
     parquet, writer = _parquet(), None
     try:
-        for part in parts:
-            with _loaded(part) as columns:
-                table = _arrow_table({name: columns[name] for name in columns.files}, settings)
+        for part, count in parts.items():
+            columns = {name: _load(part, count, name, form) for name, form in forms.items()}
+            table = _arrow_table(columns, settings)
             if writer is None:
                 writer = parquet.ParquetWriter(path, table.schema)
             writer.write_table(table)

@@ -3,18 +3,33 @@
 
 """Data sets of random grasps: their rows, their files, and runs that are resumed."""
 
+from dataclasses import replace
 import importlib.util
+import io
 import json
+from pathlib import Path
+import resource
 import sys
+import tempfile
+import zipfile
 
 from commands import exit_code
+from hypothesis import given
+from hypothesis import strategies as st
 from isotruss_ros.cli import grasp_dataset as command
 from isotruss_ros.core import load_robot, read_object, settle_grasp
+from isotruss_ros.dataset import grasp_dataset
 from isotruss_ros.dataset.columns import COLUMNS
 from isotruss_ros.dataset.grasp_dataset import DatasetRun, write_dataset
-from isotruss_ros.dataset.random_grasps import draw_grasp, GraspDistribution, KINDS
+from isotruss_ros.dataset.random_grasps import (
+    DatasetError,
+    draw_grasp,
+    GraspDistribution,
+    KINDS,
+)
 import numpy as np
 import pytest
+from robots import examples
 
 ROBOT = load_robot('triangle')
 LOADED = GraspDistribution(force=1.0, moment=0.05)
@@ -221,6 +236,100 @@ def test_a_damaged_part_is_named(tmp_path, capsys):
 
     with pytest.raises(ValueError, match=r'0000000001.npz: damaged: .*delete it'):
         write_dataset(run, path, on_progress=damage)
+
+
+SHORT = DatasetRun(ROBOT, 4, columns=('friction', 'external_wrench'), part_size=2)
+CHANGES = {
+    'a row more': lambda values: np.concatenate([values, values[:1]]),
+    'a row less': lambda values: values[:1],
+    'another kind': lambda values: values.astype('f4'),
+    'objects': lambda values: values.astype(object),
+}
+
+
+@pytest.mark.parametrize('suffix', ['npz', 'parquet'])
+@pytest.mark.parametrize('change', CHANGES)
+def test_parts_of_other_rows_or_kinds_are_named_and_kept(change, suffix, tmp_path):
+    if suffix == 'parquet':
+        pytest.importorskip('pyarrow')
+    path = tmp_path / f'grasps.{suffix}'
+    part = tmp_path / f'grasps.{suffix}.parts' / '0000000002.npz'
+
+    def replace_part(stored):
+        if stored == 4:
+            with np.load(part) as file:
+                columns = dict(file)
+            np.savez(part, **columns | {'friction': CHANGES[change](columns['friction'])})
+
+    with pytest.raises(DatasetError, match=r'0000000002.npz: .*friction'):
+        write_dataset(SHORT, path, on_progress=replace_part)
+    assert not path.exists()
+    assert part.exists()
+    part.unlink()
+    assert write_dataset(SHORT, path)
+
+
+def test_a_data_set_of_another_version_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / 'grasps.npz'
+    assert write_dataset(SHORT, path)
+    monkeypatch.setattr(grasp_dataset, 'find_versions', lambda: {'isotruss_ros': '999'})
+    with pytest.raises(DatasetError, match=r'another run: version .* now "999"'):
+        write_dataset(SHORT, path)
+
+
+@st.composite
+def damaged_files(draw):
+    """Return the bytes of an NPZ file of a compression, some of which are changed."""
+    stream = io.BytesIO()
+    settings = io.BytesIO()
+    np.save(settings, np.array('{}'))
+    with zipfile.ZipFile(stream, 'w', draw(st.sampled_from([0, 8, 12, 14]))) as archive:
+        archive.writestr('settings.npy', settings.getvalue())
+    content = bytearray(stream.getvalue())
+    for place in draw(st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=4)):
+        content[place] = draw(st.integers(0, 255))
+    return bytes(content)
+
+
+@examples(200)
+@given(damaged_files())
+def test_a_damaged_or_foreign_file_is_refused_by_name(content):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'grasps.npz'
+        path.write_bytes(content)
+        with pytest.raises(DatasetError, match=r'grasps.npz: no data set'):
+            write_dataset(SHORT, path)
+
+
+@pytest.mark.parametrize('size', [100, 1500])
+def test_a_full_disk_is_reported_with_the_file(size, tmp_path):
+    path, limits = tmp_path / 'grasps.npz', resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        with pytest.raises(DatasetError, match=r'grasps.npz.*: cannot be written: File too large'):
+            write_dataset(replace(SHORT, count=100, part_size=20), path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not path.exists()
+
+
+def test_a_link_in_place_of_the_parts_is_refused_before_anything_is_computed(tmp_path):
+    (tmp_path / 'scratch').mkdir()
+    (tmp_path / 'grasps.npz.parts').symlink_to(tmp_path / 'scratch')
+    with pytest.raises(DatasetError, match=r'grasps.npz.parts: is a link'):
+        write_dataset(SHORT, tmp_path / 'grasps.npz')
+
+
+def test_a_second_run_of_a_command_is_refused_while_the_first_one_writes(tmp_path):
+    path, errors = tmp_path / 'grasps.npz', []
+
+    def run_again(stored):
+        with pytest.raises(DatasetError, match='another process writes it') as caught:
+            write_dataset(SHORT, path)
+        errors.append(caught.value)
+
+    assert write_dataset(SHORT, path, on_progress=run_again)
+    assert len(errors) == 3
 
 
 def test_parquet_without_pyarrow_names_its_installation(tmp_path, monkeypatch, capsys):
