@@ -20,14 +20,14 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_ros.core import IsotrussError, Pose
-from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.messages import read_pose, to_pose_message
 from isotruss_ros.nodes.framework.command_line import (
     separate_ros_arguments,
     start_ros,
     StartError,
 )
 from isotruss_ros.nodes.framework.supervision import describe_absence
-from isotruss_ros.nodes.framework.topics import LATCHED
+from isotruss_ros.nodes.framework.topics import LATCHED, NEWEST_MESSAGES
 from isotruss_ros.nodes.manipulation.emergency_stop import NAME, RELEASE
 from isotruss_ros.nodes.pick_and_place.action_steps import ask, TICK_PERIOD, unknown_goal
 from nav_msgs.msg import Path
@@ -99,7 +99,9 @@ def _parser() -> argparse.ArgumentParser:
     move = kinds.add_parser('move', help='move the held object straight to a pose')
     move.add_argument('x', type=float, help='x of the target [m]')
     move.add_argument('y', type=float, help='y of the target [m]')
-    move.add_argument('--angle', type=float, default=0.0, help='angle of the target [degrees]')
+    move.add_argument(
+        '--angle', type=float, help='angle of the target [degrees] (default: the present angle)'
+    )
     move.set_defaults(run=_move)
     kinds.add_parser('place', help='open the grip and retreat').set_defaults(run=_place)
     for name, service, words in SERVICES:
@@ -114,9 +116,23 @@ def _pick(node: Node, options: argparse.Namespace) -> int:
 
 
 def _move(node: Node, options: argparse.Namespace) -> int:
-    pose = Pose(options.x, options.y, math.radians(options.angle))
+    angle = _measure_pose(node).angle if options.angle is None else math.radians(options.angle)
+    pose = Pose(options.x, options.y, angle)
     path = Path(poses=[PoseStamped(pose=to_pose_message(pose))])
     return _send(node, MoveObject, 'move_object', MoveObject.Goal(path=path))
+
+
+def _measure_pose(node: Node) -> Pose:
+    """Return the next measured pose of the object; raise SilenceError if there is none."""
+    received: list[PoseStamped] = []
+    node.create_subscription(PoseStamped, 'object_pose', received.append, NEWEST_MESSAGES)
+    end = time.monotonic() + DISCOVERY_TIMEOUT
+    while not received:
+        if time.monotonic() > end:
+            topic = node.resolve_topic_name('object_pose')
+            raise SilenceError(f'{topic}: no pose in {DISCOVERY_TIMEOUT:g} s; give --angle')
+        rclpy.spin_once(node, timeout_sec=TICK_PERIOD)
+    return read_pose('object_pose', received[-1].pose)
 
 
 def _place(node: Node, _options: argparse.Namespace) -> int:
@@ -140,8 +156,16 @@ def _send(node: Node, kind: Any, name: str, goal: Any) -> int:
         _await(node, handle.cancel_goal_async())
         print(f'{name}: {_await(node, ended).result.message}')
         return 130
-    print(f'{name}: {result.message}')
+    print(f'{name}: {result.message}{_describe_errors(result)}')
     return 0 if result.code == kind.Result.SUCCEEDED else 1  # type: ignore[attr-defined]
+
+
+def _describe_errors(result: Any) -> str:
+    """Return the errors in a result of a motion as words; empty if it has none."""
+    errors = [getattr(result, name, 0.0) for name in ('position_error', 'angle_error')]
+    if not any(errors):
+        return ''
+    return f'; {1e3 * errors[0]:.1f} mm and {math.degrees(errors[1]):.1f}° from the target'
 
 
 def _call(node: Node, options: argparse.Namespace) -> int:

@@ -222,8 +222,8 @@ def _follow(
         try:
             command = find_command(held, friction, squeeze, tracking.twist, guard, step_time)
             moved = roll_held(held, friction, squeeze, step_time * command.roller_velocities)
-        except ConfigurationError:
-            why = OUT_OF_REACH
+        except ConfigurationError as error:
+            why = f'{OUT_OF_REACH}: {error}'
             break
         except (GraspError, SolverError) as error:
             if number == 0:
@@ -240,10 +240,20 @@ def _follow(
     if held is not grips[-1]:
         grips.append(held)
     if not why and tracking.phase is not PathPhase.REACHED:
-        limiting = command.limiting if command is not None and command.scale < 1.0 else ()
-        why = f'{OUT_OF_REACH}: limits of {", ".join(limiting)}' if limiting else OUT_OF_REACH
+        why = f'{OUT_OF_REACH}: {_describe_limits(command)}'
     share = tracking.progress if why else 1.0
     return Foresight(held.pose, share, least_margin, why, grips, np.array(timeline))
+
+
+def _describe_limits(command: RollerCommand | None) -> str:
+    """Return what ends a motion whose last command is given."""
+    if command is None:
+        return 'no command'
+    if command.limiting:
+        return f'limits of {", ".join(command.limiting)}'
+    if command.reachable_dof < 3:
+        return f'the rollers move the object in {command.reachable_dof} of 3 directions'
+    return 'the object stays behind the path'
 
 
 def find_command(

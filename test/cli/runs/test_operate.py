@@ -33,6 +33,7 @@ def done(value):
 @pytest.mark.parametrize(
     ('words', 'result', 'goal'),
     [
+        ('move 0.6 0.35', MoveObject.Result(), TARGET),
         ('move 0.6 0.35 --angle 90', MoveObject.Result(), TARGET),
         ('pick --squeeze 12', PickObject.Result(code=1), PickObject.Goal(squeeze=12.0)),
     ],
@@ -52,9 +53,33 @@ def test_numbers_are_sent_and_the_code_is_the_exit_code(words, result, goal, mon
         _get_result_async=lambda _handle: done(None),
     )
     replace_clients(monkeypatch, operate, lambda *_: client)
+    # The object has the angle of the target already.
+    monkeypatch.setattr(Node, 'create_subscription', lambda _, __, topic, call, ___: call(POSE))
     assert operate.main(words.split()) == (result.code != 0)
     assert capsys.readouterr().out.endswith('_object: the end\n')
     assert goals == [goal]
+
+
+def test_the_errors_at_the_end_of_a_motion_are_printed(monkeypatch, capsys):
+    rclpy.try_shutdown()
+    result = MoveObject.Result(message='the end', position_error=0.0019, angle_error=0.028)
+    ended = done(SimpleNamespace(result=result))
+    handle = SimpleNamespace(accepted=True, get_result_async=lambda: ended)
+    client = SimpleNamespace(
+        wait_for_server=lambda _: True,
+        send_goal_async=lambda _: done(handle),
+        _get_result_async=lambda _handle: done(None),
+    )
+    replace_clients(monkeypatch, operate, lambda *_: client)
+    assert operate.main(['move', '0.6', '0.35', '--angle', '90']) == 0
+    assert capsys.readouterr().out.endswith('the end; 1.9 mm and 1.6° from the target\n')
+
+
+def test_a_move_without_angle_and_measured_pose_asks_for_the_angle(monkeypatch, capsys):
+    rclpy.try_shutdown()
+    monkeypatch.setattr(operate, 'DISCOVERY_TIMEOUT', 0.1)
+    assert operate.main(['move', '0.6', '0.35', '--namespace', '/nowhere']) == 1
+    assert '/nowhere/object_pose: no pose in 0.1 s; give --angle' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('last_message', [True, False])

@@ -458,3 +458,13 @@ def test_a_robot_with_two_rollers_displaces_the_object_by_little():
     settled = core.settle_grasp(config, grasp.grip.body, LOW_FRICTION)
     assert settled.held
     assert settled.slip_margin == pytest.approx(grasp.slip_margin, rel=1e-3)
+
+
+@pytest.mark.parametrize('module', ['upper/D', 'upper/C'])
+def test_a_path_that_four_rollers_cannot_follow_ends_with_the_reason(module):
+    home = preset('bow_tie').home
+    body = place_between(home, members_at(home.robot, module), Disc(0.3), indentation=0.006).body
+    held = attach_grip(home, body)
+    x, y, angle = held.pose
+    foresight = foresee_path(held, 0.8, [held.pose, (x + 0.1, y, angle)])
+    assert foresight.why == 'out of reach: the rollers move the object in 2 of 3 directions'
