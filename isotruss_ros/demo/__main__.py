@@ -18,6 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     :return: 0 if the object was held and reached its targets, 1 if not, 130 after Ctrl-C.
     """
+    print('demonstration: loading, usually 2 s; all of it 80 s', flush=True)
     try:
         # Ctrl-C may come while this is imported, which takes a second.
         with explained_imports():

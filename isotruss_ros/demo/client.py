@@ -213,12 +213,15 @@ class DemoClient(Node):
         what: str,
         deadline: float = DEADLINE,
         meanwhile: Callable[[], None] | None = None,
+        of_manipulation: bool = True,
     ) -> None:
         """
         Wait until all conditions are met, while messages are received.
 
         :param find_unmet: function that returns a sentence for each unmet condition, with value
             and bound.
+        :param of_manipulation: whether the manipulation node has to meet them; an error then has
+            its last status.
         """
         before, changed = self._seconds(), time.monotonic()
         end = before + deadline
@@ -230,10 +233,11 @@ class DemoClient(Node):
             stopped = time.monotonic() - changed
             if now > end or stopped > DEADLINE:
                 clock = f'/clock has stood still for {stopped:.0f} s; ' if now <= end else ''
-                last = self._last_status.message if self._last_status else 'none'
+                if of_manipulation:
+                    last = self._last_status.message if self._last_status else 'none'
+                    unmet.append(f'last status of manipulation: {last or "without a message"}')
                 raise DemoError(
-                    f'{what}: not reached in {deadline:g} s: {clock}{"; ".join(unmet)}; '
-                    f'last status of manipulation: {last or "without a message"}'
+                    f'{what}: not reached in {deadline:g} s: {clock}{"; ".join(unmet)}'
                 )
             check()
             self._require_motion()

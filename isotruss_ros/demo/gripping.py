@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+import os
 import time
 from typing import Any
 
@@ -27,8 +28,11 @@ from trajectory_msgs.msg import JointTrajectory
 
 Check = Callable[[], None]
 
-#: Timeout of a search [s]; a search takes some seconds, and longer on a busy machine.
-PLANNING_DEADLINE = 120.0
+#: Time limit of a search, after which its best grasp is used [s]; a search takes some seconds, and
+#: longer on a busy machine.
+PLANNING_LIMIT = 120.0
+#: Number of conditions of the start of all nodes [-].
+START_CONDITIONS = 6
 #: Largest standard deviation of a roller offset at which a grasp is planned [m].
 MAX_OFFSET_DEVIATION = 1e-3
 
@@ -60,6 +64,12 @@ def find_unknown_offsets(estimates: Sequence[StateEstimate]) -> Iterator[str]:
             )
 
 
+def describe_load() -> str:
+    """Return a sentence with the load of the machine of the last minute."""
+    load, cores = os.getloadavg()[0], os.cpu_count()
+    return f'the machine has a load of {load:.1f} on {cores} processors'
+
+
 class Gripping:
     """Client of the nodes that plan a grasp and follow the path to it."""
 
@@ -70,12 +80,19 @@ class Gripping:
             JointTrajectory, 'joint_trajectory_controller/joint_trajectory', RELIABLE
         )
 
-    def wait_until_ready(self, estimated: bool = False) -> PhaseRecord:
+    def wait_until_ready(
+        self, progress: Callable[[float], None], estimated: bool = False
+    ) -> PhaseRecord:
         """Wait until all nodes publish and the robot is at rest."""
         client = self._client
         record = client.begin('start')
 
-        def find_unmet() -> Iterator[str]:
+        def find_unmet() -> list[str]:
+            unmet = list(find_missing())
+            progress(max(0.0, 1.0 - len(unmet) / START_CONDITIONS))
+            return unmet
+
+        def find_missing() -> Iterator[str]:
             yield from client.find_motion()
             if client.measured is None:
                 yield 'no message of object_pose'
@@ -102,13 +119,14 @@ class Gripping:
         pose = self._client.measured
         goal.object_pose = PoseStamped(pose=to_pose_message(pose))
         goal.object_pose.header.frame_id = self._client.frame_id
+        goal.time_limit = PLANNING_LIMIT
         result = self._search(goal, progress)
         end = time.monotonic() + DEADLINE
         # The planner has not discovered the joint states or the state estimates yet.
         while self._planned_blindly(result) and time.monotonic() < end:
             result = self._search(goal, progress)
         if result.code != PlanGrasp.Result.FOUND:
-            raise DemoError(f'no grasp was found: {result.message}')
+            raise DemoError(f'no grasp was found: {result.message}; {describe_load()}')
         progress(1.0)
         return result.grasps[0], result
 
@@ -121,15 +139,25 @@ class Gripping:
 
     def _search(self, goal: PlanGrasp.Goal, progress: Callable[[float], None]) -> PlanGrasp.Result:
         """Send a goal to the planner, and return its result."""
-        sent = self._planner.send_goal_async(
-            goal, lambda message: progress(min(0.99, message.feedback.progress))
-        )
-        handle = self._answer(sent, 'an answer of the planner')
+        searched = ['the search has not reported its progress']
+
+        def note(message: Any) -> None:
+            feedback = message.feedback
+            progress(min(0.99, feedback.progress))
+            searched[0] = (
+                f'the search is at {100.0 * feedback.progress:.0f} % after '
+                f'{feedback.evaluations} evaluations, with {feedback.found} grasps'
+            )
+
+        sent = self._planner.send_goal_async(goal, note)
+        handle = self._answer(sent, 'an answer of the planner', DEADLINE, searched)
         if not handle.accepted:
             raise DemoError(
                 'grasp_planner rejected the goal: it must be active, without another goal'
             )
-        return self._answer(handle.get_result_async(), 'a planned grasp', PLANNING_DEADLINE).result
+        future = handle.get_result_async()
+        deadline = goal.time_limit + DEADLINE
+        return self._answer(future, 'a planned grasp', deadline, searched).result
 
     def approach(
         self, grasp: PlannedGrasp, progress: Callable[[float], None]
@@ -175,8 +203,12 @@ class Gripping:
         touch = next(p for p in grasp.path.points if p.time_from_start == grasp.touch)
         return record.split('grip', np.array(touch.positions))
 
-    def _answer(self, future: Future, what: str, deadline: float = DEADLINE) -> Any:
+    def _answer(self, future: Future, what: str, deadline: float, searched: Sequence[str]) -> Any:
         self._client.wait(
-            lambda: [] if future.done() else ['no response'], self._check, what, deadline
+            lambda: [] if future.done() else [*searched, describe_load()],
+            self._check,
+            what,
+            deadline,
+            of_manipulation=False,
         )
         return future.result()

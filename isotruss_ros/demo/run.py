@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
+import time
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError, load_robot
@@ -72,6 +73,58 @@ COMMAND_TIMEOUT = 1.0
 #: Rate of grasp analyses [Hz]. Each takes 20 to 40 ms on a core that the control loop needs too.
 ANALYSIS_RATE = 5.0
 
+#: Usual durations of the steps on two free cores [s].
+USUAL_DURATIONS = {
+    'start nodes': 5,
+    'plan a grasp': 10,
+    'approach and grip': 13,
+    'up': 7,
+    'turn in place': 8,
+    'arc': 16,
+    'draw': 10,
+}
+#: Period of the lines with the progress of a step where the output is no terminal [s].
+LINE_PERIOD = 5.0
+
+
+class Steps:
+    """Progress of the steps of the demonstration: bars in a terminal, otherwise lines."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        columns = (TextColumn('{task.description:34}'), BarColumn(), TimeElapsedColumn())
+        self._bars = Progress(*columns, console=console)
+
+    def __enter__(self) -> Steps:
+        """Begin to show bars."""
+        if self._console.is_terminal:
+            self._bars.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the bars as they are."""
+        if self._console.is_terminal:
+            self._bars.stop()
+
+    def begin(self, name: str) -> Callable[[float], None]:
+        """Return a function that shows the completed fraction of a step [-]."""
+        usual, start = f'usually {USUAL_DURATIONS[name]} s', time.monotonic()
+        task = self._bars.add_task(f'{name} ({usual})', total=1.0)
+        shown, ended = -LINE_PERIOD, False
+
+        def show(done: float) -> None:
+            nonlocal shown, ended
+            self._bars.update(task, completed=done)
+            passed = time.monotonic() - start
+            if ended or self._console.is_terminal:
+                return
+            if done >= 1.0 or passed - shown >= LINE_PERIOD:
+                shown, ended = passed, done >= 1.0
+                self._console.print(f'{name}: {100.0 * done:.0f} % after {passed:.0f} s, {usual}')
+
+        show(0.0)
+        return show
+
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """
@@ -121,7 +174,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
         console.print(grasp_table([part for record in records[2:] for part in record.parts()]))
         if not round_tubes:
             console.print(contact_table(records[2:]))
-    with console.status('drawing'):
+    with Steps(console) as steps:
+        show = steps.begin('draw')
         shown = [record for record in records if record.name != 'approach']
         picture = options.output / 'demo.png'
         draw_panels(robot, OBJECT_DIAMETER, shown, picture)
@@ -129,6 +183,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
             film(options.output / RECORDING, records[1:], options.output / 'demo.gif')
         else:
             animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
+        show(1.0)
     console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
     return print_verdict(moved, options.sensors == REAL, options.rate, console)
 
@@ -186,14 +241,8 @@ def _play(
                 client.require_alone()
 
             gripper = Gripping(client, check)
-            records = [gripper.wait_until_ready(real)]
-            columns = (TextColumn('{task.description:18}'), BarColumn(), TimeElapsedColumn())
-            with Progress(*columns, console=console) as progress:
-
-                def bar(name: str) -> Callable[[float], None]:
-                    task = progress.add_task(name, total=1.0)
-                    return lambda done: progress.update(task, completed=done)
-
+            with Steps(console) as steps:
+                records = [gripper.wait_until_ready(steps.begin('start nodes'), real)]
                 goal = PlanGrasp.Goal(
                     object_diameter=OBJECT_DIAMETER,
                     module=GRIP_MODULE,
@@ -201,12 +250,13 @@ def _play(
                     squeeze=squeeze,
                     count=3,
                 )
-                grasp, plan = gripper.plan(goal, bar('plan a grasp'))
+                grasp, plan = gripper.plan(goal, steps.begin('plan a grasp'))
                 if simulated:
                     slow_down(grasp, SLOWDOWN_FACTOR)
-                records += gripper.approach(grasp, bar('approach and grip'))
+                records += gripper.approach(grasp, steps.begin('approach and grip'))
                 client.wait_for_rest(check, 'a manipulation that is ready')
-                records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(pull)]
+                for phase in figure_9(pull):
+                    records.append(client.play(phase, check, steps.begin(phase.name)))
             return records, plan
     finally:
         if client is not None:

@@ -5,19 +5,25 @@
 
 import contextlib
 from functools import partial
+import io
+import itertools
+import math
 import os
 import signal
 import subprocess
 import sys
+import threading
 from types import SimpleNamespace
 
 from geometry_msgs.msg import Point, PoseStamped
+from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import GraspState, ManipulationStatus, PlannedGrasp, StateEstimate
-from isotruss_ros.core import load_robot, Status
+from isotruss_ros.core import load_robot, Pose, Status
 from isotruss_ros.demo import domains, processes, view
 from isotruss_ros.demo.client import DemoClient, DemoError, FINAL_HALTS, REST_TIME
-from isotruss_ros.demo.gripping import find_unknown_offsets, slow_down
+from isotruss_ros.demo.gripping import find_unknown_offsets, Gripping, slow_down
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
+from isotruss_ros.demo.run import Steps
 from isotruss_ros.demo.sensors import truth_table
 from isotruss_ros.demo.verdict import print_verdict
 from isotruss_ros.mujoco_plant.options import RIGID_SECTION_STIFFNESS
@@ -28,6 +34,8 @@ import numpy as np
 from probe import begin_context
 import pytest
 import rclpy
+from rclpy.action import ActionServer
+from rclpy.executors import SingleThreadedExecutor
 from rich.console import Console
 from sensor_msgs.msg import JointState
 
@@ -236,6 +244,75 @@ def test_a_wait_that_fails_names_each_unmet_condition_with_value_and_bound(other
     (first, second) = TRIANGLE.roller_names
     assert f'roller {first} is 5 mm; must be at most 1 mm' in str(failed.value)
     assert second not in str(failed.value)
+
+
+def test_steps_print_lines_from_their_begin_where_the_output_is_no_terminal():
+    printed = io.StringIO()
+    with Steps(Console(file=printed)) as steps:
+        show = steps.begin('up')
+        assert printed.getvalue() == 'up: 0 % after 0 s, usually 7 s\n'
+        show(0.5)
+        show(1.0)
+        show(1.0)
+    last = printed.getvalue().splitlines()[1:]
+    assert len(last) == 1
+    assert last[0].startswith('up: 100 % after ')
+
+
+@pytest.fixture
+def planner(other):
+    """Return goals that a planner receives; it reports 43 %, and ends those for one grasp."""
+    goals, shut = [], threading.Event()
+
+    def search(handle):
+        goals.append(handle.request)
+        progress = PlanGrasp.Feedback(evaluations=120, found=1, progress=0.43)
+        handle.publish_feedback(progress)
+        if handle.request.count == 1:
+            handle.succeed()
+            path = to_trajectory_message(TRIANGLE, [[0.0] * 2], [0.0])
+            return PlanGrasp.Result(grasps=[PlannedGrasp(path=path)])
+        shut.wait()
+        handle.abort()
+        return PlanGrasp.Result()
+
+    server = ActionServer(other, PlanGrasp, 'plan_grasp', search)
+    executor = SingleThreadedExecutor()
+    executor.add_node(other)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    yield goals
+    shut.set()
+    executor.shutdown()
+    thread.join()
+    server.destroy()
+
+
+def prepare(client):
+    """Return the first half of the demonstration, with a known pose and known rollers."""
+    client.measured, client.rollers = Pose(0.0, 0.0, 0.0), np.zeros(2)
+    return Gripping(client, lambda: None)
+
+
+def test_the_best_grasp_at_the_time_limit_of_a_search_is_used(client, planner):
+    grasp, _ = prepare(client).plan(PlanGrasp.Goal(count=1), lambda _: None)
+    assert grasp.path.points
+    assert 0.0 < planner[0].time_limit < math.inf
+
+
+def test_a_search_that_does_not_end_states_how_far_it_is_and_the_load(
+    planner, client, monkeypatch
+):
+    def pass_time(_):
+        # A quarter of an hour passes from each look at the clock to the next.
+        monkeypatch.setattr(client, '_seconds', itertools.count(0.0, 1e3).__next__)
+
+    with pytest.raises(DemoError) as raised:
+        prepare(client).plan(PlanGrasp.Goal(), pass_time)
+    words = str(raised.value)
+    assert 'the search is at 43 % after 120 evaluations, with 1 grasps' in words
+    assert 'the machine has a load of' in words
+    assert 'manipulation' not in words
 
 
 @pytest.mark.parametrize('code', [*FINAL_HALTS, Status.HALT_STALE_JOINT_STATES])
