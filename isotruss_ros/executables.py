@@ -66,7 +66,7 @@ PROGRAMS = {
     'export_mujoco': ('write a robot as a MuJoCo model', 'isotruss_ros.cli.export_mujoco:main'),
 }
 #: Names of the commands that send a request to the running nodes.
-REQUESTS = ('pick', 'move', 'place', 'stop', 'release', 'resume')
+REQUESTS = ('pick', 'move', 'place', 'stop', 'release', 'resume', 'clear-obstacles')
 #: Function of these commands as `module:name`; `stop` has a module of its own with few imports.
 OPERATE, STOP = 'isotruss_ros.cli.operate:main', 'isotruss_ros.cli.stop:main'
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Commands `isotruss pick`, `move`, `place`, `release` and `resume`.
+Commands `isotruss pick`, `move`, `place`, `release`, `resume` and `clear-obstacles`.
 
 Each command sends one goal to the running node `pick_and_place`, or one service call to the node
 `manipulation`. The user does not need the command `ros2`.
@@ -46,6 +46,7 @@ DISCOVERY_TIMEOUT = 5.0
 SERVICES = (
     ('release', RELEASE, 'release the stop'),
     ('resume', 'resume_grip', 'resume after the object has slipped'),
+    ('clear-obstacles', 'clear_obstacles', 'discard all moving obstacles'),
 )
 #: Longest time in which the release of a stop is tried [s].
 RELEASE_TIMEOUT = 2.0

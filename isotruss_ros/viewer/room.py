@@ -11,7 +11,7 @@ from typing import Any
 
 from isotruss_ros.core import Obstacle, Pose
 from isotruss_ros.core.inputs import StampedInput
-from isotruss_ros.core.model.obstacle_file import MAX_OBSTACLES
+from isotruss_ros.core.model.obstacle import MAX_OBSTACLES
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.recording.encoded_values import RecordedCycleError
 from isotruss_ros.core.recording.recorded_cycle import read_cycle

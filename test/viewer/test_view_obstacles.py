@@ -13,7 +13,7 @@ from isotruss_ros.core import ConvexObject, Disc, Grip, Obstacle, read_obstacles
 from isotruss_ros.core import Pose as PlanarPose
 from isotruss_ros.core.inputs import LatestInputs, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.model.obstacle_file import MAX_OBSTACLES
+from isotruss_ros.core.model.obstacle import MAX_OBSTACLES
 from isotruss_ros.core.recording.recorded_servo import RecordedServo
 from isotruss_ros.core.servo.servo_settings import OBSTACLE_TIMEOUT, ServoSettings
 from isotruss_ros.viewer.message_checks import PictureError

@@ -16,6 +16,8 @@ from isotruss_ros.core.numerics.arrays import finite_array, Points
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
+#: Largest number of obstacles at rest, and of moving ones [-]; a cycle with more takes too long.
+MAX_OBSTACLES = 200
 #: Longest name of an obstacle [characters].
 MAX_NAME_LENGTH = 80
 #: Largest speed [m/s] and turn rate [rad/s] of an obstacle. A hand reaches 2 m/s; a third of this

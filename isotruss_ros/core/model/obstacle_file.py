@@ -21,12 +21,10 @@ from typing import Any
 from isotruss_ros.core.errors import GraspError, ObjectFileError, quote
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.object_file import make_shape, read_content, SHAPES
-from isotruss_ros.core.model.obstacle import HalfPlane, Obstacle
+from isotruss_ros.core.model.obstacle import HalfPlane, MAX_OBSTACLES, Obstacle
 
 #: Shape classes of obstacles by name.
 OBSTACLE_SHAPES: dict[str, type] = {**SHAPES, 'half_plane': HalfPlane}
-#: Largest number of obstacles [-]; more would not fit in a control cycle.
-MAX_OBSTACLES = 200
 
 
 def read_obstacles(path_or_text: str | Path) -> tuple[Obstacle, ...]:

@@ -13,7 +13,7 @@ from isotruss_ros.core.inputs import Input, RejectedInput, StampedInput
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.convex_object import EXTERNAL_WRENCH
-from isotruss_ros.core.model.obstacle import Obstacle
+from isotruss_ros.core.model.obstacle import MAX_OBSTACLES, Obstacle
 from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, MAX_LOAD
 from isotruss_ros.core.statics.section import tube_pressures
@@ -74,8 +74,11 @@ def _check_halt(given: Any) -> None:
 
 
 def _check_obstacles(obstacles: Sequence[Obstacle]) -> None:
-    """Raise GraspError unless moving obstacles have stamps and different names."""
+    """Raise GraspError unless moving obstacles are few, with stamps and different names."""
     check_kind('obstacles', obstacles, 'Sequence[Obstacle]')
+    if len(obstacles) > MAX_OBSTACLES:
+        words = f'{len(obstacles)} moving obstacles; must be at most {MAX_OBSTACLES}'
+        raise GraspError(words)
     names = [obstacle.name for obstacle in obstacles]
     for number, obstacle in enumerate(obstacles):
         words = f'moving obstacle {quote(obstacle.name)}'

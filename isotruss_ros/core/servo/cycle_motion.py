@@ -73,7 +73,7 @@ def solve(
     """
     Return the command for the state predicted at the cycle's midpoint, and a note on obstacles.
 
-    The poses of `moving` obstacles are those at the end of the cycle.
+    The poses of `moving` obstacles are those when the next command follows.
     """
     settings, squeeze, (config, contacts, last_speeds) = setup.settings, memory.squeeze, predicted
     # The twist moves the `contacts` of the equilibrium without load; the limits are those of the
@@ -117,7 +117,7 @@ def solve(
             command, last_speeds, last_step, largest, rows, arm, object_change, velocity
         )
     if watch is not None:
-        command = watch.keep(command, last_speeds, settings.period)
+        command = watch.keep(command, last_speeds, time_since_command(setup, memory, now))
     if squeeze is not None:
         missing = desired.achieved_twist - command.achieved_twist
         squeeze = squeeze.advanced(twist, desired, correction, missing)

@@ -18,6 +18,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
+from isotruss_ros.core.servo.obstacle_evasion import ObstacleTracks
 from isotruss_ros.core.servo.repeated_pose import RepeatedPose
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
@@ -56,6 +57,7 @@ class ServoMemory:
     :ivar poses: last pose up to the time of the rollers, and the later ones.
     :ivar squeeze: squeeze control with the tracked grip; None if the opening angle is constant.
     :ivar followed_at: time of the last cycle that followed the grip [s]; None before the first.
+    :ivar obstacles: last poses of the moving obstacles.
     """
 
     config: Configuration
@@ -67,6 +69,7 @@ class ServoMemory:
     poses: Timeline = field(default_factory=Timeline)
     squeeze: SqueezeControl | None = None
     followed_at: float | None = None
+    obstacles: ObstacleTracks = field(default_factory=ObstacleTracks)
 
     @classmethod
     def of(cls, robot: Robot, settings: ServoSettings) -> ServoMemory:

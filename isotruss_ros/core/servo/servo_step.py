@@ -33,7 +33,7 @@ from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.numerics.work_limit import limited_work
 from isotruss_ros.core.servo.cycle_motion import predict, PredictedState, solve, time_since_command
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError
-from isotruss_ros.core.servo.obstacle_evasion import predict_obstacles
+from isotruss_ros.core.servo.obstacle_evasion import require_obstacles
 from isotruss_ros.core.servo.servo_memory import ServoMemory, ServoSetup
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
@@ -88,7 +88,11 @@ def step(
             if memory.squeeze.tracker.belief is None:
                 reasons = f'the object is not held: {hold.value}', memory.squeeze.note()
                 raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, reasons)))
-        moving = predict_obstacles(inputs.obstacles, settings, now)
+        obstacles = require_obstacles(inputs.obstacles, memory.obstacles, settings, now)
+        tracks = replace(memory.obstacles.updated(obstacles), are_stale=False)
+        memory = replace(memory, obstacles=tracks)
+        # The next command follows after the period, or as late as this one.
+        moving = tracks.predict(now + time_since_command(setup, memory, now))
         squeeze, command, note = solve(setup, memory, predicted, failed, twist, now, moving)
         ok = command.status is Status.OK
         message, is_solved = '' if ok else describe(command, settings.joint is None), True
@@ -97,6 +101,8 @@ def step(
         status, message = halt_for(error), str(error)
         if status is Status.HALT_NO_TWIST and has_ended(now, settings.timeout, inputs.twist):
             message = 'nothing is commanded: the twists have ended'
+        if status is Status.HALT_STALE_OBSTACLES:
+            memory = replace(memory, obstacles=replace(memory.obstacles, are_stale=True))
         memory = halt(setup, memory, inputs, status, now)
         squeeze = memory.squeeze
         command = RollerCommand(np.zeros(len(names)), np.zeros(3), 0.0, status)

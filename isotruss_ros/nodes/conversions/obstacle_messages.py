@@ -12,7 +12,7 @@ from isotruss_msgs.msg import Obstacle as ObstacleMessage
 from isotruss_msgs.msg import Obstacles
 from isotruss_ros.core import ConvexObject, Obstacle, Pose
 from isotruss_ros.core.errors import GraspError, quote
-from isotruss_ros.core.model.obstacle import HalfPlane
+from isotruss_ros.core.model.obstacle import HalfPlane, MAX_OBSTACLES
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
@@ -34,6 +34,8 @@ def read_obstacles(
     :param shift: origin of the message's frame in the robot frame, x + iy [m].
     :param turned: angle of the message's frame in the robot frame [rad].
     """
+    if (count := len(message.obstacles)) > MAX_OBSTACLES:
+        raise MessageError(f'obstacles: {count} in a message; must be at most {MAX_OBSTACLES}')
     names = [entry.name for entry in message.obstacles]
     if len(set(names)) < len(names):
         twice = sorted({quote(name) for name in names if names.count(name) > 1})

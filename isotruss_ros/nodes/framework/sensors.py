@@ -16,6 +16,7 @@ from isotruss_ros.core import Configuration, Obstacle, Robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import (
     CLOCK_SKEW,
+    ENDED_SHARE,
     Input,
     InputFault,
     LatestInputs,
@@ -26,6 +27,7 @@ from isotruss_ros.core.inputs import (
     StampedInput,
 )
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
+from isotruss_ros.core.model.obstacle import MAX_OBSTACLES
 from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part, read_tube_pressure
 from isotruss_ros.nodes.conversions.state_messages import read_estimate, read_grip
 from isotruss_ros.nodes.framework.gate import ForeignMessage, Gate, Received, Topic
@@ -188,11 +190,20 @@ class Inputs(LatestInputs):
         """Merge a message of some moving obstacles with the last pose of the others."""
         if isinstance(received, RejectedInput):
             return received
+        merged = dict(self._by_name)
         for obstacle in received.value:
-            kept = self._by_name.get(obstacle.name)
+            kept = merged.get(obstacle.name)
             if kept is None or kept.stamp > now + CLOCK_SKEW or kept.stamp <= obstacle.stamp:
-                self._by_name[obstacle.name] = obstacle
-        return received._replace(value=tuple(self._by_name.values()))
+                merged[obstacle.name] = obstacle
+        if len(merged) > MAX_OBSTACLES:  # names that have ended leave
+            oldest = now - ENDED_SHARE * self._node.values.obstacle_timeout
+            merged = {name: kept for name, kept in merged.items() if kept.stamp >= oldest}
+        if len(merged) > MAX_OBSTACLES:
+            return RejectedInput(
+                f'obstacles: {len(merged)} names in the messages; must be at most {MAX_OBSTACLES}'
+            )
+        self._by_name = merged
+        return received._replace(value=tuple(merged.values()))
 
     def clear_obstacles(self) -> str:
         """Discard all moving obstacles until the next message; return a text with their names."""

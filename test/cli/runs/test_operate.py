@@ -108,3 +108,17 @@ def test_a_lost_response_is_asked_for_again(monkeypatch):
     client = SimpleNamespace(wait_for_service=lambda _: True, call_async=lambda _: sent.pop(0))
     monkeypatch.setattr(Node, 'create_client', lambda *_: client)
     assert operate.main(['resume']) == 0
+
+
+def test_clear_obstacles_calls_the_service_and_prints_its_answer(monkeypatch, capsys):
+    rclpy.try_shutdown()
+    asked, answer = [], Trigger.Response(success=True, message='cleared moving obstacles: hand')
+
+    def create_client(_node, _kind, name):
+        asked.append(name)
+        return SimpleNamespace(wait_for_service=lambda _: True, call_async=lambda _: done(answer))
+
+    monkeypatch.setattr(Node, 'create_client', create_client)
+    assert operate.main(['clear-obstacles']) == 0
+    assert asked == ['clear_obstacles']
+    assert 'cleared moving obstacles: hand' in capsys.readouterr().out

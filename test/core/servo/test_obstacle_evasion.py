@@ -4,6 +4,7 @@
 """Moving obstacles: evasion, halt where none is possible, and silence of their publisher."""
 
 from dataclasses import replace
+import itertools
 
 from driven import Driven
 from grips import held_at
@@ -18,6 +19,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.inputs import StampedInput
+from isotruss_ros.core.model.obstacle import MAX_OBSTACLES
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from nightly import some_now
 import numpy as np
@@ -125,6 +127,80 @@ def test_robot_goes_on_when_the_hand_is_gone():
     for _ in range(25):
         room.step((0.0, -0.15, 0.0))
     assert room.robot.held.pose.y < before - 0.03
+
+
+@pytest.mark.parametrize('tells_velocity', [True, False])
+def test_hand_is_evaded_whether_it_tells_its_velocity_or_only_its_poses(tells_velocity):
+    hand = approaching(-0.5 * np.pi, 0.08, 0.3)
+    least, room = np.inf, Room(hand)
+    for _ in range(175):
+        seen = hand.at(room.robot.now + PERIOD)
+        if not tells_velocity:
+            seen = replace(seen, velocity=(0.0, 0.0, 0.0))
+        room.robot.servo.receive(obstacles=StampedInput((seen,), seen.stamp))
+        _, gap = room.step((0.0, 0.0, 0.0), published=False)
+        least = min(least, gap)
+    assert least > 0.005
+
+
+def test_hand_that_touches_and_comes_on_halts_the_robot_in_words():
+    hand, statuses = approaching(-0.5 * np.pi, 0.6, 0.4), []
+    room = Room(hand)
+    for _ in range(50):
+        seen = replace(hand.at(room.robot.now + PERIOD), velocity=(0.0, 0.0, 0.0))
+        room.robot.servo.receive(obstacles=StampedInput((seen,), seen.stamp))
+        command, gap = room.step((0.0, 0.01, 0.0), published=False)
+        if gap < -1e-3:
+            statuses.append(command.status)
+    assert statuses
+    assert set(statuses) == {Status.HALT_OBSTACLE}
+    assert 'touch' in room.robot.servo.decide(room.robot.now).message
+
+
+def test_obstacle_that_is_placed_elsewhere_has_no_velocity():
+    x, y, _ = HELD.pose
+    room = Room(Obstacle('post', ConvexObject.disc((x + 2.0, y - 0.4), 0.1), stamp=0.0))
+    for _ in range(5):
+        room.step((0.01, 0.0, 0.0))
+    room.hand = replace(room.hand, body=room.hand.body.moved_to((x, y - 0.4, 0.0)))
+    for _ in range(5):
+        command, _ = room.step((0.01, 0.0, 0.0))
+        assert command.status < Status.HALT_OBSTACLE
+        assert command.achieved_twist == pytest.approx((0.01, 0.0, 0.0), abs=1e-3)
+
+
+def test_messages_as_old_as_the_timeout_do_not_alternate_motion_and_halt():
+    hand = replace(approaching(-0.5 * np.pi, 0.0, 0.6), velocity=(0.0, 0.0, 0.0))
+    room, statuses = Room(hand, obstacle_timeout=0.5), []
+    for number in range(100):
+        if number % 15 == 0:
+            seen = replace(hand, stamp=room.robot.now - 0.4)
+            room.robot.servo.receive(obstacles=StampedInput((seen,), seen.stamp))
+        command, _ = room.step((0.01, 0.0, 0.0), published=False)
+        statuses.append(command.status)
+    assert Status.HALT_STALE_OBSTACLES in statuses
+    changes = sum(before is not after for before, after in itertools.pairwise(statuses))
+    assert changes <= 2
+
+
+@pytest.mark.parametrize(('period', 'follows_late'), [(0.04, False), (0.2, False), (0.2, True)])
+def test_slow_loop_keeps_its_distance_from_a_hand(period, follows_late):
+    hand = approaching(-0.5 * np.pi, 0.1, 0.3)
+    robot, least = Driven(HELD, 0.04), np.inf
+    for _ in range(round(3.0 / period)):
+        seen = hand.at(robot.now + period)
+        robot.servo.receive(obstacles=StampedInput((seen,), seen.stamp))
+        robot.step_late((0.0, 0.0, 0.0), period, follows_late)
+        least = min(least, clearance(robot.held, [hand.at(robot.now + period)]))
+    assert least > (0.015 if follows_late else 0.019)
+
+
+def test_more_moving_obstacles_than_a_cycle_can_keep_are_refused_with_their_number():
+    servo = Room(approaching(0.0, 0.1)).robot.servo
+    disc = ConvexObject.disc((9.0, 9.0), 0.1)
+    many = tuple(Obstacle(str(i), disc, stamp=0.0) for i in range(MAX_OBSTACLES + 1))
+    servo.receive(obstacles=StampedInput(many, 0.0))
+    assert servo.inputs.obstacles.reason == '201 moving obstacles; must be at most 200'
 
 
 def test_invalid_moving_obstacles_halt_the_robot_with_the_reason():

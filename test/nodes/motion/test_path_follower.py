@@ -377,6 +377,30 @@ def test_silent_obstacle_stops_the_rollers_until_it_is_cleared():
         w.until_code(core.Status.OK, lambda: send(cart))
 
 
+def far_away(*names):
+    """Return obstacles of these names 5 m from the object."""
+    place = core.ConvexObject(core.Disc(0.1), (CENTER[0] + 5.0, CENTER[1], 0.0))
+    return [core.Obstacle(name, place) for name in names]
+
+
+def test_names_of_obstacles_are_bounded_and_leave_when_they_have_ended():
+    with world(manipulation(obstacle_timeout=0.1)) as w:
+        send = publisher(w)
+        first, second = far_away(*map(str, range(150))), far_away(*map(str, range(150, 300)))
+        w.until_code(core.Status.OK, lambda: send(*first))
+        status = w.until_code(core.Status.HALT_STALE_OBSTACLES, lambda: send(*second))
+        assert '300 names in the messages; must be at most 200' in status.message
+        w.until_code(core.Status.OK, lambda: send(*second))
+        assert w.call('clear_obstacles', Trigger.Request()).message.count(',') == 149
+
+
+def test_message_with_more_obstacles_than_a_cycle_can_keep_is_refused_with_their_number():
+    with world(manipulation()) as w:
+        send, many = publisher(w), far_away(*map(str, range(201)))
+        status = w.until_code(core.Status.HALT_INVALID_OBSTACLES, lambda: send(*many))
+    assert '201 in a message; must be at most 200' in status.message
+
+
 def test_invalid_first_message_of_obstacles_stops_the_rollers_with_the_reason():
     with world(manipulation()) as w:
         send = publisher(w)
