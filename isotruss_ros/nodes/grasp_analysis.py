@@ -13,13 +13,13 @@ from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.inputs import StampedInput
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.conversions.grasp_messages import (
+    ContactForces,
     read_external_wrench,
     read_query,
-    to_contact_wrench,
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import to_marker_array
@@ -33,7 +33,13 @@ from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import EVENTS
 from isotruss_ros.nodes.framework.transforms import find_contact_frames, TransformBroadcaster
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
-from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery, GraspReport
+from isotruss_ros.nodes.grasp.grasp_report import (
+    AnalyzedGrasp,
+    GraspCode,
+    GraspQuery,
+    GraspReport,
+)
+import numpy as np
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
@@ -76,6 +82,7 @@ class GraspAnalysisNode(ManagedNode):
         self._closures = self.advertise(Bool, 'grasp/force_closure')
         self._wrenches = self.advertise(WrenchStamped, 'grasp/wrench')
         self._forces = self.advertise(WrenchStamped, 'grasp/contact_forces', EVENTS)
+        self._contacts = ContactForces(self.robot.frame)
         self._arrays = self.advertise(MarkerArray, 'grasp/markers')
         self._transforms = TransformBroadcaster(self, self.robot)
         inputs.keep('rollers', 'estimate', 'pose', 'pressures', 'held_grip')
@@ -138,7 +145,7 @@ class GraspAnalysisNode(ManagedNode):
             grip = grasp.settled.equilibrium
             contacts = {} if grip is None else find_contact_frames(grip)
             self._transforms.broadcast(grasp.config, grasp.body.pose, contacts, report.time)
-            self._publish_forces(report.time, grasp.settled)
+            self._publish_forces(report.time, grasp)
             used = grasp.largest_utilisation
             sound = used <= MAX_UTILISATION and not grasp.settled.flattened
             level = DiagnosticStatus.OK if sound else DiagnosticStatus.WARN
@@ -148,13 +155,15 @@ class GraspAnalysisNode(ManagedNode):
         self.diagnostics.set_status(status, level)
         self._draw(report)
 
-    def _publish_forces(self, when: float, settled: SettledGrasp) -> None:
+    def _publish_forces(self, when: float, grasp: AnalyzedGrasp) -> None:
         """Publish the force of each member on the free object, in its contact frame."""
         if not self._forces.get_subscription_count():
             return
-        friction = settled.friction_forces
-        for member, normal in settled.normal_forces.items():
-            message = to_contact_wrench(self.robot.frame, member, when, normal, friction[member])
+        normal, friction = grasp.settled.normal_forces, grasp.settled.friction_forces
+        if not normal:  # without contact, the two members nearest to the object
+            nearest = np.argsort(member_depths(grasp.config, grasp.body), kind='stable')[-2:]
+            normal = {self.robot.member_names[i]: 0.0 for i in nearest.tolist()}
+        for message in self._contacts.make_messages(when, normal, friction):
             self._forces.publish(message)
 
     def _draw(self, report: GraspReport) -> None:

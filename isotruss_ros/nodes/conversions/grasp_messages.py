@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import cmath
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import math
 
 from geometry_msgs.msg import Point, Pose, Vector3, Wrench, WrenchStamped
@@ -85,6 +85,31 @@ def to_contact_wrench(
     message = WrenchStamped(header=make_header(when, name_frame(frame, member + CONTACT)))
     message.wrench.force.x, message.wrench.force.y = normal, -friction
     return message
+
+
+class ContactForces:
+    """Messages of the contact forces of the grasping members, zero for those without contact."""
+
+    def __init__(self, frame: str) -> None:
+        self._frame, self._grasping = frame, list[str]()
+
+    def make_messages(
+        self, when: float, normal: Mapping[str, float], friction: Mapping[str, float]
+    ) -> list[WrenchStamped]:
+        """
+        Return a message for each grasping member, and for each that grasped before.
+
+        :param normal: normal force of each grasping member [N]; empty without contact.
+        :param friction: friction force of each, see `to_contact_wrench` [N]; empty if unknown.
+        """
+        released = [name for name in self._grasping if name not in normal]
+        self._grasping = list(normal) or self._grasping
+        return [
+            to_contact_wrench(
+                self._frame, name, when, normal.get(name, 0.0), friction.get(name, 0.0)
+            )
+            for name in (*normal, *released)
+        ]
 
 
 def read_query(request: AnalyzeGrasp.Request, spacing: float) -> GraspQuery:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.core import Robot
-from isotruss_ros.nodes.conversions.grasp_messages import to_contact_wrench
+from isotruss_ros.nodes.conversions.grasp_messages import ContactForces
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -30,7 +30,7 @@ class SimulatedTruth:
     """Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`."""
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
-        self._robot = robot
+        self._robot, self._contacts = robot, ContactForces(robot.frame)
         self._pose = node.advertise(PoseStamped, 'truth/object_pose')
         self._joints = node.advertise(MultiDOFJointState, 'truth/joint_markers')
         self._forces = node.advertise(WrenchStamped, 'truth/contact_forces', EVENTS)
@@ -46,8 +46,8 @@ class SimulatedTruth:
             markers.header = header
             self._joints.publish(markers)
         if self._forces.get_subscription_count():
-            for member, force in plant.normal_forces.items():
-                self._forces.publish(to_contact_wrench(self._robot.frame, member, now, force))
+            for message in self._contacts.make_messages(now, plant.normal_forces, {}):
+                self._forces.publish(message)
 
 
 class ClockSource:

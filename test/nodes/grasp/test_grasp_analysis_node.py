@@ -7,7 +7,7 @@ from dataclasses import replace
 import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Point, Pose
+from geometry_msgs.msg import Point, Pose, WrenchStamped
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros import core
@@ -15,6 +15,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import LatestInputs, RejectedInput, RollerState, StampedInput
+from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.nodes.conversions.grasp_messages import read_query, to_wrench_message
 from isotruss_ros.nodes.conversions.messages import make_header, MessageError, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
@@ -88,6 +89,55 @@ def test_publishes_the_result_of_the_analysis():
         published = w.probe.last('wrench')
         assert published.header.frame_id == 'truss_object_aligned'
         assert published.wrench == state.normal_wrench
+
+
+def forces_by_frame(messages):
+    """Return the last force (along the normal, along the tube) of each contact frame [N]."""
+    return {m.header.frame_id: (m.wrench.force.x, m.wrench.force.y) for m in messages}
+
+
+def are_alike(forces, expected):
+    """Return whether forces by frame agree to 1e-6 of the expected ones."""
+    return forces.keys() == expected.keys() and all(
+        forces[frame] == pytest.approx(expected[frame], rel=1e-6) for frame in expected
+    )
+
+
+def test_contact_forces_are_those_of_the_settled_grasp_and_zero_after_the_loss_of_contact():
+    wrench = (0.4, -0.3, 0.02)
+    body = core.ConvexObject.disc(SQUEEZED, DIAMETER)
+    settled = core.settle_grasp(ROBOT.home, body, 0.5, wrench)
+    frames = {name: f'truss_{name.replace("/", "_")}_contact' for name in settled.normal_forces}
+    with world(node()) as w:
+        w.probe.listen(WrenchStamped, 'forces', 'grasp/contact_forces')
+
+        def feed_loaded():
+            feed(w)()
+            w.probe.send_wrench(wrench)
+
+        def received():
+            return forces_by_frame([message for _, message in w.probe.seen['forces'][-2:]])
+
+        expected = {
+            frames[name]: (force, -settled.friction_forces[name])
+            for name, force in settled.normal_forces.items()
+        }
+        w.until(lambda: are_alike(received(), expected), feed_loaded)
+        assert min(force for force, _ in expected.values()) > 1.0
+        assert max(abs(along) for _, along in expected.values()) > 0.1
+        away = (SQUEEZED[0] + 0.5, SQUEEZED[1] + 0.5)
+        w.until(lambda: set(received().values()) == {(0.0, 0.0)}, feed(w, center=away))
+        assert received().keys() <= set(frames.values())
+
+
+def test_contact_forces_are_zero_for_the_nearest_members_without_contact_from_the_start():
+    apart = core.tangent_center(ROBOT.home, MODULE, DIAMETER, shift=-0.05)
+    with world(node()) as w:
+        w.probe.listen(WrenchStamped, 'forces', 'grasp/contact_forces')
+        w.until(lambda: len(w.probe.seen['forces']) > 3, feed(w, center=apart))
+        received = forces_by_frame([message for _, message in w.probe.seen['forces']])
+    frames = [f'truss_{name.replace("/", "_")}_contact' for name in members_at(ROBOT, MODULE)]
+    assert received == dict.fromkeys(frames, (0.0, 0.0))
 
 
 def check_region(marker, state):

@@ -252,6 +252,15 @@ def test_true_states_are_those_of_the_plant():
         assert result == pytest.approx(dict(zip(frames, held.normal_forces, strict=True)))
         position = received['truth/object_pose'][-1][1].pose.position
         assert (position.x, position.y) == pytest.approx(held.pose[:2])
+        w.probe.listen(WrenchStamped, 'forces', 'truth/contact_forces')
+        place = w.probe.create_publisher(PoseStamped, 'set_object_pose', 10)
+        away = PoseStamped(header=Header(frame_id='truss'))
+        away.pose.position.x = away.pose.position.y = 5.0
+        w.until(
+            lambda: [m.wrench.force.x for _, m in w.probe.seen['forces'][-2:]] == [0.0, 0.0],
+            lambda: place.publish(away),
+        )
+        assert {m.header.frame_id for _, m in w.probe.seen['forces'][-2:]} == set(frames)
 
 
 def arrivals(seed=0, rows=1, **faults):
