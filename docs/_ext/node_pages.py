@@ -20,8 +20,11 @@ INTERFACES_HEAD = """\
 
 These are the files of the interface package `isotruss_msgs`, in `msg_defs/`. A field `message`
 contains a sentence that says what is wrong and what would be right. An action has succeeded only
-if its code is 0. Everything is planar: of a pose only x, y and the rotation about z are used. The
-name `t/j` belongs to a module, `t/j-k` to a member ([names](robot_file.md))."""
+if its code is 0. The name `t/j` belongs to a module, `t/j-k` to a member ([names](robot_file.md)).
+
+Everything is planar. A pose is refused if it is tilted by more than 5 degrees, or more than 0.3 m,
+out of the robot's plane, and a twist if it has components other than linear.x, linear.y and
+angular.z. Of wrenches only these components are used, of joint markers only x and y."""
 
 #: Notes on topics, for pages that have no other note on them.
 COMMON_NOTES = {

@@ -120,6 +120,9 @@ def check_stamp(
     `setting` that contains the timeout, if any.
     """
     words, age = name.replace('_', ' '), now - stamp
+    if stamp == 0.0 and age > timeout:
+        message = f'{words}: the stamp is missing (zero); must be the time of the measurement'
+        raise InputError(InputFault.STALE, name, message)
     if age > timeout:
         is_late = setting and age < ENDED_SHARE * timeout
         remedy = f' ({setting}: set it higher where the machine is busy)' if is_late else ''

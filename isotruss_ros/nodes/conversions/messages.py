@@ -35,6 +35,10 @@ HELD_VALUES = {
 }
 #: Largest accepted deviation of the norm of a quaternion from 1 [-].
 QUATERNION_TOLERANCE = 0.01
+#: Largest tilt of a measurement out of the robot's plane [degrees], which changes measured lengths
+#: by 0.4 %, and largest distance of an object's frame from this plane [m], since the marker of a
+#: tracker is on top of the object.
+MAX_TILT, MAX_HEIGHT = 5.0, 0.3
 
 
 class MessageError(IsotrussError, ValueError):
@@ -117,17 +121,44 @@ def check_place(what: str, x: float, y: float) -> None:
         raise MessageError(f'{what} at ({x}, {y}): {fault}')
 
 
-def read_pose(what: str, message: PoseMessage) -> Pose:
-    """
-    Return the planar pose in a message; height and tilt are ignored.
-
-    :param message: pose in any frame.
-    """
+def check_pose(what: str, message: PoseMessage) -> None:
+    """Raise MessageError unless a pose in any frame has a place within range and a unit rotation."""
     position, q = message.position, message.orientation
     check_place(what, position.x, position.y)
     norm = math.hypot(q.x, q.y, q.z, q.w)
     if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
         raise MessageError(f'{what}: the quaternion has norm {norm}; must be 1')
+
+
+def check_plane(what: str, cosine: float, height: float) -> None:
+    """
+    Raise MessageError if a pose is out of the robot's plane.
+
+    :param cosine: cosine of the angle between the z axes of pose and robot frame [-].
+    :param height: distance of the pose's origin from the plane [m].
+    """
+    tilt = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
+    if tilt > MAX_TILT:
+        raise MessageError(
+            f'{what}: tilted by {tilt:.0f} degrees out of the plane of the robot; must be at most '
+            f'{MAX_TILT:g}'
+        )
+    if not abs(height) <= MAX_HEIGHT:
+        raise MessageError(
+            f'{what}: z = {height:.3g} m out of the plane of the robot; must be within '
+            f'{MAX_HEIGHT:g} m'
+        )
+
+
+def read_pose(what: str, message: PoseMessage) -> Pose:
+    """
+    Return the planar pose in a message.
+
+    :param message: pose in the robot frame, or in a frame with the same plane.
+    """
+    check_pose(what, message)
+    position, q = message.position, message.orientation
+    check_plane(what, 1.0 - 2.0 * (q.x**2 + q.y**2), position.z)
     angle = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
     return Pose(position.x, position.y, angle)
 

@@ -13,7 +13,13 @@ from isotruss_msgs.msg import Obstacles
 from isotruss_ros.core import Obstacle, Pose, Robot
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.conversions.messages import check_place, MessageError, read_pose
+from isotruss_ros.nodes.conversions.messages import (
+    check_place,
+    check_plane,
+    check_pose,
+    MessageError,
+    read_pose,
+)
 from isotruss_ros.nodes.conversions.obstacle_messages import read_obstacles
 from isotruss_ros.nodes.conversions.sensor_messages import read_joint_markers
 import numpy as np
@@ -30,10 +36,6 @@ try:
 except ImportError:
     # It has no wheel for machines without ROS.
     Buffer, NO_TRANSFORM = None, (ValueError,)  # type: ignore[assignment]
-
-#: Largest tilt of a measurement out of the robot's plane [rad]; this tilt changes measured lengths
-#: by 0.4 %.
-MAX_TILT = math.radians(5.0)
 
 
 class NoTransformError(MessageError):
@@ -69,13 +71,13 @@ class RobotFrame:
         :param message: pose in any frame.
         """
         what, place = 'object pose', message.pose.position
-        pose = read_pose(what, message.pose)
         if message.header.frame_id == self._robot.frame:
-            return pose
+            return read_pose(what, message.pose)
+        check_pose(what, message.pose)
         rotation, shift = self._look_up(what, message.header)
         turned = rotation @ _rotation_matrix(message.pose.orientation)
-        self._check_plane(what, message.header, turned)
-        x, y, _ = (rotation @ (place.x, place.y, place.z) + shift).tolist()
+        x, y, z = (rotation @ (place.x, place.y, place.z) + shift).tolist()
+        check_plane(_name_in_frame(what, message.header), turned[2, 2], z)
         check_place(what, x, y)
         return Pose(x, y, math.atan2(turned[1, 0], turned[0, 0]))
 
@@ -92,7 +94,7 @@ class RobotFrame:
         what = 'joint markers'
         rotation, shift = self._look_up(what, message.header)
         if not any(height for _, _, height in joints.values()):
-            self._check_plane(what, message.header, rotation)
+            check_plane(_name_in_frame(what, message.header), rotation[2, 2], 0.0)
         moved = {}
         for name, place in joints.items():
             x, y, _ = (rotation @ place + shift).tolist()
@@ -110,13 +112,13 @@ class RobotFrame:
         if not message.obstacles or frame in ('', self._robot.frame):
             return read_obstacles(message)
         rotation, shift = self._look_up(what, message.header)
-        self._check_plane(what, message.header, rotation)
+        check_plane(_name_in_frame(what, message.header), rotation[2, 2], 0.0)
         turned = math.atan2(rotation[1, 0], rotation[0, 0])
         return read_obstacles(message, complex(shift[0], shift[1]), turned)
 
     def _look_up(self, what: str, header: Header) -> tuple[Array, Array]:
         """Return rotation (3, 3) and translation (3,) from the frame of a header at its stamp."""
-        words, frame = f'{what} in frame {quote(header.frame_id)}', self._robot.frame
+        words, frame = _name_in_frame(what, header), self._robot.frame
         if self._buffer is None:
             raise MessageError(
                 f'{words}: must be {frame!r}; tf2_ros, which transforms frames, is not installed'
@@ -131,15 +133,10 @@ class RobotFrame:
             ) from error
         return rotation, np.array([shift.x, shift.y, shift.z])
 
-    def _check_plane(self, what: str, header: Header, turned: Array) -> None:
-        """Raise MessageError if an axis is tilted out of the robot's plane."""
-        tilt = math.degrees(math.acos(min(1.0, max(-1.0, turned[2, 2]))))
-        most = math.degrees(MAX_TILT)
-        if tilt > most:
-            raise MessageError(
-                f'{what} in frame {quote(header.frame_id)}: tilted by {tilt:.0f} degrees out of '
-                f'the plane of {self._robot.frame!r}; must be at most {most:.0f}'
-            )
+
+def _name_in_frame(what: str, header: Header) -> str:
+    """Return the name of a measurement with that of its frame."""
+    return f'{what} in frame {quote(header.frame_id)}'
 
 
 def _rotation_matrix(rotation: Quaternion) -> Array:

@@ -74,7 +74,7 @@ TIMES = {
     'long ago': ({'age': 1e3}, 'STALE_', 'old'),
     'in the future': ({'age': -1e3}, 'INVALID_', 'future'),
     'after all time': ({'stamp': 2**31 - 1}, 'INVALID_', 'future'),
-    'without a stamp': ({'stamp': 0}, 'STALE_', 'old'),
+    'without a stamp': ({'stamp': 0}, 'STALE_', 'the stamp is missing'),
 }
 JOINT_STATES = TIMES | {
     'rejected': ({'position': [math.nan] * N}, 'INVALID_', 'finite'),

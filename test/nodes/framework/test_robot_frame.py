@@ -67,7 +67,7 @@ def markers(places, frame='camera'):
 
 @given(rotations, st.tuples(lengths, lengths, lengths), lengths, lengths, st.floats(-3.0, 3.0))
 def test_poses_in_any_frame_are_transformed_to_the_robot_frame(turn, shift, x, y, angle):
-    true = np.array([x, y, 0.3])
+    true = np.array([x, y, 0.2])
     measured = turn.inv().apply(true - shift)
     rotation = turn.inv() * Rotation.from_euler('z', angle)
     frame = RobotFrame(ROBOT, Buffer(turn, shift))
@@ -85,10 +85,32 @@ def test_markers_in_any_frame_are_transformed_to_the_robot_frame(turn, shift):
         assert result[name] == pytest.approx(place[:2], abs=1e-9)
 
 
-def test_what_is_in_the_frame_of_the_robot_is_taken_as_it_is_whatever_its_height():
-    frame, turned = RobotFrame(ROBOT), Rotation.from_euler('z', 0.4)
-    placed = frame.read_pose(pose((1.0, 2.0, math.nan), turned, 'truss'))
-    assert placed == pytest.approx((1.0, 2.0, 0.4))
+@pytest.mark.parametrize(
+    ('height', 'degrees', 'words'),
+    [
+        (0.2, 4.0, ''),
+        (0.0, 23.0, 'object pose.*: tilted by 23 degrees out of the plane.*; must be at most 5'),
+        (0.5, 0.0, 'object pose.*: z = 0.5 m out of the plane .*; must be within 0.3 m'),
+        (-0.5, 0.0, 'z = -0.5 m'),
+        (math.nan, 0.0, 'z = nan m'),
+    ],
+)
+@pytest.mark.parametrize('name', ['truss', 'camera'])
+def test_pose_out_of_the_plane_of_the_robot_is_refused_with_its_tilt_or_height(
+    name, height, degrees, words
+):
+    frame = RobotFrame(ROBOT, Buffer(Rotation.identity(), (0.0, 0.0, 0.0)))
+    turned = Rotation.from_euler('zx', [0.4, np.radians(degrees)])
+    placed = pose((1.0, 2.0, height), turned, name)
+    if not words:
+        assert frame.read_pose(placed) == pytest.approx((1.0, 2.0, 0.4), abs=0.01)
+        return
+    with pytest.raises(MessageError, match=words):
+        frame.read_pose(placed)
+
+
+def test_markers_in_the_frame_of_the_robot_are_taken_as_they_are_whatever_their_height():
+    frame = RobotFrame(ROBOT)
     marked = markers({'P': (1.0, 2.0, math.nan)}, 'truss')
     assert frame.read_markers(marked) == {'P': (1.0, 2.0)}
 
