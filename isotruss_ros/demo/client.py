@@ -14,6 +14,7 @@ import time
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus, StateEstimate
 from isotruss_ros.core import IsotrussError, Pose, Status
+from isotruss_ros.core.manipulation.status import GRIP_FAULTS
 from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
@@ -54,13 +55,12 @@ NOISY_REST_DISTANCE = 5e-3
 #: Lever arm that converts rotations of the object to distances [m].
 LEVER_ARM = 0.1
 #: Halts of the manipulation node that end the demonstration after this duration by the stamps of
-#: the status [s]. The equilibrium of an object that was just gripped may be searched for a while.
+#: the status [s].
 FINAL_HALTS = {
     Status.HALT_TRAJECTORY: 0.0,
-    Status.HALT_SLIPPED: 0.0,
     Status.HALT_EMERGENCY_STOP: 0.0,
     Status.HALT_OTHER_COMMANDS: 5.0,
-    Status.HALT_NOT_HELD: 10.0,
+    **{code: fault.patience for code, fault in GRIP_FAULTS.items()},
 }
 #: Number of queued statuses, those of 10 s at 100 Hz; a lost one falsifies the sums of twists [-].
 STATUS_DEPTH = 1000

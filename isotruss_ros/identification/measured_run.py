@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 
 from isotruss_ros.core import Grip, Robot, Status
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.manipulation.status import GRIP_FAULTS
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.identification.gauge import Gauge
 import numpy as np
 
-#: Statuses of a lost or slipped object.
-SLIPS = (Status.HALT_NOT_HELD, Status.HALT_SLIPPED)
 #: Median absolute value of a normal distribution of unit variance [-].
 NORMAL_MEDIAN = 0.6745
 #: Smallest number of pressures for which a rise is fitted [-].
@@ -48,7 +47,7 @@ class MeasuredRun:
     @property
     def slips(self) -> bool:
         """Return whether the control loop reported that the object slipped or was lost."""
-        return any(status in SLIPS for _, status, _ in self.halts)
+        return any(status in GRIP_FAULTS for _, status, _ in self.halts)
 
     @property
     def members(self) -> Indices:

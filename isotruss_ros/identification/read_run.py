@@ -13,6 +13,7 @@ from typing import Any
 from isotruss_ros.core import Robot, Status
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.manipulation.status import GRIP_FAULTS
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.recording.recorded_cycle import RecordedCycle
 from isotruss_ros.core.recording.repeated_run import read_robot
@@ -23,7 +24,6 @@ from isotruss_ros.identification.measured_run import (
     MeasuredRun,
     RunError,
     Samples,
-    SLIPS,
 )
 import numpy as np
 
@@ -69,7 +69,7 @@ def _collect(cycles: Iterable[RecordedCycle], robot: Robot | None) -> Samples:
         if status is not last and status >= Status.HALT_NO_TWIST:
             halts.append((cycle.now, status, cycle.decision.get('message', '')))
         last = status
-        if status in SLIPS:
+        if status in GRIP_FAULTS:
             break
     if first is None:
         raise RunError('no cycle of manipulation is recorded; must have at least one')

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import math
 
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.manipulation.status import GRIP_FAULTS
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.identification.hypotheses import ComparedRun, Hypothesis, NAMED, NONE
-from isotruss_ros.identification.measured_run import SLIPS
 from isotruss_ros.identification.residuals import FRICTION_ERROR
 from isotruss_ros.identification.rolled_run import Parameters
 import numpy as np
@@ -55,7 +55,7 @@ def _describe_run(compared: ComparedRun) -> Iterator[str]:
     duration = run.times[-1] - run.times[0]
     yield f'{run.robot.name}, {" and ".join(run.grip.members)}: {duration:.1f} s'
     for time, status, message in run.halts:
-        kind = 'slip' if status in SLIPS else 'halt'
+        kind = 'slip' if status in GRIP_FAULTS else 'halt'
         yield f'{kind} after {time - run.times[0]:.2f} s: {status.name}: {message}'
     if lost is None:
         yield 'held until the end' if not run.slips else 'reported as slipped, and not moved'

@@ -19,6 +19,7 @@ from typing import Any
 from isotruss_ros.core import Pose, Robot, Status
 from isotruss_ros.core.fixed_object.analyze_grasp import NO_CONTACT
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
+from isotruss_ros.core.manipulation.status import GRIP_FAULTS
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.decision import describe_squeeze
@@ -53,8 +54,7 @@ UNLIMITED_STATUSES = (Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Statu
 #: Next step of a person at the page after a halt that persists.
 NEXT_STEPS = {
     Status.HALT_EMERGENCY_STOP: 'stopped: switch control on and press “release the stop”',
-    Status.HALT_SLIPPED: 'slipped: press “resume”',
-    Status.HALT_NOT_HELD: 'not held: press “pick”',
+    **{code: f'{fault.word}: press “{fault.action}”' for code, fault in GRIP_FAULTS.items()},
     Status.HALT_TRAJECTORY: 'trajectory ended: drag the blue ball',
 }
 

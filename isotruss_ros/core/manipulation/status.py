@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 import enum
+from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
@@ -65,6 +66,28 @@ class Status(enum.IntEnum):
     def __str__(self) -> str:
         """Return the name of the code in lower case, with spaces."""
         return self.name.lower().replace('_', ' ')
+
+
+class GripFault(NamedTuple):
+    """Fault of a grip that ends its motion until a client acknowledges it."""
+
+    word: str  #: what has happened to the object
+    action: str  #: command `isotruss ACTION`, and button of the view, that acknowledges the fault
+    remedy: str  #: what a client does
+    #: time after which a client gives up [s]; the equilibrium of an object that was just gripped
+    #: may be searched for a while
+    patience: float
+
+
+#: Faults of a grip by their status; a new one needs no other table.
+GRIP_FAULTS = {
+    Status.HALT_SLIPPED: GripFault(
+        'slipped', 'resume', 'resume the grip (service resume_grip)', 0.0
+    ),
+    Status.HALT_NOT_HELD: GripFault(
+        'not held', 'pick', 'pick up the object (action pick_object)', 10.0
+    ),
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -15,17 +15,11 @@ import math
 
 from isotruss_ros.core.estimation.fault_thresholds import JUMP_LENGTH, REST_TIME
 from isotruss_ros.core.estimation.grip_belief import GripBelief
-from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.status import GRIP_FAULTS, Status
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.frozen import replace
 from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
-
-#: What a client does after a loss, and after another fault that persists.
-PICK_UP, RESUME = (
-    'pick up the object (action pick_object)',
-    'resume the grip (service resume_grip)',
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +92,5 @@ class GripFaults:
         if self.fault is Status.HALT_OSCILLATES:
             return f'the object oscillates: the pose gain is reduced to {gain:.3g} 1/s'
         if self.fault is not None:
-            next_step = PICK_UP if self.fault is Status.HALT_NOT_HELD else RESUME
-            return f'{self.why}; next step: {next_step}'
+            return f'{self.why}; next step: {GRIP_FAULTS[self.fault].remedy}'
         return ''

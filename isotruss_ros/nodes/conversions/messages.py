@@ -122,7 +122,7 @@ def check_place(what: str, x: float, y: float) -> None:
 
 
 def check_pose(what: str, message: PoseMessage) -> None:
-    """Raise MessageError unless a pose in any frame has a place within range and a unit rotation."""
+    """Raise MessageError unless place and rotation of a pose in any frame are valid."""
     position, q = message.position, message.orientation
     check_place(what, position.x, position.y)
     norm = math.hypot(q.x, q.y, q.z, q.w)
