@@ -5,14 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 from isotruss_ros.core.errors import GraspError, SolverError
-from isotruss_ros.core.fixed_object.contact import ContactState, relax_contact, solve_contact
+from isotruss_ros.core.fixed_object.contact import (
+    ContactState,
+    relax_contact,
+    RelaxationGains,
+    solve_contact,
+)
 from isotruss_ros.core.fixed_object.contact_points import (
-    ContactPoints,
     find_contact_points,
     Surface,
 )
@@ -23,7 +26,7 @@ from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import check_load, ConvexObject
 from isotruss_ros.core.model.pose import check_range
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.section import Pressure
@@ -35,10 +38,8 @@ from numpy.typing import ArrayLike
 NO_CONTACT = 'the object touches nothing'
 #: Range of admissible spacings of contact points [m].
 SPACING_RANGE = (1e-4, 0.1)
-
-ContactSolver = Callable[[ContactPoints, Surface], ContactState]
-#: Solvers of (8) by the name of their method.
-SOLVERS: dict[str, ContactSolver] = {'exact': solve_contact, 'relaxation': relax_contact}
+#: Methods that solve (8).
+METHODS = 'exact', 'relaxation'
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -93,6 +94,7 @@ def analyze_grasp(
     method: Literal['exact', 'relaxation'] = 'exact',
     spacing: float = 0.005,
     pressure: Pressure | None = None,
+    gains: tuple[float, float, float] | None = None,
 ) -> GraspAnalysis:
     """
     Compute contact forces (5) to (9) and closure by friction (10) of an object held fast.
@@ -112,18 +114,23 @@ def analyze_grasp(
     :param pressure: gauge pressure from 1e3 to 3e5 [Pa], given as one number for all tubes, as one
         number for each tube in the order of the robot file, or as a mapping from tube names to
         pressures. If None, the pressure of the robot file is used.
+    :param gains: gains K1 [N/m], K2 [-] and K3 [1/m] of the iteration (9), not negative, used by
+        'relaxation'. If None, gains are used with which it converges on all presets.
     :raises GraspError: an argument is invalid.
     :raises StructureError: the robot is a mechanism, a pressure is invalid, or the stiffness laws
         contradict each other.
-    :raises SolverError: the contact problem was not solved, or the object overlaps a member by
-        more than a tube diameter.
+    :raises SolverError: the contact problem was not solved, (9) did not converge, or the object
+        overlaps a member by more than a tube diameter.
     """
     mu, wrench = check_load(body, friction, external_wrench)
     spacing = _check_arguments(config, body, method, spacing)
     surface = Surface(body, 0.5 * config.robot.description.tube_diameter)
     structure = structure_of(config, pressure)
     points, places, tubes = find_contact_points(structure, surface, spacing)
-    contact = SOLVERS[method](points, surface)
+    if method == 'exact':
+        contact = solve_contact(points, surface)
+    else:
+        contact = relax_contact(points, surface, None if gains is None else _check_gains(gains))
     deformed, forces = points.points + contact.displacements, contact.forces
     normal_wrench, levers = _sum_pressure(surface, deformed, contact)
     # The moment of the load about the centroid, divided by half of the object's mean width.
@@ -165,8 +172,8 @@ def _check_arguments(
 ) -> float:
     """Check method, spacing and overlap, see `analyze_grasp`; return the spacing [m]."""
     checked_spacing = check_range(spacing, 'spacing', 'm', *SPACING_RANGE)
-    if method not in tuple(SOLVERS):
-        raise GraspError(f'method {method!r}: must be one of {", ".join(SOLVERS)}')
+    if method not in METHODS:
+        raise GraspError(f'method {method!r}: must be one of {", ".join(METHODS)}')
     depths = member_depths(config, body)
     # Linear statics describes small deflections.
     diameter, deepest = config.robot.description.tube_diameter, int(depths.argmax())
@@ -177,6 +184,14 @@ def _check_arguments(
             'the diameter of the tube'
         )
     return checked_spacing
+
+
+def _check_gains(gains: ArrayLike) -> RelaxationGains:
+    """Return the checked gains of (9)."""
+    checked = finite_array(gains, 3, 'gains K1 [N/m], K2 [-], K3 [1/m]', GraspError)
+    if (checked < 0.0).any():
+        raise GraspError(f'gains K1, K2, K3 {checked.tolist()}: must not be negative')
+    return RelaxationGains(*checked.tolist())
 
 
 def _sum_pressure(
