@@ -173,7 +173,7 @@ class LoopEvent(asyncio.Event):
         super().__init__()
         self._owner = loop
 
-    def set(self) -> None:
+    def set(self) -> None:  # noqa: A003
         """Set the event at the next turn of its loop; a closed loop has no waiters."""
         with contextlib.suppress(RuntimeError):
             self._owner.call_soon_threadsafe(super().set)
