@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+import math
 
 from isotruss_ros.core import Uncertainty
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
@@ -49,6 +50,9 @@ class Hypothesis:
     deviation: Array  #: (p,) standard deviations of `estimate`
     evidence: float  #: evidence against `NONE`, see this module [-]
     is_determined: bool  #: whether the run determines a parameter better than the prior does
+    #: deviation from the files from which on this run names a hypothesis with one parameter; NaN
+    #: with several
+    smallest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,12 +121,26 @@ def compare_run(run: MeasuredRun) -> ComparedRun:
         own = slice(0, 0) if name == NONE else getattr(parts, name)
         is_determined = bool((deviation[own] < DETERMINED * prior[own]).any())
         evidence = score - fits[NONE][2]
-        found.append(Hypothesis(name, estimate, deviation, evidence, is_determined))
+        smallest = _smallest_named(deviation[own], prior[own])
+        found.append(Hypothesis(name, estimate, deviation, evidence, is_determined, smallest))
     found.sort(key=lambda each: -each.evidence)
     fitted = predictor.at(found[0].estimate)
     _, together = _solve(jacobian, prior > 0.0, prior)
     by_name = {each.name: each for each in found}
     return ComparedRun(run, nominal, fitted, lost, known, by_name, together)
+
+
+def _smallest_named(deviation: Array, prior: Array) -> float:
+    """
+    Return the deviation of a parameter (1,) at which the evidence is `NAMED`.
+
+    A deviation d decreases chi-square by (d / deviation)^2, and a fitted parameter costs 2 log
+    (prior / deviation) of evidence.
+    """
+    if len(deviation) != 1 or not deviation[0] > 0.0:
+        return math.nan
+    cost = 2.0 * math.log(float(prior[0] / deviation[0]))
+    return float(deviation[0]) * math.sqrt(NAMED + cost)
 
 
 def fit(

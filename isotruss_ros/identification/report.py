@@ -110,7 +110,9 @@ def describe_estimate(compared: ComparedRun, one: Hypothesis) -> str:
     if one.name == 'offsets':
         names = compared.run.robot.roller_names
         shown = [f'{name} {text}' for name, text in zip(names, shown, strict=True)]
-    return f'{words}: {", ".join(shown)}'
+    bound = factor * one.smallest
+    named = '' if math.isnan(bound) else f'; named from ±{bound:.2g}{unit} on'
+    return f'{words}: {", ".join(shown)}{named}'
 
 
 def block(compared: ComparedRun) -> str:

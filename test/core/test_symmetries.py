@@ -12,7 +12,7 @@ import re
 from hypothesis import example, given
 from hypothesis import strategies as st
 from isotruss_ros import core
-from isotruss_ros.core.errors import GraspError, IsotrussError
+from isotruss_ros.core.errors import GraspError, IsotrussError, RobotFileError
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
@@ -377,6 +377,8 @@ def test_results_depend_on_no_frame_order_or_unit(function, change, seed):
         return
     expected = expect(function, seed)
     values = result(function, change(case, np.random.default_rng(seed)))
+    if values['verdict'] is RobotFileError:  # enlarged beyond the range of robot files
+        return
     assert values.pop('verdict') == expected['verdict']
     for name, value in values.items():
         size = max(np.max(np.abs(expected[name]), initial=0.0), FLOORS.get(name, 1e-12))

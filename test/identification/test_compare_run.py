@@ -138,6 +138,16 @@ def test_estimate_is_within_three_deviations_of_the_truth(name, true):
     assert fit.estimate[part][0] == pytest.approx(true, abs=3.0 * fit.deviation[part][0])
 
 
+@pytest.mark.parametrize('friction', [0.68, 0.76])
+def test_smallest_named_deviation_divides_the_named_runs_from_the_others(friction):
+    compared = compare_run(run_elastic(friction=friction, is_inclined=False))
+    fit = compared.hypotheses['friction']
+    estimate = abs(fit.estimate[Parameters.of(compared.run).friction][0])
+    assert (compared.named == 'friction') == (estimate > fit.smallest)
+    words = f'named from ±{fit.smallest:.2g} on'
+    assert (words in '\n'.join(describe(compared))) == fit.is_determined
+
+
 def test_a_wrong_mass_is_not_taken_for_another_parameter():
     assert compare_run(run_elastic(mass=1.6)).named in ('none', 'mass')
 

@@ -246,6 +246,9 @@ class Uncertainty(Record):
         """
         Return the derivatives (p + 1,) of the chance to first order, the last by the size.
 
+        An interval of friction replaces the coefficient of the grasp, so the derivative by this
+        coefficient is zero.
+
         :param gradient: derivatives of the grasp.
         :raises GraspError: the grasp has no equilibrium about which the chance can be linearised.
         """
@@ -260,7 +263,7 @@ class Uncertainty(Record):
         for k, step in enumerate(np.diag(steps)):  # changes of one parameter
             for change in (step, -step):  # central difference
                 moved = changed_grip(grip, change)
-                friction = self.mean_friction(gradient.settled.friction) + change[columns.friction]
+                friction = self.mean_friction(gradient.settled.friction + change[columns.friction])
                 chance = find_chance([moved], friction, self.covariance(moved))
                 rates[k] += chance.probability / (2.0 * change[k])
         return rates

@@ -248,6 +248,16 @@ def test_gradient_of_the_chance_is_that_of_grasps_settled_afresh(uncertainty, co
         assert unit * gradient[k] == pytest.approx(unit * rate, rel=1e-4, abs=1e-8)
 
 
+def test_chance_by_an_interval_of_friction_does_not_depend_on_the_coefficient_of_the_grasp():
+    settled, known = settle(0.66), replace(CALIBRATED, friction=(0.6, 0.8))
+    friction = core.grasp_gradient(settled).parameters.friction
+    gradient = core.grasp_gradient(settled).chance(known)
+    assert gradient[friction] == 0.0
+    others = (known.chance(settle(value), samples=0).probability for value in (0.66, 0.7))
+    assert next(others) == pytest.approx(next(others), abs=1e-12)
+    assert np.abs(np.delete(gradient, friction)).max() > 0.0
+
+
 FAR, NEAR = ({'wrench': (0.0, 0.0, 0.0), 'depth': depth} for depth in (-0.001, 0.02))
 WIDE = 1e6 * np.eye(6)
 #: Words of refusals, the fields of an uncertainty, the grasp, and the number of samples.
