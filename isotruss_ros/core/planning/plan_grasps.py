@@ -25,7 +25,6 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import check_count
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.planning.approach import Closing, evaluate_state
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate, Judgement
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress
@@ -40,6 +39,10 @@ import numpy as np
 #: Largest difference of roller positions at which two grasps by the same members count as equal,
 #: in mean member lengths [-].
 EQUALITY_SHARE = 0.02
+#: Largest overlap of the object with the robot at the start, in tube diameters [-]: 2 mm with the
+#: tubes of the presets, for an object that touches a tube in a measured pose. Approaches never
+#: increase it.
+MAX_TOUCH = 0.02
 #: Period of the check for a stop while an executor computes [s].
 POLL_INTERVAL = 0.05
 
@@ -101,9 +104,9 @@ def plan_grasps(
         config, needs, executor, on_progress or (lambda _: None), should_stop or (lambda: False)
     )
     gap = float(object_distances(config, body).min())
-    length = config.robot.home.member_lengths.mean()
-    if gap < -NEGLIGIBLE_SHARE * length:  # there is no path to a grasp
-        search.tally.record(Violation('free', gap, 0.0))
+    bound = -MAX_TOUCH * config.robot.description.tube_diameter
+    if gap < bound:  # there is no path to a grasp
+        search.tally.record(Violation('free', gap, bound))
     with search.tally.recording():
         evaluate_state(config, body, needs).check_obstacles(0.0)
     if search.tally.closest is not None:

@@ -16,7 +16,8 @@ from isotruss_ros.core.errors import distinct_numbers, IsotrussError
 #: Sentence for each violated requirement, in the order in which the search tests them; a candidate
 #: that violates a later requirement is closer to a grasp.
 SENTENCES_BY_REQUIREMENT = {
-    'free': 'the robot overlaps the object: the gap is {value} m; must not be negative',
+    'free': 'the robot overlaps the object: the gap is {value} m; must be at least {bound} m: '
+    'move the object away from the robot, or open the grip',
     'enclosed': 'no members enclose the object',
     'members': '{value} of the {bound} required members are visible from the object',
     'opposed': 'no near directions of the members balance within their friction cones',

@@ -12,13 +12,15 @@ from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.violations import violation_in_words
-from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.safety.margins import object_distances, shape_margins
 from nightly import some_now
 import numpy as np
 import pytest
 from robots import preset
+from scipy.optimize import bisect
 
 ROBOT = preset('nine_member')
+NORTH = 'north/R-P', 'north/P-Z'
 OBJECTS = {
     'north': core.ConvexObject.disc((0.716, 0.5), 0.3),
     'south': core.ConvexObject.disc((0.05, -0.8), 0.3),
@@ -171,7 +173,8 @@ def test_a_plan_without_grasps_has_the_closest_violation(body, needs, missed):
         assert (miss.value, miss.bound) == (0.0, 1.0)
     if missed == 'free':
         assert miss.value == pytest.approx(-member_depths(ROBOT.home, body).max(), abs=1e-4)
-        assert miss.bound == 0.0
+        assert miss.bound == pytest.approx(-0.02 * 0.102)
+        assert 'move the object away from the robot' in violation_in_words(miss)
 
 
 def test_an_invalid_module_or_seed_is_refused():
@@ -215,3 +218,23 @@ def test_a_grasp_carries_the_object_along_the_required_path(angle, is_carried):
         assert not plan.grasps
         words = violation_in_words(plan.closest_violation)
         assert words.startswith('carry: the object slips or is out of reach after')
+
+
+@pytest.mark.parametrize('gap', [-0.0002, -0.0015])
+def test_an_object_that_touches_a_member_is_freed_before_it_is_gripped(gap):
+    home = ROBOT.home
+    body = core.place_between(home, NORTH, core.Disc(0.3), indentation=-0.03).body
+    x, y, _ = body.pose
+
+    def lay(shift):
+        return body.moved_to((x, y - shift, 0.0))
+
+    shift = bisect(lambda shift: object_distances(home, lay(shift)).min() - gap, 0.0, 1.0)
+    body = lay(shift)
+    plan = core.plan_grasps(home, body, core.GraspRequirements(squeeze=15.0, friction=0.8))
+    gaps = [
+        object_distances(ROBOT.configuration(positions), body).min()
+        for positions in plan[0].path[: plan[0].touch]
+    ]
+    assert min(gaps) > gap - 1e-5
+    assert max(gaps) > 0.0
