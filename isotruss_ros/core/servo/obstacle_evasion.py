@@ -77,7 +77,9 @@ def _add_sample(samples: tuple[Obstacle, ...], obstacle: Obstacle) -> tuple[Obst
         return (obstacle,)
     begin = obstacle.stamp - TRACKED_TIME
     later = tuple(sample for sample in samples if sample.stamp > begin)
-    return (*samples[len(samples) - len(later) - 1 :][:1], *later, obstacle)
+    # The last sample before this time as well, so that the mean is over all of it.
+    first = max(len(samples) - len(later) - 1, 0)
+    return (*samples[first:], obstacle)
 
 
 def _with_velocity(samples: tuple[Obstacle, ...]) -> Obstacle:

@@ -21,6 +21,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.model.obstacle import MAX_OBSTACLES
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.core.servo.obstacle_evasion import ObstacleTracks, TRACKED_TIME
 from nightly import some_now
 import numpy as np
 import pytest
@@ -99,6 +100,47 @@ def test_hand_that_comes_halts_a_robot_without_a_working_roller():
     assert statuses[-1] is Status.HALT_OBSTACLE
 
 
+def test_post_at_rest_far_away_does_not_hide_a_cart_that_comes():
+    x, y, _ = HELD.pose
+    post = Obstacle('post', ConvexObject.disc((x + 6.0, y), 0.1), stamp=0.0)
+    cart = replace(approaching(-0.5 * np.pi, 0.5, 0.9), name='cart')
+    robot, statuses = Driven(HELD, PERIOD), []
+    for _ in range(110):
+        seen = tuple(obstacle.at(robot.now + PERIOD) for obstacle in (post, cart))
+        robot.servo.receive(obstacles=StampedInput(seen, seen[0].stamp))
+        command = robot.step((0.0, 0.0, 0.0))
+        gap = clearance(robot.held, [cart.at(robot.now + PERIOD)])
+        statuses.append(command.status)
+        if gap < 0.06:
+            break
+    # Long before the cart touches, the loop has evaded it or has stopped with its name.
+    assert {Status.SLOWED_OBSTACLE, Status.HALT_OBSTACLE} & set(statuses)
+
+
+@pytest.mark.parametrize('way', [0.8, 2.8])
+def test_no_roller_is_faster_than_its_limit_while_the_robot_evades(way):
+    room, evaded = Room(approaching(way, 0.16, 0.4)), False
+    for _ in range(60):
+        command, _ = room.step((0.0, 0.0, 0.0))
+        evaded |= command.status is Status.SLOWED_OBSTACLE
+        fastest = np.abs(command.roller_velocities).max()
+        assert fastest <= ROBOT.description.max_speed + 1e-9
+    assert evaded
+
+
+def test_receding_obstacle_allows_no_faster_approach_than_one_at_rest():
+    x, y, _ = HELD.pose
+    place, speeds = (x, y - 0.15 - 0.05 - 0.06, 0.0), []
+    for velocity in ((0.0, 0.0, 0.0), (0.0, -0.3, 0.0)):
+        robot = Driven(held_at(QUICK.home, 'north/Z', 0.3), PERIOD)
+        for _ in range(10):
+            hand = Obstacle('hand', ConvexObject(Disc(0.1), place), velocity, robot.now + PERIOD)
+            robot.servo.receive(obstacles=StampedInput((hand,), hand.stamp))
+            command = robot.step((0.0, -0.3, 0.0))
+        speeds.append(-command.achieved_twist[1])
+    assert speeds[1] <= 1.05 * speeds[0]
+
+
 def test_silent_obstacle_is_where_it_was_and_then_halts_the_robot_with_its_name():
     hand = replace(approaching(-0.5 * np.pi, 0.0), velocity=(0.0, 0.0, 0.0))
     room = Room(hand, obstacle_timeout=0.3)
@@ -141,6 +183,24 @@ def test_hand_is_evaded_whether_it_tells_its_velocity_or_only_its_poses(tells_ve
         _, gap = room.step((0.0, 0.0, 0.0), published=False)
         least = min(least, gap)
     assert least > 0.005
+
+
+@pytest.mark.parametrize('period', [0.01, 0.03])
+def test_velocity_of_poses_is_their_mean_over_the_tracked_time_whatever_their_rate(period):
+    rng, tracks, velocities = np.random.default_rng(1), ObstacleTracks(), []
+    for number in range(300):
+        place = 1e-3 * rng.standard_normal(2)
+        body = ConvexObject.disc(place, 0.1)
+        time = number * period
+        tracks = tracks.updated([Obstacle('hand', body, stamp=time)])
+        (samples,) = tracks.samples
+        stamps = [sample.stamp for sample in samples]
+        assert stamps == sorted(set(stamps))
+        if time > TRACKED_TIME + period:
+            assert TRACKED_TIME - 1e-9 <= stamps[-1] - stamps[0] < TRACKED_TIME + period + 1e-9
+            velocities.append(tracks.predict(time)[0].velocity[:2])
+    # Two pose errors of 1 mm in 0.1 s.
+    assert np.std(velocities) < 20e-3
 
 
 def test_hand_that_touches_and_comes_on_halts_the_robot_in_words():
