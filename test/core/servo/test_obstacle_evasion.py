@@ -131,8 +131,9 @@ def test_receding_obstacle_allows_no_faster_approach_than_one_at_rest():
         held = held_at(QUICK.home, 'north/Z', 0.3)
         robot = Driven(held, PERIOD, max_object_acceleration=100.0, slide_along_limits=False)
         for _ in range(10):
-            # The obstacle stays 30 mm from the object, whatever velocity it tells.
-            place = (x, robot.held.pose.y - 0.15 - 0.05 - 0.03, 0.0)
+            # At the end of each cycle, the obstacle is 30 mm from the object.
+            below = robot.held.pose.y - 0.15 - 0.05 - 0.03
+            place = (x, below - 2.0 * PERIOD * velocity[1], 0.0)
             hand = Obstacle('hand', ConvexObject(Disc(0.1), place), velocity, robot.now)
             robot.servo.receive(obstacles=StampedInput((hand,), hand.stamp))
             command = robot.step_late((0.0, -0.3, 0.0), PERIOD)
