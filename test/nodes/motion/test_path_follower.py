@@ -377,6 +377,32 @@ def test_silent_obstacle_stops_the_rollers_until_it_is_cleared():
         w.until_code(core.Status.OK, lambda: send(cart))
 
 
+@pytest.mark.parametrize('by', [-3600.0, -3.0])
+def test_obstacles_from_before_a_clock_jump_halt_the_rollers_until_they_are_known_again(by):
+    with world(manipulation(obstacle_timeout=0.5)) as w:
+        send, (hand,) = publisher(w), far_away('hand')
+        w.spin(0.3, lambda: send(hand))
+        assert w.code() == core.Status.OK
+        w.shift = by
+        w.spin(0.5, send)
+        assert w.code() == core.Status.HALT_INVALID_OBSTACLES
+        w.until_code(core.Status.OK, lambda: send(hand))
+
+
+def test_age_of_obstacles_is_judged_by_their_own_timeout():
+    with world(manipulation(command_timeout=0.2, obstacle_timeout=1.0)) as w:
+        send, (hand,) = publisher(w), far_away('hand')
+        late = w.probe.create_publisher(Obstacles, 'obstacles', 10)
+
+        def send_late():
+            send()
+            late.publish(to_obstacles_message([hand], w.probe.past(0.5), 'truss'))
+
+        w.spin(0.5, send_late)
+        assert w.code() == core.Status.OK
+        assert 'hand' in w.call('clear_obstacles', Trigger.Request()).message
+
+
 def far_away(*names):
     """Return obstacles of these names 5 m from the object."""
     place = core.ConvexObject(core.Disc(0.1), (CENTER[0] + 5.0, CENTER[1], 0.0))
