@@ -97,6 +97,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :return: 0 if it has stopped and all drives have acknowledged zero; 1 if not; 2 for bad
         arguments; 130 after Ctrl-C.
     """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if {'-h', '--help'} & set(given):
+        _parser().parse_args(given)  # prints the help, and ends the process
     code, words = 1, 'the process of the request ended without a response'
     child = 0
     try:
@@ -104,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             signal.signal(which, _interrupt)
         reader, writer = os.pipe()
         if not (child := os.fork()):
-            _run_request(writer, list(sys.argv[1:] if arguments is None else arguments))
+            _run_request(writer, given)
         os.close(writer)
         if not select.select([reader], [], [], TIMEOUT + MARGIN)[0]:
             words = f'the process of the request hangs after {TIMEOUT + MARGIN:g} s'
@@ -154,14 +157,18 @@ def _run_request(writer: int, arguments: Sequence[str]) -> NoReturn:
         os._exit(0)
 
 
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog='isotruss', description=__doc__)
+    stop = parser.add_subparsers(required=True).add_parser('stop', help='emergency stop')
+    stop.add_argument('--namespace', default='', help='namespace of the robot, such as /left')
+    return parser
+
+
 def _stop(callers: list[Caller], words: Sequence[str]) -> str:
     """Call the service until it responds, and return its message; callers are added to a list."""
     from rclpy.utilities import remove_ros_args
 
-    parser = argparse.ArgumentParser(prog='isotruss', description=__doc__)
-    stop = parser.add_subparsers(required=True).add_parser('stop', help='emergency stop')
-    stop.add_argument('--namespace', default='', help='namespace of the robot, such as /left')
-    namespace = parser.parse_args(remove_ros_args(['isotruss', *words])[1:]).namespace
+    namespace = _parser().parse_args(remove_ros_args(['isotruss', *words])[1:]).namespace
     begun = time.monotonic()
     while (waited := time.monotonic() - begun) < TIMEOUT:
         is_late = waited >= DISCOVERY_PERIOD * len(callers)

@@ -29,7 +29,7 @@ ROSDEP_KEYS |= {name: f'python3-{name}' for name in NAMED_ALIKE.split()}
 # No rosdep keys: what needs them is taken, and tested, where they are installed.
 ONLY_FROM_PYPI = {'daqp', 'distributed', 'gymnasium', 'mcap', 'msgspec', 'mujoco', 'playwright'}
 ONLY_FROM_PYPI |= {'openseespylinux', 'pyarrow', 'qpsolvers', 'quadprog', 'rosbags', 'vermin'}
-ONLY_FROM_PYPI |= {'viser', 'websockets', 'zstandard'}
+ONLY_FROM_PYPI |= {'lz4', 'viser', 'websockets', 'zstandard'}
 
 
 @pytest.fixture(scope='module')

@@ -246,7 +246,7 @@ def _follow(
 
 
 def _describe_limits(command: RollerCommand | None) -> str:
-    """Return what ends a motion whose last command is given."""
+    """Return the names of the limits that end a motion with its last command."""
     if command is None:
         return 'no command'
     if command.limiting:

@@ -21,13 +21,11 @@ from isotruss_ros.core import (
 from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.core.model.robot_file import find_robot_file
 from isotruss_ros.core.recording.recorded_servo import RecordedServo
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 import pytest
-import yaml
 
 for package in ('mcap', 'rosbags', 'viser'):
     pytest.importorskip(package)
@@ -35,6 +33,7 @@ from isotruss_ros.cli import compare, replay  # noqa: E402,I100
 from isotruss_ros.cli.decide_again import has_news  # noqa: E402
 from isotruss_ros.viewer import view  # noqa: E402
 from mcap.writer import Writer  # noqa: E402
+from robots import preset_document  # noqa: E402
 from rosbags.typesys import get_typestore, Stores  # noqa: E402
 
 KIND, MODULE = 'std_msgs/msg/String', 'north/Z'
@@ -131,10 +130,10 @@ class View:
 @pytest.fixture
 def own_robot(tmp_path):
     """Return the path of a robot with the members of nine_member, 1.25 times as long."""
-    content = yaml.safe_load(find_robot_file('nine_member').read_text('utf-8'))
+    content = preset_document('nine_member')
     content['joints'] = {name: [1.25 * x, 1.25 * y] for name, (x, y) in content['joints'].items()}
     path = tmp_path / 'mine.yaml'
-    path.write_text(yaml.safe_dump(content | {'name': 'mine'}), 'utf-8')
+    path.write_text(json.dumps(content | {'name': 'mine'}), 'utf-8')
     return path
 
 
