@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import enum
 import functools
 import math
 from typing import Any, ClassVar, NamedTuple
 
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.build_statics import statics_of
 from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
 from isotruss_ros.core.holding.contact_statics import ContactStatics, object_angles
 from isotruss_ros.core.holding.grip_response import (
@@ -32,7 +33,9 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.samples import plain, take
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.bent_tubes import BentState, BentTubes
+from isotruss_ros.core.statics.load_points import Cuts, Lines
+from isotruss_ros.core.statics.structure import ConfigurationSamples, structure_under
 from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 from scipy.linalg import lapack
@@ -52,8 +55,8 @@ MAX_EXTRAPOLATION = 2.0
 MIN_RELATIVE_MARGIN = 0.01
 
 
-#: Attributes of one of several samples.
-SAMPLE = '_samples', '_number'
+#: Values of an equilibrium that are kept with it, if they were found.
+FOUND = 'displacements', 'end_forces', 'friction_forces', 'normal_forces', 'response', 'sections'
 
 
 class _OfSamples(functools.cached_property[Any]):
@@ -157,15 +160,31 @@ class HeldGrip:
         self.__dict__[name] = take(getattr(self._samples, name), self._number)
         return self.__dict__[name]
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the attributes for pickling, without the other samples."""
-        fields = {name: getattr(self, name) for name in type(self).__dataclass_fields__}
-        return {k: v for k, v in {**vars(self), **fields}.items() if k not in SAMPLE}
+    def __reduce__(self) -> tuple[Callable[[GripState], HeldGrip], tuple[GripState]]:
+        """Return the numbers of the equilibrium for pickling."""
+        return GripState.restore, (GripState.of(self),)
+
+    def without_tangents(self) -> HeldGrip:
+        """Return a copy without linearised tubes, with all values of the equilibria."""
+        grip = type(self).__new__(type(self))
+        statics = replace(self.statics, bent=replace(self.statics.bent))
+        grip.__dict__.update(vars(self), statics=statics)
+        return grip
 
     @property
     def config(self) -> Configuration:
         """Return the configuration of the robot."""
         return self.statics.bent.structure.config
+
+    @property
+    def structure(self) -> tuple[Configuration, tuple[float, ...], float]:
+        """Return configuration, pressures of the tubes [Pa], and factor on their stiffness."""
+        structure: Any = self.origin.statics.bent.structure
+        if not isinstance(structure.config, ConfigurationSamples):
+            return structure.config, structure.pressures, structure.stiffness
+        i = self.number
+        pressures, stiffness = structure.pressures[i].tolist(), float(structure.stiffness[i])
+        return structure.config.configs[i], tuple(pressures), stiffness
 
     @property
     def inputs(self) -> GraspInputs:
@@ -391,6 +410,66 @@ class HeldGrip:
         multiple = float(travel @ previous_travel) / square
         multiple = max(-MAX_EXTRAPOLATION, min(multiple, MAX_EXTRAPOLATION))
         return self.state.unknowns + multiple * change
+
+
+class GripState(NamedTuple):
+    """Numbers of an equilibrium, from which it is restored as it is."""
+
+    config: Configuration
+    pressures: tuple[float, ...]  #: gauge pressure of each tube [Pa]
+    stiffness: float  #: factor on EA, EI and GA of the tubes [-]
+    body: ConvexObject  #: the object at its measured pose
+    contacts: PressedContacts
+    #: state of the bent tubes: `places`, `state` and `received` of `BentTubes`
+    bent: tuple[Array, BentState, Array | None]
+    active: Indices  #: blocks of the frame that deform
+    forces: ContactForces  #: solution of the equations
+    wrench: Array
+    anchors: Array
+    angles: Array
+    motion: tuple[Array, Array] | None
+    found: dict[str, Any]  #: values that were found at this equilibrium, by their names
+
+    @classmethod
+    def of(cls, grip: HeldGrip) -> GripState:
+        """Return the numbers of an equilibrium."""
+        samples, number = grip.origin, grip.number
+        bent, structure, body = samples.statics.bent, grip.structure, samples.statics.body
+        numbers = (bent.places, bent.state, bent.received), samples.state, samples.wrench
+        if samples is not grip:
+            numbers, body = take(numbers, number), body.objects[number]
+        state, forces, wrench = numbers
+        return cls(
+            *structure,
+            body=body,
+            contacts=grip.contacts,
+            bent=state,
+            active=bent.frame.layout.active,
+            forces=replace(forces),  # without cached values
+            wrench=wrench,
+            anchors=grip.anchors,
+            angles=grip.angles,
+            motion=grip.motion,
+            found={
+                name: getattr(grip, name)
+                for name in FOUND
+                if name in vars(samples) or name in vars(grip)
+            },
+        )
+
+    def restore(self) -> HeldGrip:
+        """Return the equilibrium; its tubes are linearised when they are read."""
+        structure = structure_under(self.config, self.pressures, self.stiffness)
+        (places, state, received), members = self.bent, self.contacts.members
+        cuts = Cuts.of(structure, members, places)
+        frame = structure.frame.cut(cuts.pieces, cuts.within, self.active)
+        lines = Lines.of(structure, members)
+        bent = BentTubes(structure, members, places, cuts, lines, frame, state, received)
+        statics = statics_of(bent, self.body, self.contacts)
+        fields = self.anchors, self.angles, statics, self.forces, self.wrench, self.motion
+        grip = HeldGrip(*fields)
+        vars(grip).update(self.found)
+        return grip
 
 
 def scaled_wrench(wrench: Array | None, arm: float) -> Array:

@@ -19,7 +19,13 @@ from isotruss_ros.core.holding.grasp_samples import (
     Pressures,
 )
 from isotruss_ros.core.holding.grip_response import find_slip_planes, idle_contacts
-from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.holding.held_grip import (
+    GraspInputs,
+    GripState,
+    HeldGrip,
+    HoldStatus,
+    NotHeldError,
+)
 from isotruss_ros.core.holding.newton import Accuracy, SETTLED
 from isotruss_ros.core.holding.settle_grasp import judge, lose_grasp
 from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
@@ -96,7 +102,9 @@ def settle_inputs_together(
     """Return the settled grasps of n checked inputs, see `settle_grasps`."""
     count = len(inputs)
     slices = [slice(begin, begin + GROUP_SIZE) for begin in range(0, count, GROUP_SIZE)]
-    groups = [(inputs[chosen], coefficients[chosen], accuracy) for chosen in slices]
+    # Numbers only are sent between processes.
+    kind = HeldGrip if executor is None else GripState
+    groups = [(inputs[chosen], coefficients[chosen], accuracy, kind) for chosen in slices]
     compute = map if executor is None else executor.map
     parts: list[_GroupResult] = []
     for part in compute(_settle_group, *zip(*groups, strict=True)):
@@ -121,6 +129,7 @@ def settle_inputs_together(
         friction_forces=friction_forces,
         utilisation=used,
         inputs=inputs,
+        equilibria=tuple(itertools.chain(*(part.equilibria for part in parts))),
     )
 
 
@@ -132,10 +141,12 @@ class _GroupResult(NamedTuple):
     #: (n, 9 + 3 m) slip margin, squeeze, required friction, pose, displacement; then normal
     #: forces, friction forces and utilisation of the members
     values: Array
+    equilibria: list[HeldGrip | GripState | LostContact | None]  #: (n,) see `SettledGrasps`
 
     def set_lost(self, number: int, settled: SettledGrasp) -> None:
         """Set the values of a grasp without contact."""
         self.hold[number], self.reason[number] = settled.hold, settled.reason
+        self.equilibria[number] = settled.lost
         row = self.values[number]
         row[:] = 0.0
         row[0], row[2], row[3:6] = settled.slip_margin, np.inf, settled.pose
@@ -162,11 +173,19 @@ class _GroupResult(NamedTuple):
 
 
 def _settle_group(
-    inputs: Sequence[GraspInputs], friction: Array, accuracy: Accuracy
+    inputs: Sequence[GraspInputs],
+    friction: Array,
+    accuracy: Accuracy,
+    kind: type[HeldGrip | GripState],
 ) -> _GroupResult:
-    """Return the values of settled grasps, each with its inputs and coefficient of friction."""
+    """
+    Return the values of settled grasps, each with its inputs and coefficient of friction.
+
+    The equilibria are of the given kind.
+    """
     count, members = len(inputs), len(inputs[0].config.robot.member_names)
-    result = _GroupResult([None] * count, [''] * count, np.full((count, 9 + 3 * members), np.nan))
+    values = np.full((count, 9 + 3 * members), np.nan)
+    result = _GroupResult([None] * count, [''] * count, values, [None] * count)
     groups: dict[tuple[int, bytes], list[int]] = {}
     held: dict[int, HeldGrip] = {}
     for i, grip in enumerate(attach_grips(inputs, accuracy=accuracy, samples=True)):
@@ -186,8 +205,11 @@ def _settle_group(
         coefficients = friction[numbers]
         verdicts = judge(samples, given, coefficients)
         result.set_grips(numbers, samples, given, coefficients)
+        light = samples.without_tangents()
         for k, (i, (hold, reason)) in enumerate(zip(numbers, verdicts, strict=True)):
             result.hold[i], result.reason[i] = hold, reason
+            grip = HeldGrip.sample(light, k)
+            result.equilibria[i] = grip if kind is HeldGrip else GripState.of(grip)
             if hold in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
                 lost = LostContact.of(inputs[i]._replace(members=samples.members))
                 result.set_lost(i, SettledGrasp(hold, reason, given[k], friction[i], lost=lost))

@@ -9,9 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from isotruss_ros.core.holding.held_grip import GraspInputs, HoldStatus
-from isotruss_ros.core.holding.settle_grasp import settle_inputs
-from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.holding.held_grip import GraspInputs, GripState, HeldGrip, HoldStatus
+from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array, Flags
 from isotruss_ros.core.numerics.records import as_plain, Record
 import numpy as np
@@ -29,7 +29,7 @@ class SettledGrasps(
     """
     Equilibria of n free objects, each in a grasp of its own, as arrays over the grasps.
 
-    `grasps[i]` is the `SettledGrasp` of grasp i, which is computed when it is read. The arrays
+    `grasps[i]` is the `SettledGrasp` of grasp i, with the equilibrium that was found. The arrays
     have the values of its properties of the same names. Without an equilibrium, the pose is the
     given pose, forces and squeeze are zero, the required friction is infinite, and the slip margin
     is negative, see `LostContact`.
@@ -52,6 +52,9 @@ class SettledGrasps(
     #: (n,) ratios of bending moment to wrinkling moment for the name of each member [-]
     utilisation: dict[str, Array]
     inputs: Sequence[GraspInputs] = field(repr=False)  #: (n,) inputs of the grasps
+    #: (n,) equilibria, the numbers of which another process has sent; or the gaps of the members
+    #: to an object without equilibrium; None without a structural model
+    equilibria: Sequence[HeldGrip | GripState | LostContact | None] = field(repr=False)
 
     @property
     def held(self) -> Flags:
@@ -90,15 +93,22 @@ class SettledGrasps(
         return len(self.hold)
 
     def __iter__(self) -> Iterator[SettledGrasp]:
-        """Yield the settled grasps, computed one by one."""
+        """Yield the settled grasps."""
         return (self[i] for i in range(len(self)))
 
     def __getitem__(self, number: int) -> SettledGrasp:
         """
-        Return a settled grasp, computed by `settle_grasp`.
+        Return a settled grasp.
 
         :param number: number of the grasp; negative from the end.
         :raises IndexError: there is no such grasp.
         :raises StructureError: the grasp has no structural model.
         """
-        return settle_inputs(self.inputs[number], float(self.friction[number]))
+        found, hold = self.equilibria[number], self.hold[number]
+        if found is None or hold is None:
+            raise StructureError(self.reason[number])
+        given, friction = self.inputs[number].body.pose, float(self.friction[number])
+        grasp = hold, self.reason[number], given, friction
+        if isinstance(found, LostContact):
+            return SettledGrasp(*grasp, lost=found)
+        return SettledGrasp(*grasp, found.restore() if isinstance(found, GripState) else found)

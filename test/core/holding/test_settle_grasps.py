@@ -4,11 +4,13 @@
 """Equilibria of many grasps at once are those of the same grasps alone."""
 
 from concurrent.futures import ThreadPoolExecutor
+import pickle
 import re
 
 from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, HoldStatus, place_between, settle_grasp, settle_grasps
 from isotruss_ros.core.errors import ArgumentError, GraspError, StructureError
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from nightly import some_now
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ NINE = preset('nine_member')
 HOME = NINE.home
 MEMBERS = ('north/P-Z', 'north/Z-R')
 NAMES = NINE.member_names
+SQUARE = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 
 
 def random_shape(rng):
@@ -112,6 +115,40 @@ def test_a_grasp_of_the_result_is_that_of_settle_grasp():
     assert settled[-1].hold is last.hold is HoldStatus.NO_CONTACT
     with pytest.raises(IndexError):
         settled[3]
+
+
+@pytest.mark.parametrize('workers', [0, 1])
+def test_a_grasp_of_the_result_has_exactly_its_values(workers):
+    grasps = random_grasps(24, 5)
+    with ThreadPoolExecutor(1) as executor:
+        settled = settle_grasps(**grasps, executor=executor if workers else None)
+    for i, grasp in enumerate(settled):
+        assert (grasp.hold, grasp.reason) == (settled.hold[i], settled.reason[i])
+        assert grasp.slip_margin == settled.slip_margin[i]
+        assert grasp.required_friction == settled.required_friction[i]
+        assert np.array_equal(grasp.pose, settled.pose[i])
+        for name in ('normal_forces', 'friction_forces', 'utilisation'):
+            for member, value in getattr(grasp, name).items():
+                assert value == getattr(settled, name)[member][i]
+    assert settled.hold.count(HoldStatus.HELD) > 2
+
+
+BOX = place_between(HOME, MEMBERS, core.Polygon(0.1 * SQUARE), 0.3, 0.012).body
+
+
+@pytest.mark.parametrize('body', [DISC, BOX])
+@pytest.mark.parametrize('force', [0.0, 1.0])
+def test_a_pickled_grasp_takes_at_most_20_kilobytes_and_rolls_as_the_original(body, force):
+    settled = settle_grasp(HOME, body, 0.8, (force, 0.0, 0.0))
+    data = settled.to_dict()  # with all values that are found when they are read
+    pickled = pickle.dumps(settled)
+    assert len(pickled) <= 20_000
+    restored = pickle.loads(pickled)
+    assert restored.to_dict() == data
+    there = HOME.moved_to([1e-3, -1e-3, 5e-4, 0.0, 1e-3, 0.0])
+    pair = (roll_grip(grasp.equilibrium, there) for grasp in (settled, restored))
+    rolled, again = (grip.state.unknowns for grip in pair)
+    assert np.array_equal(rolled, again)
 
 
 def test_columns_of_a_data_frame_have_a_value_for_each_grasp():
