@@ -34,8 +34,9 @@ RETRY_PERIOD = 0.2
 #: Time after which a further participant searches for the server [s]. If a message of its
 #: discovery was lost, DDS sends the next one only after 3 s.
 DISCOVERY_PERIOD = 0.7
-#: Longest time of the start and of the end of a participant [s].
-MARGIN = 2
+#: Longest time of the end of a participant [s], and of the start of a request on a busy machine,
+#: which loads rclpy [s].
+MARGIN, STARTING_TIME = 2, 10
 
 
 class NotConfirmedError(Exception):
@@ -109,8 +110,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not (child := os.fork()):
             _run_request(writer, given)
         os.close(writer)
-        if not select.select([reader], [], [], TIMEOUT + MARGIN)[0]:
-            words = f'the process of the request hangs after {TIMEOUT + MARGIN:g} s'
+        if not select.select([reader], [], [], STARTING_TIME + TIMEOUT)[0]:
+            words = f'the process of the request hangs after {STARTING_TIME + TIMEOUT:g} s'
         elif report := os.read(reader, select.PIPE_BUF).decode(errors='replace'):
             number, _, words = report.partition(' ')
             code = int(number)
