@@ -16,10 +16,15 @@ VENV := .venv
 # .noble has Ubuntu 24.04's versions of the Python packages, and only what package.xml declares; Ubuntu's
 # Matplotlib, 3.6.3, has no wheel for Python 3.12: it is 3.7.3.
 NOBLE_PYTHON ?= $(shell tools/find_python.sh 3.12 '$(PYTHON)')
-NOBLE = VENV=.noble PYTHON='$(NOBLE_PYTHON)' REQUIREMENTS=requirements.txt
-REQUIREMENTS := requirements.txt requirements-extra.txt
+NOBLE = VENV=.noble PYTHON='$(NOBLE_PYTHON)' KINDS=test
+# Kinds of packages that tests need beyond requirements.txt, each a file requirements-KIND.txt.
+KINDS := test view mujoco extra
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/stamps
+# Sets the environment up with more kinds of packages. Messages are generated while packages are installed; of
+# two targets that make the same environment side by side, one waits for the other.
+setup = @mkdir -p '$(VENV)' && flock '$(VENV)' $(MAKE) --silent --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,-j2) \
+	$(STAMPS)/messages $(STAMPS)/package $(addprefix $(STAMPS)/kind-,$(1))
 # Share of the random examples of the properties; all of them run where pytest is called by hand.
 export EXAMPLES_SHARE ?= 0.1
 PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
@@ -39,7 +44,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls mutants measure soak neighbours coverage \
 	format clean
-.PHONY: unit-tests system-tests long-tests session docs-venv noble-venv noble-some noble-all plant-some FORCE
+.PHONY: demo-venv unit-tests system-tests long-tests session docs-venv noble-venv noble-some noble-all plant-some FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco, SENSORS=real'
@@ -68,7 +73,13 @@ help:
 	@echo 'make clean    remove .venv and all build results'
 	@echo 'Each target sets up .venv; for another version of Python: make PYTHON=python3.12 ...'
 
-venv: $(STAMPS)/messages $(STAMPS)/package
+# All that tests need.
+venv:
+	+$(call setup,$(KINDS))
+
+# All that the demonstration, or what runs it in MuJoCo, needs.
+demo-venv:
+	+$(call setup,$(if $(filter mujoco,$(PLANT)),mujoco))
 
 test: venv
 	$(BIN)/ruff check .
@@ -77,6 +88,7 @@ test: venv
 	$(BIN)/python tools/pictures.py --check
 	+$(MAKE) --no-print-directory unit-tests
 	+$(MAKE) --no-print-directory system-tests
+	@command -v chromium > /dev/null || echo 'Skipped: test_the_object_follows_its_handle_and_a_stop_ends_it needs Chromium: sudo apt install chromium'
 
 unit-tests: venv
 	$(PYTEST) -m 'not linter and not nightly' --ignore test/system
@@ -96,7 +108,10 @@ timed = begin=$$(date +%s); $(MAKE) $(1); status=$$?; \
 	echo "nightly: $(1): $$(($$(date +%s) - begin)) s"; exit $$status
 
 # Within an hour on two cores. The versions of .noble run the daily tests, those of .venv the long ones.
+# Each run of pytest lists its slowest thirty tests.
+nightly: export PYTEST_ADDOPTS = --durations=30
 nightly: venv
+	+@$(call timed,demo-venv VENV=.by_pip INSTALLER=pip)
 	+@$(call timed,noble-all $(NOBLE))
 	+@$(call timed,matrix MATRIX=newest EXAMPLES_SHARE=0.02)
 	+@$(call timed,neighbours SEEDS=1)
@@ -146,10 +161,11 @@ noble-all: venv
 	$(BIN)/python -m isotruss_ros.demo --output $(VENV)/demo
 	$(BIN)/python -m studies.paper --output $(VENV)/paper
 
-demo: venv
+demo: demo-venv
 	$(BIN)/python -m isotruss_ros.demo --plant $(PLANT) --sensors $(SENSORS)
 
-view: venv
+view:
+	+$(call setup,view $(if $(filter mujoco,$(PLANT)),mujoco))
 	$(BIN)/python -m isotruss_ros.demo.view --plant $(PLANT) $(if $(ROBOT),--robot '$(ROBOT)') \
 		$(if $(OBJECT),--object '$(OBJECT)')
 
@@ -168,7 +184,8 @@ plant-some: venv
 pictures: venv
 	$(BIN)/python tools/pictures.py
 
-docs-venv: venv $(STAMPS)/docs
+docs-venv:
+	+$(call setup,$(KINDS) docs)
 
 docs: docs-venv
 	rm -rf docs/_build docs/api
@@ -176,13 +193,15 @@ docs: docs-venv
 	$(BIN)/python -m sphinx -n -W --keep-going -q docs docs/_build/html
 	$(BIN)/python docs/_ext/check_links.py docs/_build/html
 
-colcon: venv
+colcon:
+	+$(call setup,$(KINDS) colcon)
 	tools/colcon.sh $(VENV) .colcon
 
 bench: venv
 	$(BIN)/python -m studies.benchmarks
 
-fuzz: venv $(STAMPS)/fuzz
+fuzz:
+	+$(call setup,$(KINDS) fuzz)
 	tools/fuzz/run.sh $(BIN)/python $(MINUTES)
 
 soak: MINUTES = 15
@@ -204,7 +223,8 @@ calls: venv
 		OPENBLAS_CORETYPE=$$kind FIRST_CALL=$$first CALLS=$$(($(CALLS) / $(words $(CORETYPES)))) \
 			$(PYTEST) test/core/test_random_calls.py; first=$$((first + $(CALLS))); done
 
-mutants: venv $(STAMPS)/mutants
+mutants:
+	+$(call setup,$(KINDS) mutants)
 	$(BIN)/python tools/mutants.py --count $(MUTANTS) --seed $(SEED)
 
 # A report; no test bounds its figures.
@@ -220,19 +240,21 @@ format: venv
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf .venv .noble .matrix .mutants docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	rm -rf .venv .noble .by_pip .matrix .mutants docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
 
 # The script leaves the stamp alone while the same Python serves the same folder.
 $(STAMPS)/python: FORCE
 	@tools/make_venv.sh '$(PYTHON)' $(VENV)
 
-$(STAMPS)/packages: $(STAMPS)/python $(REQUIREMENTS) tools/make_venv.sh tools/install_packages.sh \
+$(STAMPS)/packages: $(STAMPS)/python requirements.txt tools/make_venv.sh tools/install_packages.sh \
 		tools/python_headers.sh tools/relocate_wheels.py
-	@tools/install_packages.sh $(VENV) $(REQUIREMENTS)
+	@tools/install_packages.sh $(VENV) requirements.txt
+	@tools/python_headers.sh $(VENV)
+	@$(BIN)/python tools/relocate_wheels.py
 	@touch $@
 
-# Folders are listed too: their time changes when a message is removed.
-$(STAMPS)/messages: $(STAMPS)/packages tools/build_messages.sh $(shell find msg_defs)
+# The script builds messages again only if their content is another.
+$(STAMPS)/messages: $(STAMPS)/packages tools/build_messages.sh tools/type_supports.cmake $(shell find msg_defs)
 	@tools/build_messages.sh $(VENV)
 	@touch $@
 
@@ -241,17 +263,7 @@ $(STAMPS)/package: $(STAMPS)/packages setup.py setup.cfg package.xml
 		--no-build-isolation --use-pep517 --editable .
 	@touch $@
 
-$(STAMPS)/fuzz: $(STAMPS)/packages requirements-fuzz.txt
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps \
-		-r requirements-fuzz.txt
-	@touch $@
-
-$(STAMPS)/mutants: $(STAMPS)/packages requirements-mutants.txt
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps \
-		-r requirements-mutants.txt
-	@touch $@
-
-$(STAMPS)/docs: $(STAMPS)/packages requirements-docs.txt
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps \
-		-r requirements-docs.txt
+# One after the other: they install into the same environment.
+$(STAMPS)/kind-%: requirements-%.txt $(STAMPS)/packages | $(STAMPS)/package
+	@flock $(STAMPS) tools/install_packages.sh $(VENV) $<
 	@touch $@

@@ -2,25 +2,30 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-# Installs the pinned packages into the virtual environment and makes the ROS wheels build messages.
-# usage: install_packages.sh VENV REQUIREMENTS...
+# Installs pinned packages into the virtual environment, by uv, or by pip where there is no uv.
+# usage: [INSTALLER=pip] install_packages.sh VENV REQUIREMENTS...
 set -eu
 
-tools=$(dirname "$0")
 venv=$(cd "$1" && pwd)
 shift
 python=$venv/bin/python
 log=$venv/install.log
 
+by_pip() {
+    "$python" -m pip install --quiet --disable-pip-version-check --progress-bar off "$@" > "$log" 2>&1
+}
+
+# uv does not read the settings of pip; of these it needs the index.
+by_uv() {
+    index=$("$python" -m pip config list | sed -n "s/^.*[.:]index-url='\(.*\)'$/\1/p" | tail -n 1)
+    UV_LINK_MODE=${UV_LINK_MODE:-hardlink} UV_DEFAULT_INDEX=${index:-${UV_DEFAULT_INDEX:-https://pypi.org/simple}} \
+        "$venv/bin/uv" pip install --quiet --python "$python" "$@" > "$log" 2>&1
+}
+
 install() {
-    # A dot for each package that comes: minutes of silence look like an end.
-    { "$python" -m pip install --disable-pip-version-check --progress-bar off "$@" 2> "$log" ||
-        touch "$log.failed"; } | while read -r word _; do
-        case $word in Collecting | Processing) printf . ;; esac
-    done
-    echo
-    [ ! -e "$log.failed" ] || {
-        rm "$log.failed"
+    [ ! -x "$venv/bin/uv" ] || ! by_uv "$@" || return 0
+    [ ! -x "$venv/bin/uv" ] || echo 'uv fails; pip installs the same versions, in some minutes'
+    by_pip "$@" || {
         cat "$log" >&2
         echo 'Installing the packages failed (see above); run the same command again' \
             'once the network answers: what was fetched is kept.' >&2
@@ -28,12 +33,22 @@ install() {
     }
 }
 
-# The installers come first and build what has no wheel, so that their versions are the pinned ones too.
-grep -E '^(pip|setuptools|wheel)==' requirements.txt > "$venv/installers.txt"
-echo "Installing the packages of $*"
-install -r "$venv/installers.txt"
-set -- $(printf -- '-r %s ' "$@")
-install --no-build-isolation "$@"
-
-"$tools/python_headers.sh" "$venv"
-"$python" "$tools/relocate_wheels.py"
+# The installers come first: they build what has no wheel, so that their versions are the pinned ones too.
+if ! [ -e "$venv/installers.txt" ]; then
+    if [ "${INSTALLER:-uv}" = pip ]; then
+        echo 'pip installs the packages, as INSTALLER says: some minutes'
+    elif ! by_pip --only-binary :all: "$(sed -n 's/^\(uv==[^ ]*\).*/\1/p' requirements.txt)"; then
+        echo 'There is no uv here; pip installs the same versions, in some minutes'
+    fi
+    grep -E '^(pip|setuptools|wheel)==' requirements.txt > "$venv/installers.new"
+    install -r "$venv/installers.new"
+    mv "$venv/installers.new" "$venv/installers.txt"
+fi
+for file; do
+    echo "Installing the packages of $file"
+    case $file in
+        # uv is there by now, or cannot be had.
+        requirements.txt) grep -v '^uv==' "$file" > "$venv/packages.txt" && file=$venv/packages.txt ;;
+    esac
+    install --no-build-isolation -r "$file"
+done

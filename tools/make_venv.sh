@@ -31,7 +31,7 @@ done
 identity="$("$python" -c 'import sys; print(sys.version.split()[0], sys.base_prefix)') $(pwd)/$2"
 [ "$(cat "$2/stamps/python" 2> /dev/null)" != "$identity" ] || exit 0
 
-echo "Making $2 with Python ${identity%% *} (once; three to six minutes, 1.5 GB of disk)"
+echo "Making $2 with Python ${identity%% *} (once; one to three minutes, 0.7 to 1.6 GB of disk)"
 "$python" -m venv --clear "$2"
 # Neither colcon nor ament's style checks are to look inside.
 touch "$2/COLCON_IGNORE" "$2/AMENT_IGNORE"
