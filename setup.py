@@ -20,7 +20,10 @@ if {'install', 'develop'} & set(sys.argv):
 setup(
     name=package_name,
     version='0.1.0',
-    description='Kinematics and manipulation control of isoperimetric truss robots.',
+    description=(
+        'Grasp analysis and manipulation of isoperimetric truss robots: contact forces, force '
+        'closure, twists and paths of a held object.'
+    ),
     author='isotruss_ros maintainers',
     maintainer='isotruss_ros maintainers',
     maintainer_email='user@todo.todo',

@@ -24,6 +24,12 @@ EXTRAS = {
     'gymnasium': 'learning',
     'pyarrow': 'parquet',
 }
+#: Package of Ubuntu, by the name under which it is imported.
+UBUNTU_PACKAGES = {
+    'PIL': 'python3-pil',
+    'matplotlib': 'python3-matplotlib',
+    'rich': 'python3-rich',
+}
 #: Packages of ROS that are not named `*_msgs`.
 ROS_PACKAGES = {'ament_index_python', 'builtin_interfaces', 'rcl_interfaces', 'rclpy', 'std_srvs'}
 #: Error message if ROS is not installed.
@@ -52,9 +58,11 @@ def explain_missing(error: ModuleNotFoundError) -> str:
     package = (error.name or '').partition('.')[0]
     if package in EXTRAS:
         extra = EXTRAS[package]
+        ubuntu = UBUNTU_PACKAGES.get(package, '')
+        ubuntu = f'; with an installed ROS: sudo apt install {ubuntu}' if ubuntu else ''
         return (
             f"this needs {package}: pip install 'isotruss_ros[{extra}]'; "
-            f"in a checkout of isotruss_ros: pip install '.[{extra}]'"
+            f"in a checkout of isotruss_ros: pip install '.[{extra}]'" + ubuntu
         )
     if package == 'isotruss_msgs' and importlib.util.find_spec('rclpy') is not None:
         return NO_MESSAGES

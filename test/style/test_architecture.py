@@ -112,9 +112,9 @@ for name in blocked:
 
 from isotruss_ros import core
 
-print(*sys.modules)
 for name in core.__all__:
     getattr(core, name)
+print(*sys.modules)
 robot = core.load_robot('nine_member')
 center = core.tangent_center(robot.home, 'east/Q', 0.3)
 grip = core.Grip.at_module(robot, 'east/Q', core.ConvexObject.disc(center, 0.3))
@@ -149,6 +149,15 @@ def test_core_works_without_ros_and_is_imported_without_slow_modules():
     assert not imported & LATE
     tops = {name.partition('.')[0] for name in used}
     assert not [name for name in tops if name.endswith('_msgs') or name.startswith('rcl')]
+
+
+def test_analysis_of_the_paper_loads_without_the_packages_that_it_does_not_import():
+    (loaded,) = printed_names(
+        'import sys; from isotruss_ros import core; core.analyze_grasp; print(*sys.modules)'
+    )
+    packages = {name.split('.')[2] for name in loaded if name.startswith('isotruss_ros.core.')}
+    below = {'errors', 'numerics', 'inputs', 'model', 'kinematics', 'statics'}
+    assert packages <= {*below, 'fixed_object'}
 
 
 def test_twist_servo_has_loaded_its_solver_before_the_first_cycle():

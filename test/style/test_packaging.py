@@ -7,10 +7,12 @@ import importlib
 from pathlib import Path
 import re
 import signal
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
 from isotruss_ros import executables
+from isotruss_ros.extras import UBUNTU_PACKAGES
 from isotruss_ros.nodes.framework.runner import find_node
 import pytest
 import setuptools
@@ -56,8 +58,9 @@ def setup_arguments():
 @pytest.fixture(scope='module')
 def pins():
     """Return the lines of the files that pin versions, without comments."""
-    files = [ROOT / f'requirements{part}.txt' for part in ('', '-extra', '-docs')]
-    lines = [line for file in files for line in file.read_text().splitlines()]
+    lines = [
+        line for file in ROOT.glob('requirements*.txt') for line in file.read_text().splitlines()
+    ]
     return [line for line in (line.split('#')[0].strip() for line in lines) if line]
 
 
@@ -136,12 +139,36 @@ def test_every_subcommand_prints_its_help(monkeypatch, capsys):
 def test_imported_packages_are_declared(folder, manifest):
     kinds = ['depend', 'exec_depend'] + ['test_depend'] * (folder == 'test')
     declared = dependencies(manifest, *kinds)
+    declared |= {ROSDEP_KEYS[name] for name in UBUNTU_PACKAGES}
     own = (ROOT / 'test' / 'helpers', ROOT / 'docs' / '_ext', ROOT / 'tools')
     for name, path in imports(ROOT / folder).items():
         if name in ONLY_FROM_PYPI or any((each / f'{name}.py').exists() for each in own):
             continue
         key = ROSDEP_KEYS.get(name, name)
         assert key in declared, f'{path} imports {name}: package.xml has to declare {key}'
+
+
+NODES_ALONE = """
+import sys
+
+from isotruss_ros import executables, extras
+
+sys.modules |= dict.fromkeys(extras.UBUNTU_PACKAGES)  # their import raises ModuleNotFoundError
+from isotruss_ros.nodes.framework.runner import find_node
+
+for name in executables.NODES:
+    find_node(name)
+"""
+
+
+def test_nodes_load_without_the_optional_packages(manifest):
+    assert dependencies(manifest, 'exec_depend').isdisjoint(UBUNTU_PACKAGES.values())
+    subprocess.run([sys.executable, '-c', NODES_ALONE], check=True, timeout=120)
+
+
+def test_each_dependency_of_the_nodes_has_its_reason():
+    lines = (ROOT / 'package.xml').read_text().splitlines()
+    assert not [line for line in lines if '<exec_depend>' in line and '<!-- ' not in line]
 
 
 def test_requirements_pin_the_packages_of_setup(pins, setup_arguments):
