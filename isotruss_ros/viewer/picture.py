@@ -22,6 +22,8 @@ from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.manipulation.status import GRIP_FAULTS
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.safety.barrier_law import ALL_VALUES, BarrierLaw
+from isotruss_ros.core.safety.obstacle_barrier import ObstacleBarrier
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.viewer.message_checks import (
     check_pose,
@@ -58,6 +60,8 @@ NEXT_STEPS = {
     Status.HALT_TRAJECTORY: 'trajectory ended: drag the blue ball',
 }
 
+#: Law of overlaps, of which the distances are exact.
+OVERLAP = BarrierLaw(0.0, 0.01)
 #: Plot without a curve.
 EMPTY_CURVE = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 
@@ -203,10 +207,22 @@ class Picture:
         if not self.is_fresh('status', now):
             return 'manipulation: no status'
         if self.status.code == Status.HALT_NO_TWIST and self.goal is None:
-            return 'manipulation: at rest, nothing is commanded'
+            return f'manipulation: at rest, nothing is commanded{self._describe_overlap(now)}'
         if self._is_put_down(now):
             return 'manipulation: at rest, the object is free'
         return _describe_status(self.status)
+
+    def _describe_overlap(self, now: float) -> str:
+        """Return the names of a part of the robot and an obstacle that overlap; else empty."""
+        obstacles = [obstacle for obstacle, _ in self.room.list_obstacles(now)]
+        if not obstacles:
+            return ''
+        barrier = ObstacleBarrier(self.robot, OVERLAP, obstacles, needs_object=False)
+        gaps = barrier.values(self.config, None, ALL_VALUES)
+        nearest = int(gaps.argmin())
+        if gaps[nearest] >= 0.0:
+            return ''
+        return f': {barrier.names(np.array([nearest]))[0]} overlap; drag the obstacle away'
 
     def describe_next_step(self, now: float) -> str:
         """Return the next step after a halt that persists; empty without such a halt."""

@@ -9,7 +9,15 @@ from unittest.mock import MagicMock, Mock
 
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import ConvexObject, load_robot, Polygon, Pose, Status, tangent_center
+from isotruss_ros.core import (
+    ConvexObject,
+    load_robot,
+    Obstacle,
+    Polygon,
+    Pose,
+    Status,
+    tangent_center,
+)
 from isotruss_ros.nodes.conversions.grasp_messages import to_state_message
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor, GraspQuery, LatestInputs
 from isotruss_ros.viewer.camera import FIELD_OF_VIEW, PANEL_SHARE, PHONE_ASPECT, place_camera
@@ -190,6 +198,18 @@ def test_texts_of_other_nodes_are_not_rendered_as_markup(panels, picture):
     picture.goal_report = '<img src=x onerror=alert(1)> [a](b) *c*'
     shown = panels.describe(picture, 0.0)
     assert r'\<img src\=x onerror\=alert\(1\)\> \[a\]\(b\) \*c\*' in shown
+
+
+@pytest.mark.parametrize(('offset', 'overlaps'), [(0.07, True), (0.2, False)])
+def test_obstacle_in_a_tube_of_the_robot_at_rest_is_named(picture, offset, overlaps):
+    member = ROBOT.member_names.index('north/P-Z')
+    start, axis = ROBOT.home.points[ROBOT.topology.b[member]], ROBOT.home.member_axes[member]
+    place = start + (0.5 + 1j * offset) * axis
+    body = ConvexObject.disc((place.real, place.imag), 0.1)
+    picture.room.take_obstacles([Obstacle('cup', body, stamp=0.0)], 0.0)
+    tell(picture, Status.HALT_NO_TWIST, message='twist: none received yet')
+    text = picture.describe_manipulation(0.0)
+    assert ('member north/P-Z and obstacle cup overlap' in text) == overlaps
 
 
 LATCHED = (
