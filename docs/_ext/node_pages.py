@@ -24,7 +24,8 @@ if its code is 0. The name `t/j` belongs to a module, `t/j-k` to a member ([name
 
 Everything is planar. A pose is refused if it is tilted by more than 5 degrees, or more than 0.3 m,
 out of the robot's plane, and a twist if it has components other than linear.x, linear.y and
-angular.z. Of wrenches only these components are used, of joint markers only x and y."""
+angular.z. Of wrenches only these components are used, of joint markers only x and y; obstacles may
+have any height."""
 
 #: Notes on topics, for pages that have no other note on them.
 COMMON_NOTES = {

@@ -150,15 +150,17 @@ def check_plane(what: str, cosine: float, height: float) -> None:
         )
 
 
-def read_pose(what: str, message: PoseMessage) -> Pose:
+def read_pose(what: str, message: PoseMessage, is_at_any_height: bool = False) -> Pose:
     """
     Return the planar pose in a message.
 
     :param message: pose in the robot frame, or in a frame with the same plane.
+    :param is_at_any_height: whether z is ignored, as of obstacles, which the plane crosses.
     """
     check_pose(what, message)
     position, q = message.position, message.orientation
-    check_plane(what, 1.0 - 2.0 * (q.x**2 + q.y**2), position.z)
+    height = 0.0 if is_at_any_height else position.z
+    check_plane(what, 1.0 - 2.0 * (q.x**2 + q.y**2), height)
     angle = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
     return Pose(position.x, position.y, angle)
 

@@ -48,7 +48,8 @@ def _read_obstacle(
     message: ObstacleMessage, shift: complex, turned: float, stamp: float
 ) -> Obstacle:
     words = f'obstacle {quote(message.name)}'
-    pose, turn = read_pose(words, message.pose), complex(math.cos(turned), math.sin(turned))
+    pose = read_pose(words, message.pose, is_at_any_height=True)
+    turn = complex(math.cos(turned), math.sin(turned))
     if message.shape.mass or message.shape.center_of_mass or message.shape.friction:
         raise MessageError(f'{words}: mass, center_of_mass and friction must be empty')
     try:

@@ -221,6 +221,21 @@ def test_invalid_obstacles_in_messages_are_refused_with_their_names(message, wor
         read_obstacles(message)
 
 
+@pytest.mark.parametrize('degrees', [0.0, 23.0])
+def test_obstacle_at_any_height_is_in_the_plane_unless_it_is_tilted(degrees):
+    message = to_obstacles_message([HAND], 5.0, 'truss')
+    pose = message.obstacles[0].pose
+    pose.position.z = 0.8
+    half = 0.5 * math.radians(degrees)
+    pose.orientation = Quaternion(x=math.sin(half), w=math.cos(half))
+    if degrees:
+        with pytest.raises(MessageError, match="'hand': tilted by 23 degrees"):
+            read_obstacles(message)
+        return
+    (hand,) = read_obstacles(message)
+    assert hand.body.pose[:2] == pytest.approx(HAND.body.pose[:2])
+
+
 def test_wall_is_no_moving_obstacle():
     with pytest.raises(GraspError, match="'floor': a wall does not move"):
         to_obstacles_message([Obstacle('floor', ConvexObject(HalfPlane()))], 0.0, '')
