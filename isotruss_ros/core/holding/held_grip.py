@@ -160,9 +160,11 @@ class HeldGrip:
         self.__dict__[name] = take(getattr(self._samples, name), self._number)
         return self.__dict__[name]
 
-    def __reduce__(self) -> tuple[Callable[[GripState], HeldGrip], tuple[GripState]]:
+    def __reduce__(
+        self,
+    ) -> tuple[Callable[[StoredEquilibrium], HeldGrip], tuple[StoredEquilibrium]]:
         """Return the numbers of the equilibrium for pickling."""
-        return GripState.restore, (GripState.of(self),)
+        return StoredEquilibrium.restore, (StoredEquilibrium.of(self),)
 
     def without_tangents(self) -> HeldGrip:
         """Return a copy without linearised tubes, with all values of the equilibria."""
@@ -412,7 +414,7 @@ class HeldGrip:
         return self.state.unknowns + multiple * change
 
 
-class GripState(NamedTuple):
+class StoredEquilibrium(NamedTuple):
     """Numbers of an equilibrium, from which it is restored as it is."""
 
     config: Configuration
@@ -431,7 +433,7 @@ class GripState(NamedTuple):
     found: dict[str, Any]  #: values that were found at this equilibrium, by their names
 
     @classmethod
-    def of(cls, grip: HeldGrip) -> GripState:
+    def of(cls, grip: HeldGrip) -> StoredEquilibrium:
         """Return the numbers of an equilibrium."""
         samples, number = grip.origin, grip.number
         bent, structure, body = samples.statics.bent, grip.structure, samples.statics.body

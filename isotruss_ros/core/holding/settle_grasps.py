@@ -21,10 +21,10 @@ from isotruss_ros.core.holding.grasp_samples import (
 from isotruss_ros.core.holding.grip_response import find_slip_planes, idle_contacts
 from isotruss_ros.core.holding.held_grip import (
     GraspInputs,
-    GripState,
     HeldGrip,
     HoldStatus,
     NotHeldError,
+    StoredEquilibrium,
 )
 from isotruss_ros.core.holding.newton import Accuracy, SETTLED
 from isotruss_ros.core.holding.settle_grasp import judge, lose_grasp
@@ -103,7 +103,7 @@ def settle_inputs_together(
     count = len(inputs)
     slices = [slice(begin, begin + GROUP_SIZE) for begin in range(0, count, GROUP_SIZE)]
     # Numbers only are sent between processes.
-    kind = HeldGrip if executor is None else GripState
+    kind = HeldGrip if executor is None else StoredEquilibrium
     groups = [(inputs[chosen], coefficients[chosen], accuracy, kind) for chosen in slices]
     compute = map if executor is None else executor.map
     parts: list[_GroupResult] = []
@@ -141,7 +141,9 @@ class _GroupResult(NamedTuple):
     #: (n, 9 + 3 m) slip margin, squeeze, required friction, pose, displacement; then normal
     #: forces, friction forces and utilisation of the members
     values: Array
-    equilibria: list[HeldGrip | GripState | LostContact | None]  #: (n,) see `SettledGrasps`
+    equilibria: list[
+        HeldGrip | StoredEquilibrium | LostContact | None
+    ]  #: (n,) see `SettledGrasps`
 
     def set_lost(self, number: int, settled: SettledGrasp) -> None:
         """Set the values of a grasp without contact."""
@@ -176,7 +178,7 @@ def _settle_group(
     inputs: Sequence[GraspInputs],
     friction: Array,
     accuracy: Accuracy,
-    kind: type[HeldGrip | GripState],
+    kind: type[HeldGrip | StoredEquilibrium],
 ) -> _GroupResult:
     """
     Return the values of settled grasps, each with its inputs and coefficient of friction.
@@ -209,7 +211,7 @@ def _settle_group(
         for k, (i, (hold, reason)) in enumerate(zip(numbers, verdicts, strict=True)):
             result.hold[i], result.reason[i] = hold, reason
             grip = HeldGrip.sample(light, k)
-            result.equilibria[i] = grip if kind is HeldGrip else GripState.of(grip)
+            result.equilibria[i] = grip if kind is HeldGrip else StoredEquilibrium.of(grip)
             if hold in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
                 lost = LostContact.of(inputs[i]._replace(members=samples.members))
                 result.set_lost(i, SettledGrasp(hold, reason, given[k], friction[i], lost=lost))
