@@ -115,7 +115,8 @@ def analyze_grasp(
         number for each tube in the order of the robot file, or as a mapping from tube names to
         pressures. If None, the pressure of the robot file is used.
     :param gains: gains K1 [N/m], K2 [-] and K3 [1/m] of the iteration (9), not negative, used by
-        'relaxation'. If None, gains are used with which it converges on all presets.
+        'relaxation'. If None, gains are used with which it converges for most grasps of the
+        presets.
     :raises GraspError: an argument is invalid.
     :raises StructureError: the robot is a mechanism, a pressure is invalid, or the stiffness laws
         contradict each other.

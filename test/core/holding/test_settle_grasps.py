@@ -224,12 +224,13 @@ def settle_along(name, rollers, shape, pose, steps, friction, **inputs):
     config = core.load_robot(name).configuration(rollers)
     x, y, angle = pose
     bodies = [core.ConvexObject(shape, (x + step, y, angle)) for step in steps]
-    return core.settle_grasps(config, bodies, friction, **inputs)
+    many = core.settle_grasps(config, bodies, friction, **inputs)
+    assert (sum(many.normal_forces.values()) > 0.0).all()  # zero without an equilibrium
+    return many
 
 
 def assert_smooth(values, tolerance):
-    """Assert that values at equal steps have an equilibrium each, and bend little."""
-    assert np.isfinite(values).all()
+    """Assert that values at equal steps bend little."""
     assert np.abs(np.diff(values, 2)).max() < tolerance
 
 
