@@ -164,9 +164,10 @@ class ContactGroupSolver:
                 numbers, lead = found.samples.tolist(), found.state.unknowns.shape[:-1]
                 wrench = np.array([self._wrenches[i] for i in numbers]).reshape(*lead, 3)
                 grips = HeldGrip.of(found.statics, found.state, wrench)
-                overlaps = (measure_overlaps(found.statics) > 0.0).all(axis=-1)
                 forces = found.statics.contacts.sum_by_member(found.state.normal_forces, axis=-1)
-                is_pulled = np.atleast_1d(overlaps & (forces < 0.0).any(axis=-1))
+                is_pulled = np.atleast_1d((forces < 0.0).any(axis=-1))
+                if is_pulled.any():
+                    is_pulled &= (measure_overlaps(found.statics) > 0.0).all(axis=-1)
                 for k, i in enumerate(numbers):
                     if is_pulled[k]:
                         pulled.add(i)

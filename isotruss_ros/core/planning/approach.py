@@ -42,6 +42,7 @@ from isotruss_ros.core.planning.facing import balances, CONE_SHARE
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw
+from isotruss_ros.core.safety.barriers import bent_parts
 from isotruss_ros.core.safety.obstacle_barrier import ObstacleBarrier
 import numpy as np
 
@@ -144,7 +145,7 @@ def evaluate_state(
     They are those of straight tubes, or of the bent ones of a grip in equilibrium.
     """
     model, modes = collision_model(config.robot), rigidity_index(config.robot).modes(config)
-    bent = None if grip is None else grip.bent
+    bent = bent_parts(grip)
     gaps, by_nodes, _ = model.body_distances(config, body, bent=bent)
     barrier = obstacle_barrier(config.robot, needs.obstacles, needs.min_obstacle_clearance)
     near, distances = barrier.active(config, grip), model.distances(config, bent=bent)
