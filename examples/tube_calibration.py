@@ -7,12 +7,10 @@ from pathlib import Path
 import tempfile
 
 from isotruss_ros.calibration.beam_fit import end_stiffness
+from isotruss_ros.cli.fit_tube_stiffness import main
 from isotruss_ros.core.statics.section import InflatableBeam
 from isotruss_ros.extras import explained_imports
 import numpy as np
-
-with explained_imports():
-    from isotruss_ros.cli.fit_tube_stiffness import main
 
 tube = InflatableBeam(
     radius=0.051, membrane_modulus=5e4, membrane_shear_modulus=8e3, end_softening=6.0
@@ -26,7 +24,7 @@ for mode in ('axial', 'transverse', 'rotary'):
                 f'{mode},{pressure},{length},{d},{stiffness * d}'
                 for d in np.linspace(0.0, 0.01, 9)
             ]
-with tempfile.TemporaryDirectory() as folder:
+with explained_imports(), tempfile.TemporaryDirectory() as folder:
     points = Path(folder) / 'points.csv'
     points.write_text('\n'.join(rows))
     main([str(points), '--diameter', '0.102'])  # prints constants and the block for a robot file

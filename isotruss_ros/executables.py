@@ -101,10 +101,9 @@ def run_program(name: str) -> int:
     purpose = PROGRAMS.get(name, ('', STOP if name == 'stop' else OPERATE))
     module, function = purpose[1].split(':')
     try:
-        program = getattr(importlib.import_module(module), function)
+        return getattr(importlib.import_module(module), function)()
     except ModuleNotFoundError as error:
         raise _explain_missing(error) from None
-    return program()
 
 
 def __getattr__(name: str) -> Callable[[], int]:

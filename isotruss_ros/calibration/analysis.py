@@ -14,6 +14,7 @@ from isotruss_ros.calibration.law import fit_law, FittedLaw
 from isotruss_ros.calibration.linear_range import fit_slope, Slope, TOLERANCE
 from isotruss_ros.calibration.local_fit import fit_local_stiffness, FittedLocalStiffness
 from isotruss_ros.calibration.measurements import (
+    DEFAULT_DIAMETER,
     Group,
     MeasurementError,
     Measurements,
@@ -30,8 +31,6 @@ import numpy as np
 #: displacements in another unit gives 0.29 to 2.2; with a third of this limit, usual points are
 #: refused, and with three times of it, loads in pounds are accepted.
 MAX_MISFIT = 0.25
-#: Diameter of the tubes of the paper and of the presets [m].
-DEFAULT_DIAMETER = 0.102
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from isotruss_ros.calibration.law import half_widths
 from isotruss_ros.calibration.measurements import MeasurementError, MODES
@@ -22,7 +22,9 @@ from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.section import InflatableBeam, TubeStiffness
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares, OptimizeResult
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 #: Largest factor by which the search changes the constants from their initial estimate [-]; beyond
 #: this factor the stiffnesses do not depend on a constant.
@@ -152,6 +154,8 @@ def _search(
     **options: Any,
 ) -> OptimizeResult:
     """Return the least-squares fit of the constants' logarithms to those of the stiffnesses."""
+    from scipy.optimize import least_squares
+
     _require_modes(modes)
     measured, target = (modes, lengths, pressures), np.log(stiffnesses)
     start, reach = _estimate(*measured, stiffnesses, radius), np.log(SEARCH_FACTOR)

@@ -14,7 +14,6 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
-import scipy
 
 #: Largest residual of a consistent joint, in standard deviations [-].
 GATE_SIGMAS = 5.0
@@ -103,7 +102,9 @@ def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> 
         return np.hstack([found, np.stack([by_motion.real, by_motion.imag], 1).reshape(-1, 3)])
 
     start = np.zeros(count + 3 * moved)
-    found = scipy.optimize.least_squares(
+    from scipy import optimize
+
+    found = optimize.least_squares(
         misfit, start, slope, method='lm', xtol=1e-12, max_nfev=MAX_ITERATIONS
     )
     return HomeFit(found.x[:count], found.x[count:], found.fun.reshape(-1, 2), found.jac)

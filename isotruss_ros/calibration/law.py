@@ -11,7 +11,6 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.model.stiffness_law import Law
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
-from scipy.stats import t as student_t
 
 #: Largest difference between logarithms that is attributed to rounding [-].
 VARIATION_TOLERANCE = 1e-12
@@ -35,10 +34,12 @@ def half_widths(matrix: Array, rest: Array) -> Array:
     :param matrix: (n, k) Jacobian at the least-squares solution.
     :param rest: (n,) residuals.
     """
+    from scipy import special
+
     freedom = len(rest) - matrix.shape[1]
     # pinv pinv^T is (X^T X)^-1 without squaring the condition of X.
     error = np.sqrt((np.linalg.pinv(matrix) ** 2).sum(axis=1) * (rest @ rest) / freedom)
-    return student_t.ppf(0.975, freedom) * error
+    return special.stdtrit(freedom, 0.975) * error
 
 
 def fit_law(pressures: Array, lengths: Array, stiffnesses: Array) -> FittedLaw:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from isotruss_ros.calibration.measurements import Group
 from isotruss_ros.core.numerics.arrays import Array, Flags, MAX_MAGNITUDE
 import numpy as np
-from scipy.stats import f as f_distribution
 
 #: Largest deviation of the cubic from the line in the linear range, relative to the rise of the
 #: line [-].
@@ -115,8 +114,10 @@ def _is_linear(group: Group, inside: Flags, tolerance: float) -> bool:
     extra = line_freedom - freedom
     if not (left > 0.0 and extra > 0):
         return False
+    from scipy import special
+
     ratio = gain / extra / (left / freedom)
-    return float(f_distribution.sf(ratio, extra, freedom)) > SIGNIFICANCE
+    return float(special.fdtrc(extra, freedom, ratio)) > SIGNIFICANCE
 
 
 def _fit(group: Group, used: Flags, degree: int) -> tuple[float, Array, Array, int]:

@@ -19,8 +19,6 @@ from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import InflatableBeam
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
-from scipy.stats import t as student_t
 
 #: Largest factor, in either direction, between the local stiffness and its theoretical value in
 #: the search [-].
@@ -76,8 +74,12 @@ def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalSt
         away = np.log(_loads(presses, beam, float(np.exp(log_factor)))) - target
         return float(away @ away)
 
+    from scipy import optimize, special
+
     ends = (-np.log(SEARCH_FACTOR), np.log(SEARCH_FACTOR))
-    found = minimize_scalar(misfit, bounds=ends, method='bounded', options={'xatol': TOLERANCE})
+    found = optimize.minimize_scalar(
+        misfit, bounds=ends, method='bounded', options={'xatol': TOLERANCE}
+    )
     best, least = float(found.x), float(found.fun)
     change = np.log(
         _loads(presses, beam, 1.1 * np.exp(best)) / _loads(presses, beam, np.exp(best))
@@ -88,10 +90,10 @@ def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalSt
             'press a shorter piece, or narrower cylinders'
         )
     # Profile likelihood interval: outside, the sum of squares exceeds the minimum by over `share`.
-    share = student_t.ppf(0.975, count - 1) ** 2 / (count - 1)
+    share = special.stdtrit(count - 1, 0.975) ** 2 / (count - 1)
     bound = (1.0 + share) * least + count * LOAD_TOLERANCE**2
     low, high = (
-        brentq(
+        optimize.brentq(
             lambda log_factor: misfit(log_factor) - bound,
             best,
             end,

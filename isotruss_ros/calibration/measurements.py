@@ -26,6 +26,10 @@ DIAMETER = 'diameter'
 NUMBER_COLUMNS = ('pressure', 'length', 'displacement', 'load')
 COLUMNS = ('mode', *NUMBER_COLUMNS)
 TRIAL = 'trial'
+#: First columns of a table of measured joints; a column for each roller follows.
+JOINT_COLUMNS = ('posture', 'joint', 'x', 'y')
+#: Diameter of the tubes of the paper and of the presets [m].
+DEFAULT_DIAMETER = 0.102
 #: Valid ranges of the values of a row: pressure as in a robot file [Pa], diameter from hand-sized
 #: to house-sized tubes [m], length [m].
 RANGES = {

@@ -11,7 +11,6 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows, MAX_MAGNITUDE
 import numpy as np
 from numpy.typing import ArrayLike
-import scipy
 
 #: Smallest number of poses for a fit [-].
 MIN_POSES = 20
@@ -65,7 +64,9 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     if size == 0.0:
         raise MeasurementError('the poses are equal: the object must oscillate')
     first = _strongest_frequency(at, moved)
-    found = scipy.optimize.least_squares(
+    from scipy import optimize
+
+    found = optimize.least_squares(
         lambda shape: split(shape)[1].ravel() / size, [0.1 * first, first], x_scale=first
     )
     decay, damped = found.x

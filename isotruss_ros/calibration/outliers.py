@@ -8,7 +8,6 @@ from __future__ import annotations
 from isotruss_ros.calibration.measurements import Group
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
-from scipy.stats import t as student_t
 
 #: Probability that a group without outliers has a detected outlier [-].
 FALSE_OUTLIER_PROBABILITY = 1e-5
@@ -31,6 +30,8 @@ def outlying_points(group: Group) -> tuple[Flags, Array]:
     :return: mask (n,) of the outliers; and deviation (n,) of each outlier from the line through
         the points that are no outliers, zero for other points [N or N m].
     """
+    from scipy import special
+
     off, out = np.zeros(len(group.loads)), np.zeros(len(group.loads), dtype=bool)
     for _ in range(int(MAX_OUTLIER_SHARE * len(out))):
         rest, scale, rise = _deleted(group, ~out)
@@ -40,7 +41,7 @@ def outlying_points(group: Group) -> tuple[Flags, Array]:
         freedom = int((~out).sum()) - 3 - int(group.trials.max())
         if freedom < 2 or abs(rest[worst]) <= MIN_DEVIATION_SHARE * rise[worst]:
             break
-        if 2.0 * student_t.sf(ratio[worst], freedom) * len(out) > FALSE_OUTLIER_PROBABILITY:
+        if 2.0 * special.stdtr(freedom, -ratio[worst]) * len(out) > FALSE_OUTLIER_PROBABILITY:
             break
         out[worst], off[worst] = True, rest[worst]
     return out, off

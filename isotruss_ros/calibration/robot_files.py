@@ -12,23 +12,20 @@ from pathlib import Path
 
 from isotruss_ros.calibration.home import HomeCalibration
 from isotruss_ros.calibration.home_fit import Posture
-from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.measurements import JOINT_COLUMNS, MeasurementError
 from isotruss_ros.calibration.stiffness_scale import StiffnessCalibration
 from isotruss_ros.core.kinematics.robot import Robot
 import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-#: First columns of a table of measured joints; a column for each roller follows.
-COLUMNS = ('posture', 'joint', 'x', 'y')
-
 
 def read_postures(path: Path, robot: Robot) -> list[Posture]:
     """
     Read measured joint positions and encoder readings from a CSV file with a row per joint.
 
-    :param path: path of the file; its columns are `COLUMNS` and one column per roller, named after
-        the roller. A row contains one joint and all encoder readings. All lengths are in metres.
+    :param path: path of the file; its columns are `JOINT_COLUMNS` and one for each roller, by its
+        name. A row contains one joint and all encoder readings. All lengths are in metres.
     :param robot: the robot.
     :raises MeasurementError: a value is invalid; the message names the line, the value and the
         valid range.
@@ -39,7 +36,7 @@ def read_postures(path: Path, robot: Robot) -> list[Posture]:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise MeasurementError(f'{path}: cannot be read: {error}') from error
-    missing = [name for name in (*COLUMNS, *rollers) if not rows or name not in rows[0]]
+    missing = [name for name in (*JOINT_COLUMNS, *rollers) if not rows or name not in rows[0]]
     if missing:
         raise MeasurementError(
             f'{path}: columns {", ".join(missing)} are missing; must be posture, joint, x, y and '

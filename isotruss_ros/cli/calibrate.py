@@ -14,14 +14,13 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 import sys
+from typing import TYPE_CHECKING
 
-from isotruss_ros.calibration.home import calibrate_home
-from isotruss_ros.calibration.home_fit import Posture
-from isotruss_ros.calibration.measurements import MeasurementError
-from isotruss_ros.calibration.robot_files import COLUMNS, read_postures, write_robot_file
-from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
-from isotruss_ros.core import IsotrussError, load_robot
-import numpy as np
+from isotruss_ros.calibration.measurements import JOINT_COLUMNS, MeasurementError
+from isotruss_ros.core import IsotrussError
+
+if TYPE_CHECKING:
+    from isotruss_ros.calibration.home_fit import Posture
 
 
 def home(arguments: Sequence[str] | None = None) -> int:
@@ -51,7 +50,7 @@ def stiffness(arguments: Sequence[str] | None = None) -> int:
     return _run(parser, arguments, _calibrate_stiffness)
 
 
-_FILE = f'CSV file with the columns {",".join(COLUMNS)} and one for each roller [m]'
+_FILE = f'CSV file with the columns {",".join(JOINT_COLUMNS)} and one for each roller [m]'
 
 
 def _parser(name: str, description: str) -> argparse.ArgumentParser:
@@ -83,6 +82,11 @@ def _run(
 
 
 def _calibrate_home(options: argparse.Namespace) -> None:
+    from isotruss_ros.calibration.home import calibrate_home
+    from isotruss_ros.calibration.robot_files import read_postures, write_robot_file
+    from isotruss_ros.core import load_robot
+    import numpy as np
+
     robot = load_robot(options.robot)
     calibrated = calibrate_home(robot, read_postures(options.joints, robot), options.deviation)
     print('roller    offset [mm]')
@@ -98,6 +102,11 @@ def _calibrate_home(options: argparse.Namespace) -> None:
 
 
 def _calibrate_stiffness(options: argparse.Namespace) -> None:
+    from isotruss_ros.calibration.robot_files import read_postures, write_robot_file
+    from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
+    from isotruss_ros.core import load_robot
+    import numpy as np
+
     robot = load_robot(options.robot)
     before, under = (
         _only_posture(path, read_postures(path, robot)) for path in (options.before, options.under)

@@ -9,14 +9,14 @@ import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 import sys
+from typing import TYPE_CHECKING
 
-from isotruss_ros.core import IsotrussError, load_robot
-from isotruss_ros.core.recording.recorded_cycle import RecordedCycle
+from isotruss_ros.core import IsotrussError
 from isotruss_ros.extras import MissingPackageError
 from isotruss_ros.identification.gauge import COLUMNS, read_gauge
-from isotruss_ros.identification.hypotheses import compare_run
-from isotruss_ros.identification.read_run import read_run
-from isotruss_ros.identification.report import block, describe
+
+if TYPE_CHECKING:
+    from isotruss_ros.core.recording.recorded_cycle import RecordedCycle
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -38,6 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _compare(options: argparse.Namespace) -> None:
+    from isotruss_ros.core import load_robot
+    from isotruss_ros.identification.hypotheses import compare_run
+    from isotruss_ros.identification.read_run import read_run
+    from isotruss_ros.identification.report import block, describe
     from isotruss_ros.viewer.recorded_cycles import find_cycles, read_told_squeeze
 
     gauge = None if options.forces is None else read_gauge(options.forces, options.gauge_zero)

@@ -10,10 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from isotruss_ros.core import ConvexObject, IsotrussError, load_robot, Pose, read_object
-from isotruss_ros.core.errors import ObjectFileError
-from isotruss_ros.mujoco_plant.mjcf import export_mjcf
-from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros import core
+from isotruss_ros.core.errors import IsotrussError, ObjectFileError
 
 WRITTEN, BAD_ARGUMENTS = 0, 2
 
@@ -21,11 +19,14 @@ WRITTEN, BAD_ARGUMENTS = 0, 2
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the model to a file, and return the exit code."""
     options = _parser().parse_args(arguments)
+    from isotruss_ros.mujoco_plant.mjcf import export_mjcf
+    from isotruss_ros.mujoco_plant.options import PlantOptions
+
     try:
-        objects = [ConvexObject.disc((x, y), diameter) for x, y, diameter in options.object]
+        objects = [core.ConvexObject.disc((x, y), diameter) for x, y, diameter in options.object]
         objects += [_place(*given) for given in options.shape]
         settings = PlantOptions(friction=options.friction)
-        text = export_mjcf(load_robot(options.robot), objects, settings, actuated=True)
+        text = export_mjcf(core.load_robot(options.robot), objects, settings, actuated=True)
         options.model.write_text(text, encoding='utf-8')
     except (IsotrussError, OSError) as error:
         print(f'export_mujoco: {error}', file=sys.stderr)
@@ -34,13 +35,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return WRITTEN
 
 
-def _place(file: str, *pose: str) -> ConvexObject:
+def _place(file: str, *pose: str) -> core.ConvexObject:
     """Return the object of an object file at the pose in the command line."""
     try:
         x, y, angle = map(float, pose)
     except ValueError as error:
         raise ObjectFileError(f'--shape {file} {" ".join(pose)}: {error}') from error
-    return read_object(file).placed_at(Pose(x, y, angle))
+    return core.read_object(file).placed_at(core.Pose(x, y, angle))
 
 
 def _parser() -> argparse.ArgumentParser:

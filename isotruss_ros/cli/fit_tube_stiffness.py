@@ -10,26 +10,20 @@ from collections.abc import Sequence
 import math
 from pathlib import Path
 import sys
+from typing import TYPE_CHECKING
 
-from isotruss_ros.calibration.analysis import analyse, Analysis, DEFAULT_DIAMETER
 from isotruss_ros.calibration.linear_range import TOLERANCE
 from isotruss_ros.calibration.measurements import (
     COLUMNS,
+    DEFAULT_DIAMETER,
     MeasurementError,
     MODES,
     read_measurements,
 )
-from isotruss_ros.calibration.report import (
-    beam_table,
-    block,
-    law_table,
-    local_line,
-    missed_modes,
-    unused_rows,
-)
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.plotting.fit_figure import draw
-from rich.console import Console
+
+if TYPE_CHECKING:
+    from isotruss_ros.calibration.analysis import Analysis
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,6 +41,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from isotruss_ros.calibration import report
+    from isotruss_ros.calibration.analysis import analyse
+    from rich.console import Console
+
     measurements = read_measurements(options.points)
     if not measurements.rows:
         raise MeasurementError(
@@ -56,23 +54,25 @@ def _run(options: argparse.Namespace) -> int:
     analysis = analyse(measurements, options.diameter, options.tolerance, ranges)
     if measurements.ignored_columns:
         print(f'columns not used: {", ".join(measurements.ignored_columns)}')
-    for line in unused_rows(analysis.unused, measurements.rows):
+    for line in report.unused_rows(analysis.unused, measurements.rows):
         print(line)
     print()
     console = Console(highlight=False)
     if not console.is_terminal:
         console.width = max(console.width, 100)  # full width for files and pipes
     if analysis.fitted:
-        console.print(beam_table(analysis.fitted), '')
-    if local := local_line(analysis):
+        console.print(report.beam_table(analysis.fitted), '')
+    if local := report.local_line(analysis):
         print(local, end='\n\n')
     if any(analysis.slopes.values()):
-        console.print(law_table(analysis), '')
-    for line in missed_modes(analysis):
+        console.print(report.law_table(analysis), '')
+    for line in report.missed_modes(analysis):
         print(line)
     for mode, reason in analysis.missing.items():
         print(f'no power law for mode {mode}: {reason}')
     if options.figure:
+        from isotruss_ros.plotting.fit_figure import draw
+
         draw(analysis, options.figure)
     return _finish(analysis, options.block)
 
@@ -84,6 +84,8 @@ def _finish(analysis: Analysis, path: Path | None) -> int:
             f'fit_tube_stiffness: no block for the robot file: {analysis.refusal}', file=sys.stderr
         )
         return 1
+    from isotruss_ros.calibration.report import block
+
     text = block(analysis.fitted, analysis.local)
     print(text)
     if path:

@@ -10,16 +10,13 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
+from isotruss_ros import core
 from isotruss_ros.cli.exit_codes import run_program
 from isotruss_ros.cli.plan_options import add_search
-from isotruss_ros.core import ConvexObject, load_robot, read_object
 from isotruss_ros.core.errors import quote, suggest
 from isotruss_ros.dataset.columns import COLUMNS
-from isotruss_ros.dataset.grasp_dataset import DatasetRun, write_dataset
 from isotruss_ros.dataset.random_grasps import DatasetError, GraspDistribution, KINDS
 from isotruss_ros.workers import WorkerPool
-from rich.console import Console
-from rich.progress import Progress
 
 #: Exit code of a complete data set.
 WRITTEN = 0
@@ -33,6 +30,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from isotruss_ros.dataset.grasp_dataset import DatasetRun, write_dataset
+    from rich.console import Console
+    from rich.progress import Progress
+
     items = [_read_item(name) for name in options.objects]
     distribution = GraspDistribution(
         tuple(items),
@@ -44,7 +45,7 @@ def _run(options: argparse.Namespace) -> int:
         options.moment,
     )
     run = DatasetRun(
-        load_robot(options.robot), options.count, distribution, options.seed, options.columns
+        core.load_robot(options.robot), options.count, distribution, options.seed, options.columns
     )
     console = Console(stderr=True)
     bar = Progress(console=console, transient=True, disable=not console.is_terminal)
@@ -58,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
     return WRITTEN
 
 
-def _read_item(name: str) -> str | ConvexObject:
+def _read_item(name: str) -> str | core.ConvexObject:
     """Return a kind of random shapes, or the object of an object file."""
     if name in KINDS:
         return name
@@ -67,7 +68,7 @@ def _read_item(name: str) -> str | ConvexObject:
         raise DatasetError(
             f'objects: {quote(name)}: {hint}must be one of {", ".join(KINDS)}, or an object file'
         )
-    return read_object(name)
+    return core.read_object(name)
 
 
 def _parser() -> argparse.ArgumentParser:

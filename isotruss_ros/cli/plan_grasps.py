@@ -13,23 +13,15 @@ from pathlib import Path
 import signal
 import sys
 from types import FrameType
+from typing import TYPE_CHECKING
 
+from isotruss_ros import core
 from isotruss_ros.cli.exit_codes import run_program
 from isotruss_ros.cli.plan_options import add_requirements, add_search, duration, requirements
-from isotruss_ros.cli.plan_report import as_json, table
-from isotruss_ros.cli.progress_bar import show_progress
-from isotruss_ros.core import (
-    Configuration,
-    ConvexObject,
-    GraspRequirements,
-    load_robot,
-    plan_grasps,
-    read_object,
-    Uncertainty,
-)
-from isotruss_ros.core.planning.grasp_plan import GraspPlan, plan_in_words
 from isotruss_ros.workers import Stop, WorkerPool
-from rich.console import Console
+
+if TYPE_CHECKING:
+    from isotruss_ros.core.planning.grasp_plan import GraspPlan
 
 #: Exit codes of a completed search.
 FOUND, NONE_FOUND = 0, 1
@@ -42,7 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    robot = load_robot(options.robot)
+    from isotruss_ros.cli.plan_report import as_json
+
+    robot = core.load_robot(options.robot)
     config = robot.home
     if options.rollers is not None:
         config = robot.configuration(options.rollers)
@@ -57,27 +51,29 @@ def _run(options: argparse.Namespace) -> int:
     return FOUND if plan.grasps else NONE_FOUND
 
 
-def _read_object(options: argparse.Namespace) -> ConvexObject:
+def _read_object(options: argparse.Namespace) -> core.ConvexObject:
     """Return the object that the options describe, at its pose."""
     if options.object is None:
-        return ConvexObject.disc(tuple(options.center), options.diameter)
-    return read_object(options.object).placed_at((*options.center, options.angle))
+        return core.ConvexObject.disc(tuple(options.center), options.diameter)
+    return core.read_object(options.object).placed_at((*options.center, options.angle))
 
 
 def _search(
-    config: Configuration,
-    body: ConvexObject,
-    needs: GraspRequirements,
+    config: core.Configuration,
+    body: core.ConvexObject,
+    needs: core.GraspRequirements,
     options: argparse.Namespace,
 ) -> GraspPlan:
     """Search in parallel processes until the search is finished, interrupted or timed out."""
+    from isotruss_ros.cli.progress_bar import show_progress
+
     stop = Stop(options.time_limit)
     uncertainty = None
     if options.uncertainty is not None:
-        uncertainty = Uncertainty.of(config.robot, body, options.uncertainty)
+        uncertainty = core.Uncertainty.of(config.robot, body, options.uncertainty)
     # A single worker is also a separate process: the last digits depend on the BLAS threads.
     with WorkerPool(options.workers) as pool, show_progress() as show, _interruptible(stop):
-        return plan_grasps(
+        return core.plan_grasps(
             config,
             body,
             needs,
@@ -104,7 +100,11 @@ def _interruptible(stop: Stop) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _tell(plan: GraspPlan, needs: GraspRequirements) -> None:
+def _tell(plan: GraspPlan, needs: core.GraspRequirements) -> None:
+    from isotruss_ros.cli.plan_report import table
+    from isotruss_ros.core.planning.grasp_plan import plan_in_words
+    from rich.console import Console
+
     console = Console(highlight=False)
     if not console.is_terminal:
         console.width = max(console.width, 160)  # full width for files and pipes

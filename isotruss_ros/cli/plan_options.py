@@ -12,8 +12,9 @@ import math
 import sys
 from typing import Any
 
-from isotruss_ros.core import GraspRequirements, read_obstacles
-from isotruss_ros.core.planning.requirements import Measure
+from isotruss_ros import core
+from isotruss_ros.core.model.obstacle import Obstacle
+from isotruss_ros.core.planning.requirements import GraspRequirements, Measure
 from isotruss_ros.workers import MAX_WORKERS
 
 #: Placeholder of the value, and help text, of the option for each requirement.
@@ -65,7 +66,7 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
         elif field.name in ('module', 'members'):
             kind['type'] = str
         if field.name == 'obstacles':
-            kind['type'] = read_obstacles
+            kind['type'] = _read_obstacles
         elif field.type.startswith('tuple'):
             kind['nargs'] = len(metavar) if isinstance(metavar, tuple) else '+'
         option = f'--{field.name.replace("_", "-")}'
@@ -89,6 +90,13 @@ def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 def requirements(options: argparse.Namespace) -> GraspRequirements:
     """Return the requirements of a grasp that the options specify."""
     return GraspRequirements(**{name: getattr(options, name) for name in OPTIONS})
+
+
+def _read_obstacles(text: str) -> tuple[Obstacle, ...]:
+    try:
+        return core.read_obstacles(text)
+    except core.IsotrussError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def _read_number(kind: type, high: float, words: str) -> Callable[[str], float]:

@@ -15,17 +15,14 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from isotruss_ros.core import Disc, IsotrussError, load_robot, Robot
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros import core
+from isotruss_ros.core.errors import ConfigurationError, IsotrussError
 from isotruss_ros.core.model.pose import check_range, MAX_SIZE, MIN_DIAMETER
-from isotruss_ros.core.model.shapes import Shape
-from isotruss_ros.core.recording.encoded_values import RecordedCycleError
 from isotruss_ros.extras import MissingPackageError
-from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import LOCAL
-from isotruss_ros.viewer.picture import Picture
 
 if TYPE_CHECKING:
+    from isotruss_ros.core.model.shapes import Shape
     from isotruss_ros.viewer.view import View
 
 #: Robot of a recording that contains none, unless another one is given.
@@ -46,6 +43,7 @@ def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) 
     :param wait: function called after each frame with the time from the start at which the next
         frame is due [s].
     """
+    from isotruss_ros.viewer.message_checks import PictureError
     from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording, show_message
 
     shown, first = -math.inf, None
@@ -109,8 +107,9 @@ def _repeat(view: View, options: argparse.Namespace) -> None:
         view.picture.samples.clear()
 
 
-def _read_setup(options: argparse.Namespace) -> tuple[Robot, Shape | None]:
+def _read_setup(options: argparse.Namespace) -> tuple[core.Robot, Shape | None]:
     """Return robot and shape of a recording; the robot of the options if it contains none."""
+    from isotruss_ros.core.recording.encoded_values import RecordedCycleError
     from isotruss_ros.viewer.recorded_cycles import read_setup
 
     try:
@@ -121,9 +120,9 @@ def _read_setup(options: argparse.Namespace) -> tuple[Robot, Shape | None]:
     if recorded is None:
         if options.robot is None:
             print(f'replay: the recording contains no robot: {ROBOT}, or --robot', file=sys.stderr)
-        return load_robot(options.robot or ROBOT), shape
+        return core.load_robot(options.robot or ROBOT), shape
     if options.robot is not None:
-        given = replace(load_robot(options.robot).description, source='')
+        given = replace(core.load_robot(options.robot).description, source='')
         if repr(given) != repr(replace(recorded.description, source='')):
             words = f'--robot {options.robot}: not the robot of the recording, which is used'
             print(f'replay: {words}: {recorded.name}', file=sys.stderr)
@@ -190,13 +189,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             is_equal = print_run(options.file, robot, options.diameter, options.set)
             return 0 if is_equal else DIFFERENT
         try:
+            from isotruss_ros.viewer.picture import Picture
             from isotruss_ros.viewer.recording import read_recording
             from isotruss_ros.viewer.view import View
         except ModuleNotFoundError as error:
             raise MissingPackageError(error) from error
         next(read_recording(options.file))  # refused before an address is printed
         robot, shape = _read_setup(options)
-        diameter = shape.diameter if isinstance(shape, Disc) else options.diameter
+        diameter = shape.diameter if isinstance(shape, core.Disc) else options.diameter
         # Writing needs no fixed port.
         port = options.port if options.page is None else 0
         with contextlib.closing(View(Picture(robot, diameter, shape), LOCAL, port)) as view:

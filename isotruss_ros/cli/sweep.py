@@ -18,19 +18,19 @@ import csv
 import itertools
 from pathlib import Path
 import sys
-from typing import Any, TypeAlias
+from typing import Any, TYPE_CHECKING, TypeAlias
 
-from distributed import as_completed, Client, LocalCluster
+from isotruss_ros import core
 from isotruss_ros.cli.plan_options import add_requirements, add_search, requirements
-from isotruss_ros.core import ConvexObject, GraspRequirements, IsotrussError, plan_grasps
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.description import RobotDescription
-from isotruss_ros.core.model.robot_file import read_robot_file
-from isotruss_ros.core.planning.grasp_plan import export_figures
+from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import export_violation
 from isotruss_ros.workers import core_count
-from rich.console import Console
-from rich.progress import Progress
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 COLUMNS = (
     *('robot', 'object', 'name', 'x', 'y', 'diameter', 'found', 'module', 'members', 'score'),
@@ -44,11 +44,13 @@ Pair: TypeAlias = tuple[tuple[int, int], RobotDescription, ConvexObject]
 
 def evaluate(pair: Pair, needs: GraspRequirements, seed: int) -> dict[str, Any]:
     """Return a row of the table with the best grasp of one object by one robot."""
+    from isotruss_ros.core.planning.grasp_plan import export_figures
+
     (robot, item), description, body = pair
     row = {'robot': robot, 'object': item, 'name': description.name, 'diameter': 2.0 * body.arm}
     row |= dict(zip('xy', body.pose[:2], strict=True)) | {'found': 0, 'error': ''}
     try:
-        plan = plan_grasps(Robot(description).home, body, needs, seed)
+        plan = core.plan_grasps(core.Robot(description).home, body, needs, seed)
     except IsotrussError as error:
         return row | {'error': str(error)}  # an invalid robot does not end the sweep
     row |= {'found': len(plan.grasps), 'evaluations': plan.evaluations}
@@ -64,6 +66,8 @@ def sweep(
     seed: int = 0,
 ) -> Iterator[dict[str, Any]]:
     """Yield a row of the table for each pair of robot and object, as soon as it is computed."""
+    from distributed import as_completed
+
     pairs = [
         ((i, j), robots[i], objects[j])
         for i, j in itertools.product(range(len(robots)), range(len(objects)))
@@ -114,6 +118,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
+    from distributed import Client, LocalCluster
+    from isotruss_ros.core.model.robot_file import read_robot_file
+    from rich.console import Console
+    from rich.progress import Progress
+
     robots = [read_robot_file(name) for name in options.robots]
     objects, needs = read_objects(options.objects), requirements(options)
     count, found = len(robots) * len(objects), 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from isotruss_ros.core import Disc, Ellipse, Polygon, Robot, settle_grasps
+from isotruss_ros import core
 from isotruss_ros.core.errors import suggest
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
@@ -84,16 +84,16 @@ def check_columns(names: Sequence[str]) -> tuple[str, ...]:
 def corner_count(objects: Sequence[Any]) -> int:
     """Return the width of the columns of corners for kinds and objects of a distribution."""
     shapes = [item.shape for item in objects if not isinstance(item, str)]
-    counts = [len(shape.vertices) for shape in shapes if isinstance(shape, Polygon)]
+    counts = [len(shape.vertices) for shape in shapes if isinstance(shape, core.Polygon)]
     return max(CORNER_COUNTS[1], *counts, 0)
 
 
 def compute_columns(
-    robot: Robot, grasps: Sequence[RandomGrasp], first: int, corners: int
+    robot: core.Robot, grasps: Sequence[RandomGrasp], first: int, corners: int
 ) -> dict[str, NDArray[Any]]:
     """Settle grasps, the first of which has a number; return all columns by their names."""
     configs, bodies, friction, wrenches, items = zip(*grasps, strict=True)
-    settled = settle_grasps(list(configs), list(bodies), friction, np.array(wrenches))
+    settled = core.settle_grasps(list(configs), list(bodies), friction, np.array(wrenches))
     shapes = [body.shape for body in bodies]
     outlines = np.array([_outline(shape, corners) for shape in shapes])
     directions = np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
@@ -121,21 +121,21 @@ def compute_columns(
 
 def _kind_name(shape: Shape) -> str:
     """Return the value of the column `shape`."""
-    kinds = {Disc: 'disc', Polygon: 'polygon', Ellipse: 'ellipse'}
+    kinds = {core.Disc: 'disc', core.Polygon: 'polygon', core.Ellipse: 'ellipse'}
     return kinds.get(type(shape), 'other')
 
 
 def _semi_axes(shape: Shape) -> tuple[float, float]:
     """Return the semi-axes of a disc or an ellipse [m], NaN for other shapes."""
-    if isinstance(shape, Disc):
+    if isinstance(shape, core.Disc):
         return 0.5 * shape.diameter, 0.5 * shape.diameter
-    return shape.semi_axes if isinstance(shape, Ellipse) else (np.nan, np.nan)
+    return shape.semi_axes if isinstance(shape, core.Ellipse) else (np.nan, np.nan)
 
 
 def _outline(shape: Shape, corners: int) -> Array:
     """Return x, y and radii of the corners of a polygon (3, corners), filled up by NaN [m]."""
     rows = np.full((3, corners), np.nan)
-    if isinstance(shape, Polygon):
+    if isinstance(shape, core.Polygon):
         count = len(shape.vertices)
         rows[:2, :count] = np.array(shape.vertices).T
         rows[2, :count] = shape.radii

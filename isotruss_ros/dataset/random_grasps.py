@@ -8,17 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from isotruss_ros.core import (
-    Configuration,
-    ConvexObject,
-    Disc,
-    Ellipse,
-    IsotrussError,
-    place_between,
-    Polygon,
-    Robot,
-)
-from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros import core
+from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import check_range, MAX_FRICTION, MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD
@@ -85,7 +77,7 @@ class GraspDistribution:
 class RandomGrasp(NamedTuple):
     """Arguments of `settle_grasp` for one random grasp."""
 
-    config: Configuration  #: configuration of the robot
+    config: core.Configuration  #: configuration of the robot
     body: ConvexObject  #: the object at its given pose
     friction: float  #: coefficient of friction [-]
     external_wrench: Array  #: (3,) external wrench (fx, fy, m) [N, N m]
@@ -93,7 +85,7 @@ class RandomGrasp(NamedTuple):
 
 
 def draw_grasp(
-    robot: Robot, distribution: GraspDistribution, seed: int, number: int
+    robot: core.Robot, distribution: GraspDistribution, seed: int, number: int
 ) -> RandomGrasp:
     """
     Return a random grasp, which depends only on the arguments.
@@ -118,7 +110,7 @@ def draw_grasp(
             shape, own_friction = _draw_object(rng, distribution, item)
             members = [names[i] for i in rng.choice(len(names), 2, replace=False)]
             angle, depth = rng.uniform(-np.pi, np.pi), rng.uniform(*distribution.depth)
-            body = place_between(config, members, shape, angle, depth).body
+            body = core.place_between(config, members, shape, angle, depth).body
         except (ConfigurationError, GraspError):
             continue
         friction = rng.uniform(*distribution.friction)
@@ -147,14 +139,14 @@ def draw_shape(rng: np.random.Generator, kind: str, sizes: tuple[float, float]) 
     """Return a random shape of a kind, with a size in a range [m], see `GraspDistribution`."""
     size, ratio = rng.uniform(*sizes), rng.uniform(MIN_ASPECT_RATIO, 1.0)
     if kind == 'disc':
-        return Disc(size)
+        return core.Disc(size)
     a, b = 0.5 * size, 0.5 * size * ratio
     if kind == 'ellipse':
-        return Ellipse((a, b))
+        return core.Ellipse((a, b))
     low, high = CORNER_COUNTS
     gaps = MIN_CORNER_GAP + rng.random(int(rng.integers(low, high + 1)))
     angles = 2.0 * np.pi * np.cumsum(gaps) / gaps.sum()
-    return Polygon(np.column_stack([a * np.cos(angles), b * np.sin(angles)]).tolist())
+    return core.Polygon(np.column_stack([a * np.cos(angles), b * np.sin(angles)]).tolist())
 
 
 def _check_bounds(

@@ -7,3 +7,6 @@ Demonstration that runs the nodes and carries an object along the path of the pa
 Entry points: `python -m isotruss_ros.demo`, `view.main`.
 Imports `core`, `nodes` and `plotting`.
 """
+
+#: Sensors of the demonstration.
+PERFECT, REAL = 'perfect', 'real'

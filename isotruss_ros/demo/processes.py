@@ -18,7 +18,7 @@ from types import FrameType
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.demo.domains import DomainLock, lock_domain
-from isotruss_ros.nodes.framework.runner import STOP_SIGNALS
+from isotruss_ros.nodes.framework import STOP_SIGNALS
 
 #: Time after Ctrl-C at which a node that still runs is killed [s].
 STOP_TIMEOUT = 30.0

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from pathlib import Path
 import time
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError, load_robot
+from isotruss_ros.demo import REAL
 from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.film import film
@@ -21,25 +21,22 @@ from isotruss_ros.demo.processes import (
     deferred_interrupts,
     handle_stops,
     keep_to_this_machine,
-    parse_arguments,
     running_nodes,
 )
 from isotruss_ros.demo.record import PhaseRecord
-from isotruss_ros.demo.sensors import PERFECT, REAL, REAL_SENSORS, truth_table
+from isotruss_ros.demo.sensors import REAL_SENSORS, truth_table
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 from isotruss_ros.demo.verdict import print_verdict
 from isotruss_ros.mujoco_plant.options import write_round_robot
 from isotruss_ros.mujoco_plant.rendering import require_egl
 from isotruss_ros.nodes.framework.command_line import start_ros
-from isotruss_ros.viewer.names import ELASTIC, MUJOCO
+from isotruss_ros.viewer.names import MUJOCO
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 ROBOT = 'nine_member'
-#: Simulated robots in which friction holds the object.
-PLANTS = (ELASTIC, MUJOCO)
 OBJECT_DIAMETER = 0.2
 #: Initial position of the free object, inside the tube `north` [m].
 OBJECT_CENTER = (0.6, 0.3)
@@ -126,31 +123,13 @@ class Steps:
         return show
 
 
-def run(arguments: Sequence[str] | None = None) -> int:
+def run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     """
     Run the demonstration, print tables and draw figures.
 
+    :param ros_arguments: further arguments of the nodes, which begin with `--ros-args`.
     :return: 0 if the object was held and reached its targets, else 1.
     """
-    parser = argparse.ArgumentParser(prog='isotruss demo', description=__doc__)
-    parser.add_argument(
-        '--output', type=Path, default=Path('demo_output'), help='folder for pictures and logs'
-    )
-    parser.add_argument('--rate', type=float, default=100.0, help='rate of the nodes [Hz]')
-    parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='simulated plant')
-    parser.add_argument(
-        '--sensors',
-        choices=(PERFECT, REAL),
-        default=PERFECT,
-        help='real: with noise, delay, dropouts, roller offsets and slip',
-    )
-    parser.add_argument(
-        '--clock-speed',
-        type=float,
-        default=1.0,
-        help='ratio of simulated time to real time, with the plant mujoco',
-    )
-    options, ros_arguments = parse_arguments(parser, arguments)
     options.output.mkdir(parents=True, exist_ok=True)
     console, round_tubes = Console(), options.plant == MUJOCO
     handle_stops()

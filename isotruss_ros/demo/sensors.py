@@ -14,7 +14,6 @@ from isotruss_ros.demo.tables import make_table
 import numpy as np
 from rich.table import Table
 
-PERFECT, REAL = 'perfect', 'real'
 #: Parameters of `simulator` for encoders and a tracker with markers on all joints.
 REAL_SENSORS = {
     'seed': 3,

@@ -13,7 +13,8 @@ import tempfile
 import time
 from typing import Any
 
-from isotruss_ros.core import IsotrussError, load_robot, read_object, read_obstacles
+from isotruss_ros import core
+from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.demo.processes import (
     handle_stops,
     keep_to_this_machine,
@@ -56,16 +57,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help='time without a drawn picture after which a page loses control [s]',
     )
     options, ros_arguments = parse_arguments(parser, arguments)
+    import rclpy  # noqa: F401 - if it is missing, the nodes are not started
+
     shown: dict[str, Any] = {'object_diameter': DIAMETER, 'friction': FRICTION}
     room: dict[str, Any] = {}
     try:
-        source = load_robot(options.robot).description.source
+        source = core.load_robot(options.robot).description.source
         shown['robot'] = str(Path(source).resolve())
         if options.object is not None:
-            read_object(options.object)
+            core.read_object(options.object)
             shown['object'] = str(options.object.resolve())
         if options.obstacles is not None:
-            read_obstacles(options.obstacles)
+            core.read_obstacles(options.obstacles)
             room['obstacles'] = str(options.obstacles.resolve())
     except IsotrussError as error:
         parser.error(str(error))

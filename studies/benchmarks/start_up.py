@@ -1,21 +1,22 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-Time of an import, and time from the start of a node to its first command.
+Processor time of imports, and time from the start of a node to its first command.
 
-Each measurement is a new process. The peers are the import of NumPy and SciPy's linear algebra,
-and an empty rclpy node that publishes the same type of message at the same rate.
+Each measurement is a new process. The peers are the import of NumPy and SciPy's optimisation, and
+an empty rclpy node that publishes the same type of message at the same rate.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
 import time
+from typing import Any
 
 from isotruss_ros.demo.processes import keep_to_this_machine
 import numpy as np
@@ -28,7 +29,16 @@ TRIALS = part(7)
 COMMANDS = 'roller_velocity_controller/commands'
 #: Longest silence of a process [s].
 DEADLINE = 30.0
-IMPORTS = ('import isotruss_ros.core', 'import numpy, scipy.linalg')
+PEER_IMPORT = 'import numpy, scipy.optimize'
+#: Code of a new process, by what it loads.
+IMPORTS = {
+    'all names of `isotruss_ros.core`': 'from isotruss_ros.core import *',
+    '`core.analyze_grasp`': 'from isotruss_ros.core import analyze_grasp',
+    '`isotruss plan_grasps --help`': 'import isotruss_ros.cli.plan_grasps as p; p._parser()',
+    '`isotruss fit_tube_stiffness --help`': (
+        'import isotruss_ros.cli.fit_tube_stiffness as p; p._parser()'
+    ),
+}
 #: Arguments which start the manipulation node (its first command is zero without inputs).
 NODE = ('-m', 'isotruss_ros.executables', 'manipulation', '--ros-args', '-p', 'rate:=200.0')
 PEER = (str(Path(__file__).with_name('peer.py')), COMMANDS)
@@ -40,8 +50,8 @@ def environment() -> dict[str, str]:
 
 
 def time_import(statement: str) -> float:
-    """Return the time of an import in a new process, without the start of Python [s]."""
-    measured = f'import time; t = time.perf_counter(); {statement}; print(time.perf_counter() - t)'
+    """Return the processor time of code in a new process, without the start of Python [s]."""
+    measured = f'import time; t = time.process_time(); {statement}; print(time.process_time() - t)'
     done = subprocess.run(
         [sys.executable, '-c', measured],
         env=environment(),
@@ -88,13 +98,18 @@ class Watch:
 def tables() -> Iterator[Table]:
     """Yield the tables of the case."""
     keep_to_this_machine()
-    rows, watch = [], Watch()
-    for what, measure, ours, peer in (
-        ('import of the core', time_import, *IMPORTS),
-        ('start to first command', watch.time_first_command, NODE, PEER),
-    ):
-        # In turn, so that both see the same machine.
-        times = np.median([(measure(ours), measure(peer)) for _ in range(TRIALS)], axis=0)
-        own, other = times.tolist()
+    yield compare('imports', time_import, IMPORTS, PEER_IMPORT)
+    starts = {'start to first command': NODE}
+    yield compare('nodes', Watch().time_first_command, starts, PEER)
+
+
+def compare(
+    title: str, measure: Callable[[Any], float], cases: dict[str, Any], peer: Any
+) -> Table:
+    """Return a table with the median times of cases, each measured in turn with its peer."""
+    rows = []
+    for what, ours in cases.items():
+        pairs = [(measure(ours), measure(peer)) for _ in range(TRIALS)]
+        own, other = np.median(pairs, axis=0).tolist()
         rows.append([what, f'{own:.2f}', f'{other:.2f}', f'{own / other:.1f}'])
-    yield Table('', ('what', 'ours [s]', 'peer [s]', 'ratio'), rows)
+    return Table(title, ('what', 'ours [s]', 'peer [s]', 'ratio'), rows)

@@ -137,6 +137,24 @@ print(*sys.modules)
 """
 
 
+HELPS = """
+import contextlib
+import io
+import sys
+
+from isotruss_ros import executables, extras
+
+sys.modules |= dict.fromkeys(['scipy', *extras.EXTRAS])  # importing them raises ImportError
+for name in ('', *executables.REQUESTS, *executables.PROGRAMS):
+    sys.argv = ['isotruss', *([name] if name else []), '--help']
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text), contextlib.suppress(SystemExit, ImportError):
+        executables.isotruss()
+    if not text.getvalue().startswith(f'usage: isotruss {name}'.rstrip()):
+        print(name or 'isotruss')
+"""
+
+
 def printed_names(script):
     """Return the names on each line that a script prints in a process of its own."""
     done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True)
@@ -149,6 +167,10 @@ def test_core_works_without_ros_and_is_imported_without_slow_modules():
     assert not imported & LATE
     tops = {name.partition('.')[0] for name in used}
     assert not [name for name in tops if name.endswith('_msgs') or name.startswith('rcl')]
+
+
+def test_help_of_every_command_imports_no_scipy_and_no_optional_package():
+    assert not printed_names(HELPS)
 
 
 def test_analysis_of_the_paper_loads_without_the_packages_that_it_does_not_import():

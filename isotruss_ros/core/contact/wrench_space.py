@@ -21,7 +21,6 @@ from isotruss_ros.core.numerics.arrays import Array, finite_rows
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import ConvexHull, QhullError
 
 #: Limit of the normal forces: of their sum, or of each.
 Norm = Literal['L1', 'Linf']
@@ -60,6 +59,8 @@ def wrench_space(
     :raises GraspError: a value is out of range; the numbers of points and normals differ, or are
         zero; or a normal has not the length 1.
     """
+    from scipy.spatial import ConvexHull, QhullError
+
     points, normals = _check_contacts(points, normals)
     friction = check_friction(friction)
     arm = check_range(arm, 'characteristic radius', 'm', 0.5 * MIN_DIAMETER, MAX_SIZE)

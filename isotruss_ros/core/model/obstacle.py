@@ -23,6 +23,8 @@ MAX_NAME_LENGTH = 80
 #: Largest speed [m/s] and turn rate [rad/s] of an obstacle. A hand reaches 2 m/s; a third of this
 #: limit would refuse it, three times this limit would accept a slow speed in cm/s.
 MAX_SPEED, MAX_TURN_RATE = 5.0, 20.0
+#: Default of the smallest distance of robot and object from obstacles [m].
+OBSTACLE_CLEARANCE = 0.02
 #: Half of the length of a wall [m], ten times the largest coordinate of a pose.
 HALF_LENGTH = 1e3
 

@@ -14,12 +14,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from isotruss_ros.core.model.outline_checks import polygon_moments
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
-import scipy
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 #: Number of samples of the curve between two corners, for bounds and initial guesses [-].
 SAMPLES = 4
@@ -80,14 +83,16 @@ class SmoothOutline(PolygonalShape):
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))
 
     @cached_property
-    def _integral(self) -> scipy.interpolate.PPoly:
+    def _integral(self) -> PPoly:
         """Return the integral of the support function h over the normal's angle."""
+        from scipy import interpolate
+
         from_centroid = self.corners - self.centroid
         heights = (from_centroid * np.exp(-1j * self._angles[:-1])).real
-        spline = scipy.interpolate.make_interp_spline(
+        spline = interpolate.make_interp_spline(
             self._angles, np.append(heights, heights[0]), k=5, bc_type='periodic'
         )
-        return scipy.interpolate.PPoly.from_spline(spline.antiderivative())
+        return interpolate.PPoly.from_spline(spline.antiderivative())
 
     def _divide(self, pieces: int) -> Array:
         """Return the normals' angles at the n corners and between them, (pieces n,) [rad]."""

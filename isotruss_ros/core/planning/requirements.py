@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from enum import Enum
 import math
+from typing import TYPE_CHECKING
 
 from isotruss_ros.core.errors import GraspError, quote
-from isotruss_ros.core.manipulation.grip import check_member_names
 from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
-from isotruss_ros.core.model.obstacle import Obstacle
+from isotruss_ros.core.model.obstacle import Obstacle, OBSTACLE_CLEARANCE
 from isotruss_ros.core.numerics.argument_kinds import check_kind
 from isotruss_ros.core.numerics.arrays import (
     finite_array,
@@ -22,11 +22,12 @@ from isotruss_ros.core.numerics.arrays import (
     MAX_MAGNITUDE,
 )
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.violations import RequirementError
-from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 import numpy as np
+
+if TYPE_CHECKING:
+    from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 
 
 class Measure(str, Enum):
@@ -86,7 +87,7 @@ class GraspRequirements(Record):
     carry: tuple[tuple[float, float, float], ...] = ()
     count: int = 3
     obstacles: tuple[Obstacle, ...] = ()
-    min_obstacle_clearance: float = ShapeBounds().min_obstacle_clearance
+    min_obstacle_clearance: float = OBSTACLE_CLEARANCE
 
     def __post_init__(self) -> None:
         """Check the values; names are checked against the robot when a search begins."""
@@ -113,6 +114,8 @@ class GraspRequirements(Record):
         poses = finite_rows(self.carry, 3, what, GraspError, MAX_MAGNITUDE)
         object.__setattr__(self, 'carry', tuple(map(tuple, poses.tolist())))
         if self.members is not None:
+            from isotruss_ros.core.manipulation.grip import check_member_names
+
             object.__setattr__(self, 'members', check_member_names(self.members))
             if self.module is not None:
                 raise GraspError(

@@ -20,7 +20,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
-from isotruss_ros.core.model.obstacle import Obstacle
+from isotruss_ros.core.model.obstacle import Obstacle, OBSTACLE_CLEARANCE
 from isotruss_ros.core.model.setting_ranges import check_settings
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.safety.barrier_law import Barrier, BarrierLaw, BarrierLimit
@@ -61,7 +61,7 @@ class ShapeBounds:
     rigidity_band: float = 0.2
     clearance_band: float = 0.1
     rate: float = 5.0
-    min_obstacle_clearance: float = 0.02
+    min_obstacle_clearance: float = OBSTACLE_CLEARANCE
 
     def __post_init__(self) -> None:
         """Raise ConfigurationError if a bound is out of its range."""

@@ -13,14 +13,16 @@ not valid.
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.samples import pick
 from isotruss_ros.core.numerics.tolerances import ROUNDING
-from isotruss_ros.core.statics.frame import Frame
-from isotruss_ros.core.statics.structure import Structure
 import numpy as np
+
+if TYPE_CHECKING:
+    from isotruss_ros.core.statics.frame import Frame
+    from isotruss_ros.core.statics.structure import Structure
 
 #: Largest recommended utilisation of a tube [-].
 MAX_UTILISATION = 0.8

@@ -8,6 +8,10 @@ Entry points: `managed.ManagedNode`, `runner.run`, `sensors.Inputs`, `parameters
 `nodes.conversions` and the core.
 """
 
+import signal
+
+#: Signals of Ctrl-C, of `kill` and of a closed terminal.
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: Module of each node whose module does not have the node's name.
 MODULES = {
     name: f'{name}.node' for name in ('simulator', 'manipulation', 'pick_and_place', 'viewer')

@@ -15,7 +15,7 @@ from types import FrameType
 from typing import ClassVar
 
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.framework import MODULES
+from isotruss_ros.nodes.framework import MODULES, STOP_SIGNALS
 from isotruss_ros.nodes.framework.command_line import refuse_arguments, start_ros, StartError
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.diagnostics import ReasonLog
@@ -34,8 +34,6 @@ from rclpy.timer import Timer
 from scipy import interpolate, optimize  # noqa: F401 - imported before the first cycle
 from std_srvs.srv import Trigger
 
-#: Signals of Ctrl-C, of `kill` and of a closed terminal.
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: Longest wait of the executor [s], because a signal does not interrupt a wait.
 WAKE_PERIOD = 1.0
 #: Longest time from a signal to the end of the process [s]; the middleware once did not return.

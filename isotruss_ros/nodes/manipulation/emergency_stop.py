@@ -6,11 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
 from std_msgs.msg import Bool
+
+if TYPE_CHECKING:
+    from isotruss_ros.nodes.framework.managed import ManagedNode
 
 #: Name of the topic, and of the equivalent service.
 NAME = 'emergency_stop'

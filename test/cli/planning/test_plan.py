@@ -95,6 +95,12 @@ def test_an_object_is_a_disc_or_described(capsys):
     assert "key 'diameter' is missing" in capsys.readouterr().err
 
 
+def test_what_is_wrong_with_obstacles_is_printed(capsys):
+    with pytest.raises(SystemExit):
+        command.main([*OBJECT, '--obstacles', '{a: 1}'])
+    assert 'must be keys and values, with the key shape' in capsys.readouterr().err
+
+
 def test_violated_requirement_of_the_closest_candidate_is_printed(capsys):
     assert command.main(['--center', '3', '3', '--diameter', '0.3']) == 1
     assert 'no grasp found in 0 evaluations; enclosed: no members' in capsys.readouterr().out

@@ -31,6 +31,7 @@ for package in ('mcap', 'rosbags', 'viser'):
     pytest.importorskip(package)
 from isotruss_ros.cli import compare, replay  # noqa: E402,I100
 from isotruss_ros.cli.decide_again import has_news  # noqa: E402
+from isotruss_ros.identification import read_run  # noqa: E402
 from isotruss_ros.viewer import view  # noqa: E402
 from mcap.writer import Writer  # noqa: E402
 from robots import preset_document  # noqa: E402
@@ -41,7 +42,7 @@ CARRY = Path(__file__).parents[3] / 'docs' / 'images' / 'carry.mcap'
 
 
 def test_a_carry_in_mujoco_agrees_with_the_model_and_is_drawn(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(compare, 'read_run', partial(compare.read_run, count=12))
+    monkeypatch.setattr(read_run, 'read_run', partial(read_run.read_run, count=12))
     picture = tmp_path / 'carry.png'
     assert compare.main([str(CARRY), '--picture', str(picture)]) == 0
     out = capsys.readouterr().out
