@@ -1,7 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of the interfaces that a shape or a barrier of one's own implements."""
+"""Checks of the interfaces that an own shape or barrier implements, and of whole messages."""
+
+from collections.abc import Iterable
 
 from isotruss_ros.core import RollingGrip, Status
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -12,6 +14,23 @@ from shapes import dense_outline, surface_distance
 
 #: Points or directions of one check [-], and points of an outline [-].
 SAMPLES, OUTLINE = 40, 4000
+
+
+def flatten(value):
+    """Return the values of a message or of nested sequences one after another."""
+    if hasattr(value, 'get_fields_and_field_types'):
+        value = [getattr(value, name) for name in value.get_fields_and_field_types()]
+    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+        return [value]
+    return [part for item in value for part in flatten(item)]
+
+
+def check_fields(message, expected, **tolerances):
+    """Check every field of a message; fields without expected value are an error."""
+    assert {*message.get_fields_and_field_types()} == expected.keys()
+    for name, value in expected.items():
+        bounds = {'rel': 1e-6, 'abs': tolerances.get(name, 1e-9), 'nan_ok': True}
+        assert flatten(getattr(message, name)) == pytest.approx(flatten(value), **bounds), name
 
 
 def check_shape(shape, generator):

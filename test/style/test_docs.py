@@ -3,7 +3,9 @@
 
 """Pages, and files for other tools of ROS, agree with the package; generated pages are new."""
 
+import ast
 import importlib
+from itertools import islice
 import json
 from pathlib import Path
 import pydoc
@@ -32,6 +34,7 @@ from ruamel.yaml import YAML
 TOP = Path(__file__).parents[2]
 DOCS = TOP / 'docs'
 EXECUTABLES = executables.NODES
+INTERFACE_TESTS = Path(__file__).with_name('interface_tests.yaml')
 TEXTS = {
     path.relative_to(TOP).as_posix(): path.read_text(encoding='utf-8')
     for path in sorted([*TOP.glob('*.md'), *TOP.glob('docs/**/*.md')])
@@ -68,6 +71,51 @@ def test_every_promise_has_existing_tests():
             file, function = test.split('::')
             texts = [path.read_text('utf-8') for path in TOP.glob(f'test/**/{file}.py')]
             assert any(f'def {function}(' in text for text in texts), f'{name}: no test {test}'
+
+
+def defined():
+    """Return the text of each function, class and constant of the tests by `file::name`."""
+    texts = {}
+    for path in TOP.glob('test/**/*.py'):
+        text = path.read_text(encoding='utf-8')
+        for node in ast.parse(text).body:
+            name = getattr(node, 'name', None)
+            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+                name = node.targets[0].id
+            begin = min([node.lineno, *(d.lineno for d in getattr(node, 'decorator_list', ()))])
+            lines = islice(text.splitlines(), begin - 1, node.end_lineno)
+            texts[f'{path.stem}::{name}'] = '\n'.join(lines)
+    return texts
+
+
+def message_types():
+    """Return the messages of the interface package, goals and requests by `action.Goal`."""
+    found = {}
+    for path in TOP.glob('msg_defs/*/*.*'):
+        if path.suffix in ('.msg', '.srv', '.action'):
+            kind = getattr(importlib.import_module(f'isotruss_msgs.{path.parent.name}'), path.stem)
+            parts = ('Goal', 'Result', 'Feedback', 'Request', 'Response')
+            parts = {f'{path.stem}.{part}': getattr(kind, part, None) for part in parts}
+            found |= {path.stem: kind} if path.suffix == '.msg' else parts
+    return {name: kind for name, kind in found.items() if kind is not None}
+
+
+def test_every_interface_and_field_is_compared_with_the_core_by_existing_tests(declared):
+    listed, texts = YAML(typ='safe').load(INTERFACE_TESTS), defined()
+    interfaces = {'topics': set(), 'services': set(), 'actions': set().union(*STANDARD.values())}
+    for interface in declared.values():
+        interfaces['topics'] |= interface.published.keys() | interface.subscribed.keys()
+        interfaces['services'] |= interface.services.keys()
+        interfaces['actions'] |= interface.actions.keys()
+    types = message_types()
+    assert {section: {*listed[section]} for section in listed} == {**interfaces, 'types': {*types}}
+    for section, tests_by_name in listed.items():
+        for name, tests in tests_by_name.items():
+            assert tests, name
+            assert not {*tests} - texts.keys(), f'{section} {name}: no such test'
+            fields = types[name].get_fields_and_field_types() if section == 'types' else {}
+            words = {word for test in tests for word in re.findall(r'\w+', texts[test])}
+            assert not fields.keys() - words, f'{name}: no test of {fields.keys() - words}'
 
 
 @pytest.mark.parametrize('page', TEXTS)

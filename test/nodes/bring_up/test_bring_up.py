@@ -209,6 +209,7 @@ def test_a_plant_as_stiff_as_the_model_has_a_stiffness_scale_of_one(tmp_path):
         answer = w.call('calibrate_stiffness', request)
     assert answer.success, answer.message
     assert answer.scale == pytest.approx(1.0, rel=0.07)
+    assert abs(answer.scale - 1.0) < 3.0 * answer.deviation < 0.3
     description = load_robot(tmp_path / 'mine.yaml').description
     assert description.stiffness_scale == pytest.approx(answer.scale, rel=1e-3)
 

@@ -6,6 +6,7 @@
 from dataclasses import replace
 import math
 
+from contracts import check_fields
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Point, Pose, WrenchStamped
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
@@ -13,11 +14,21 @@ from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros import core
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
+from isotruss_ros.core.holding.held_shape import contact_points
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import LatestInputs, RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.nodes.conversions.grasp_messages import read_query, to_wrench_message
-from isotruss_ros.nodes.conversions.messages import make_header, MessageError, to_pose_message
+from isotruss_ros.nodes.conversions.grasp_messages import (
+    ContactForces,
+    read_query,
+    to_wrench_message,
+)
+from isotruss_ros.nodes.conversions.messages import (
+    make_header,
+    MessageError,
+    read_stamp,
+    to_pose_message,
+)
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
@@ -43,32 +54,37 @@ def until_ok(w):
     return w.until_code(GraspCode.OK, feed(w), 'state')
 
 
-def check_analysis(state, expected, settled):
-    """Check that a state has the results of a fixed object and of the held one."""
-    for name in ('closure_residual', 'closure_tolerance', 'closure_margin', 'required_friction'):
-        assert getattr(state, name) == pytest.approx(getattr(expected, name), rel=1e-6), name
-    assert state.closed_by_friction == expected.closed_by_friction
-    wrench = state.normal_wrench
-    wanted = expected.normal_wrench
-    assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(wanted, rel=1e-6)
+def check_contacts(messages, settled):
+    """Check that messages have the contacts of a settled grasp."""
     grip = settled.equilibrium
-    contacts = state.contacts
-    assert [c.normal_force for c in contacts] == pytest.approx(grip.state.normal_forces, rel=1e-6)
-    friction = [c.friction_force for c in contacts]
-    assert friction == pytest.approx(-grip.state.friction_forces, rel=1e-6, abs=1e-9)
-    normals = [complex(c.normal.x, c.normal.y) for c in contacts]
-    assert normals == pytest.approx(grip.state.normals.tolist(), rel=1e-6)
-    for name in ('lengths', 'widths', 'areas', 'pressures'):
-        values = dict(zip(state.contact_members, getattr(state, f'contact_{name}'), strict=True))
-        assert values == pytest.approx(getattr(settled, f'contact_{name}'), rel=1e-6), name
-    assert list(state.peak_pressures) == pytest.approx(list(settled.peak_pressures.values()))
-    used = dict(zip(state.members, state.utilisation, strict=True))
-    assert used == pytest.approx(settled.utilisation, rel=1e-6, abs=1e-9)
-    assert np.reshape(state.stiffness, (3, 3)) == pytest.approx(settled.stiffness)
-    assert (state.held, state.hold_message) == (settled.held, settled.reason)
-    assert state.force_closure == settled.force_closure
-    assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-4)
-    assert state.slip_direction == pytest.approx(settled.slip_direction, abs=1e-4)
+    forces = grip.state.normal_forces, -grip.state.friction_forces
+    rows = zip(messages, contact_points(grip), grip.state.normals, *forces, strict=True)
+    for message, point, normal, pressing, rubbing in rows:
+        expected = {'position': (point.real, point.imag, 0.0), 'normal_force': pressing}
+        expected |= {'normal': (normal.real, normal.imag, 0.0), 'friction_force': rubbing}
+        check_fields(message, expected)
+
+
+def check_analysis(state, expected, settled, header, nonlinearity):
+    """Check that a state has the results of a fixed object and of the held one."""
+    of_members = ('contact_lengths', 'contact_widths', 'contact_areas', 'contact_pressures')
+    of_members += ('peak_pressures', 'utilisation', 'utilisation_places', 'friction_used')
+    equal = ('closed_by_friction', 'closure_residual', 'closure_tolerance', 'required_friction')
+    values = {name: getattr(expected, name) for name in (*equal, 'closure_margin')}
+    same = ('held', 'force_closure', 'slip_margin', 'slip_direction', 'displacement')
+    values |= {name: getattr(settled, name) for name in same}
+    values |= {name: list(getattr(settled, name).values()) for name in of_members}
+    values |= {'code': GraspCode.OK, 'message': '', 'hold_message': settled.reason}
+    values |= {'normal_wrench': to_wrench_message(expected.normal_wrench)}
+    values |= {'grasping_members': list(settled.normal_forces)}
+    values |= {'squeeze': list(settled.normal_forces.values()), 'stiffness': settled.stiffness}
+    values |= {'contacts': state.contacts, 'contact_members': list(settled.contact_lengths)}
+    values |= {'members': list(settled.utilisation), 'computing_time': state.computing_time}
+    values |= {'squeeze_deviation': math.nan, 'squeeze_assumed': False, 'chance': math.nan}
+    values |= {'header': header, 'nonlinearity': nonlinearity}
+    check_fields(state, values, slip_margin=1e-3, slip_direction=1e-4)
+    check_contacts(state.contacts, settled)
+    assert state.computing_time > 0.0
 
 
 def test_publishes_the_result_of_the_analysis():
@@ -77,18 +93,28 @@ def test_publishes_the_result_of_the_analysis():
     settled = core.settle_grasp(ROBOT.home, body, 0.5)
     with world(node()) as w:
         state = until_ok(w)
-        assert state.header.frame_id == 'truss'
-        assert state.message == ''
-        check_analysis(state, expected, settled)
-        center = complex(*settled.pose[:2])
-        away = [abs(complex(c.position.x, c.position.y) - center) for c in state.contacts]
-        assert away == pytest.approx([0.5 * DIAMETER] * len(away))
-        assert state.computing_time > 0.0
-        assert math.isnan(state.nonlinearity)
+        stamps = {'joints': w.probe.last('joints'), 'pose': w.probe.last('pose')}
+        header = make_header(min(read_stamp(m.header) for m in stamps.values()), 'truss')
+        check_analysis(state, expected, settled, header, math.nan)
         w.until(lambda: w.probe.last('wrench') is not None, feed(w))
         published = w.probe.last('wrench')
         assert published.header.frame_id == 'truss_object_aligned'
         assert published.wrench == state.normal_wrench
+
+
+@pytest.mark.parametrize(
+    ('shift', 'expected'),
+    [(0.01, (True, True)), (0.06, (False, True)), (-0.01, (False, False))],
+    ids=['held', 'wrinkled', 'apart'],
+)
+def test_held_and_force_closure_are_those_of_the_settled_grasp(shift, expected):
+    center = core.tangent_center(ROBOT.home, MODULE, DIAMETER, shift=shift)
+    settled = core.settle_grasp(ROBOT.home, core.ConvexObject.disc(center, DIAMETER), 0.8)
+    assert (settled.held, settled.force_closure) == expected
+    with world(node(friction=0.8)) as w:
+        w.until(lambda: w.probe.last('held') is not None, feed(w, center=center))
+        w.spin(0.2, feed(w, center=center))
+        assert (w.probe.last('held').data, w.probe.last('closure').data) == expected
 
 
 def forces_by_frame(messages):
@@ -138,6 +164,22 @@ def test_contact_forces_are_zero_for_the_nearest_members_without_contact_from_th
         received = forces_by_frame([message for _, message in w.probe.seen['forces']])
     frames = [f'truss_{name.replace("/", "_")}_contact' for name in members_at(ROBOT, MODULE)]
     assert received == dict.fromkeys(frames, (0.0, 0.0))
+
+
+def test_contact_forces_of_members_that_have_released_the_object_are_zero_in_the_next_state():
+    forces = ContactForces(ROBOT.frame)
+    first, second, third = ROBOT.member_names[:3]
+    for normal, released in (
+        ({first: 3.0, second: 4.0}, []),
+        ({second: 5.0, third: 6.0}, [first]),
+        ({}, [second, third]),
+    ):
+        friction = {name: 0.1 * force for name, force in normal.items()}
+        messages = forces.make_messages(NOW, normal, friction)
+        expected = {name: (normal[name], -friction[name]) for name in normal}
+        expected |= dict.fromkeys(released, (0.0, 0.0))
+        frames = {f'truss_{name.replace("/", "_")}_contact': v for name, v in expected.items()}
+        assert forces_by_frame(messages) == frames
 
 
 def check_region(marker, state):
@@ -231,8 +273,16 @@ def test_the_service_analyses_any_object_in_its_pose(friction):
     with world(node()) as w:
         answer = w.call('analyze_grasp', request)
         assert answer.success, answer.message
-        check_analysis(answer.state, expected, settled)
-        assert answer.state.nonlinearity == pytest.approx(settled.nonlinearity)
+        header, nonlinearity = answer.state.header, settled.nonlinearity
+        check_analysis(answer.state, expected, settled, header, nonlinearity)
+
+
+def test_the_service_analyses_a_disc_at_its_centre():
+    center = Point(x=SQUEEZED[0], y=SQUEEZED[1])
+    fields = {'center': center, 'diameter': DIAMETER, 'friction': 0.5}
+    query = read_query(AnalyzeGrasp.Request(**fields), SPACING)
+    assert query.body == core.ConvexObject.disc(SQUEEZED, DIAMETER)
+    assert (query.friction, query.spacing) == (0.5, SPACING)
 
 
 @pytest.mark.parametrize(

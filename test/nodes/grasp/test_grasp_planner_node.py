@@ -9,6 +9,7 @@ import re
 import time
 
 from action_msgs.msg import GoalStatus
+from contracts import check_fields
 from geometry_msgs.msg import PoseStamped, Vector3, Wrench
 from held_grips import BOX_FILE
 from isotruss_msgs.action import PlanGrasp
@@ -117,8 +118,10 @@ def test_reads_every_requirement():
         **scalars, external_wrench=(0.01, 0.0, 0.001), direction=direction
     )
     assert (arguments.seed, arguments.time_limit) == (5, 3.0)
-    squeezed = read_goal(goal(squeeze=14.0, min_slip_margin=2.0), ROBOT).requirements
-    assert (squeezed.squeeze, squeezed.min_slip_margin) == (14.0, 2.0)
+    others = {'squeeze': 14.0, 'min_slip_margin': 2.0, 'max_utilisation': 0.6}
+    others |= {'members': ('north/P-Z', 'north/Z-R')}
+    arguments = read_goal(goal(**others), ROBOT)
+    assert arguments.requirements == core.GraspRequirements(**others, count=3)
     assert read_goal(goal(uncertainty='{friction: 0.2}'), ROBOT).uncertainty.friction == 0.2
     default = read_goal(goal(), ROBOT)
     assert (default.requirements, default.uncertainty) == (core.GraspRequirements(count=3), None)
@@ -139,22 +142,33 @@ def test_the_result_has_the_planned_grasps_and_trajectories():
     two, random = core.GraspRequirements(count=2), core.Uncertainty()
     plan = core.plan_grasps(ROBOT.home, body, two, thorough=False, uncertainty=random)
     result = to_result_message(Answer(SearchOutcome.FOUND, 'found', plan), ROBOT)
-    assert (result.code, result.message) == (Result.FOUND, 'found')
-    for name in ('evaluations', 'analyses', 'computing_time'):
-        assert getattr(result, name) == getattr(plan, name) > 0, name
+    expected = {
+        'code': Result.FOUND,
+        'message': 'found',
+        'stamp': result.stamp,
+        'grasps': result.grasps,
+        'violated_requirement': '',
+        'violation_value': 0.0,
+        'violation_bound': 0.0,
+        'evaluations': plan.evaluations,
+        'analyses': plan.analyses,
+        'computing_time': plan.computing_time,
+    }
+    check_fields(result, expected)
+    assert min(plan.evaluations, plan.analyses, plan.computing_time) > 0.0
     assert len(result.grasps) == len(plan.grasps) == 2
-    for grasp, expected in zip(result.grasps, plan.grasps, strict=True):
-        assert (grasp.module, tuple(grasp.members)) == (expected.module or '', expected.members)
-        assert grasp.chance == expected.chance.probability
-        for name in ('score', 'required_friction', 'max_contact_force', 'total_force', 'rigidity'):
-            assert getattr(grasp, name) == getattr(expected, name), name
+    for grasp, planned in zip(result.grasps, plan.grasps, strict=True):
+        equal = ('members', 'roller_positions', 'score', 'squeeze', 'slip_margin', 'utilisation')
+        equal += ('required_friction', 'max_contact_force', 'total_force', 'nonlinearity')
+        values = {name: getattr(planned, name) for name in (*equal, 'travel', 'rigidity')}
+        values |= {'module': planned.module or '', 'chance': planned.chance.probability}
+        check_fields(grasp, values | {'path': grasp.path, 'touch': grasp.touch})
         rows = np.array([point.positions for point in grasp.path.points])
-        assert np.array_equal(rows, expected.path)
-        assert np.array_equal(grasp.roller_positions, expected.path[-1])
+        assert np.array_equal(rows, planned.path)
         assert read_roller_trajectory(grasp.path, ROBOT, np.zeros(N)).duration > 0.0
         times = np.array([seconds(point.time_from_start) for point in grasp.path.points])
-        assert times == pytest.approx(export_path(expected)['times'], abs=1e-8)
-        assert seconds(grasp.touch) == times[expected.touch]
+        assert times == pytest.approx(export_path(planned)['times'], abs=1e-8)
+        assert seconds(grasp.touch) == times[planned.touch]
 
 
 class StandIn:
@@ -216,13 +230,13 @@ def test_passes_the_goal_on_and_ends_with_the_answer(planner, outcome, status):
     assert tuple(arguments) == read_goal(goal(seed=3, count=2), ROBOT)
     planner.spin(1.0)
     assert len(handle.feedback) == pytest.approx(18, abs=3)
-    reported = handle.feedback[-1]
-    assert (reported.evaluations, reported.found, reported.best) == (7, 2, 0.5)
-    assert (reported.progress, reported.time_left) == (0.25, 1.5)
+    expected = {'evaluations': 7, 'found': 2, 'best': 0.5, 'progress': 0.25, 'time_left': 1.5}
+    check_fields(handle.feedback[-1], expected)
     assert planner.detail('grasps found', 'grasp_planner') == '2'
     planner.searcher.reply = Answer(outcome, 'the end')
     end, result = planner.finish(handle)
     assert (end, result.code, result.message) == (status, int(outcome), 'the end')
+    assert result.stamp == planner.nodes[1].get_clock().now().to_msg()
     assert planner.nodes[1].details()['searching'] is False
 
 

@@ -6,8 +6,10 @@
 import contextlib
 import itertools
 
+from contracts import check_fields
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import StateEstimate
+from isotruss_ros.core import Pose
 from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.nodes.conversions import messages
@@ -196,15 +198,28 @@ def test_an_estimate_survives_a_round_trip():
     )
     packed = serialize_message(to_estimate_message(estimate, ROBOT))
     sent = deserialize_message(packed, StateEstimate)
-    assert (messages.read_stamp(sent.header), sent.header.frame_id) == (2.5, 'truss')
-    expected = {'held': True, 'joint_names': list(NAMES), 'improbable': True, 'pose_delay': 0.02}
-    expected |= {'used_joints': ['P'], 'left_out_joints': ['Q', 'R'], 'may_be_upright': True}
-    expected |= {'slipping_rollers': ['north/Z'], 'swapped_joints': ['Q', 'R']}
-    assert {name: getattr(sent, name) for name in expected} == expected
-    assert sent.travel == pytest.approx(estimate.travel)
-    assert [(p.x, p.y) for p in sent.joints] == list(map(tuple, estimate.joints.tolist()))
-    assert list(sent.joint_deviations) == list(range(1, count + 1))
-    assert messages.read_pose('pose', sent.pose.pose) == pytest.approx((0.6, 0.3, 0.2))
+    expected = {
+        'header': messages.make_header(2.5, 'truss'),
+        'roller_names': ROBOT.roller_names,
+        'travel': estimate.travel,
+        'offsets': estimate.offsets,
+        'offset_covariance': estimate.offset_covariance,
+        'improbable': True,
+        'may_be_upright': True,
+        'joint_names': NAMES,
+        'joints': [(x, y, 0.0) for x, y in estimate.joints],
+        'joint_deviations': np.arange(1.0, count + 1.0),
+        'held': StateEstimate.HELD_YES,
+        'pose': (messages.to_pose_message(Pose(0.6, 0.3, 0.2)), sent.pose.covariance),
+        'squeeze': 30.0,
+        'squeeze_deviation': 2.0,
+        'used_joints': ['P'],
+        'left_out_joints': ['Q', 'R'],
+        'swapped_joints': ['Q', 'R'],
+        'slipping_rollers': ['north/Z'],
+        'pose_delay': 0.02,
+    }
+    check_fields(sent, expected)
     planar = sent.pose.covariance.reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
     assert planar == pytest.approx(estimate.pose_covariance)
     result = read_estimate(sent, ROBOT)

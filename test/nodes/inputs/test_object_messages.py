@@ -14,6 +14,7 @@ import re
 from types import SimpleNamespace
 
 from builtin_interfaces.msg import Time
+from contracts import check_fields
 from geometry_msgs.msg import (
     Point,
     Pose,
@@ -31,7 +32,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_msgs.msg import HeldGrip, Obstacles
-from isotruss_ros.core import ConvexObject, Disc, Obstacle, tangent_center
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, Obstacle, Polygon, tangent_center
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.model.obstacle import HalfPlane
@@ -91,6 +92,33 @@ def test_objects_survive_a_round_trip(seed, place, mass, weighted, friction):
     assert result.pose == pytest.approx(body.pose, abs=1e-12)
 
 
+#: Shapes, and the fields that have values in their messages.
+DESCRIBED = {
+    'disc': (Disc(0.3), {'shape': ObjectMessage.DISC, 'diameter': 0.3}),
+    'polygon': (
+        Polygon(CORNERS, corner_radius=[0.01, 0.02, 0.03, 0.04]),
+        {
+            'shape': ObjectMessage.POLYGON,
+            'vertices': [(x, y, 0.0) for x, y in CORNERS],
+            'corner_radii': [0.01, 0.02, 0.03, 0.04],
+        },
+    ),
+    'ellipse': (
+        Ellipse((0.2, 0.1)),
+        {'shape': ObjectMessage.ELLIPSE, 'semi_axes': (0.2, 0.1)},
+    ),
+}
+
+
+@pytest.mark.parametrize('name', DESCRIBED)
+def test_message_of_an_object_has_its_outline_mass_and_friction(name):
+    shape, fields = DESCRIBED[name]
+    body = ConvexObject(shape, (1.0, 2.0, 0.3), 0.5, (0.01, 0.02), 0.7)
+    expected = {'diameter': 0.0, 'vertices': [], 'corner_radii': [], 'semi_axes': (0.0, 0.0)}
+    expected |= {'mass': [0.5], 'center_of_mass': [(0.01, 0.02, 0.0)], 'friction': [0.7]}
+    check_fields(to_object_message(body), expected | fields)
+
+
 DISC = {'shape': ObjectMessage.DISC, 'diameter': 0.3}
 REFUSED = {
     'no shape': (ObjectMessage(diameter=0.3), r'object: shape 0: must be one of 1 \(a disc\), 2'),
@@ -119,6 +147,29 @@ def grip_message():
     record = GripRecord.of(GRIP, ESTIMATE, is_assumed=True)
     packed = serialize_message(to_grip_message(record, NINE, 2.5))
     return deserialize_message(packed, HeldGrip)
+
+
+def test_message_of_a_grip_has_its_equilibrium_and_estimate():
+    record = GripRecord.of(GRIP, ESTIMATE, is_assumed=True)
+    expected = {
+        'header': make_header(2.5, 'truss'),
+        'travel': HOME.roller_positions,
+        'pressures': record.pressures or (),
+        'members': [NINE.member_names[i] for i in GRIP.contacts.members],
+        'corners': GRIP.contacts.corners,
+        'unknowns': record.unknowns,
+        'bent': record.bent,
+        'responses': record.responses,
+        'pose': ESTIMATE.pose,
+        'pose_covariance': ESTIMATE.pose_covariance,
+        'squeeze': 20.0,
+        'squeeze_deviation': 3.0,
+        'squeeze_assumed': True,
+        'pose_delay': 0.02,
+        'joint_displacements': DISPLACED[0],
+        'joint_displacement_rates': DISPLACED[1],
+    }
+    check_fields(grip_message(), expected)
 
 
 def test_grips_survive_a_round_trip():
@@ -175,6 +226,15 @@ def test_obstacles_survive_a_round_trip(seed, pose, velocity):
     assert first.body.pose == pytest.approx(pose, abs=1e-12)
     assert first.velocity == velocity
     assert second.name == 'hand'
+
+
+def test_message_of_obstacles_has_their_names_shapes_poses_and_velocities():
+    message = to_obstacles_message([HAND], 5.25, 'truss')
+    (hand,) = message.obstacles
+    expected = {'name': 'hand', 'shape': ObjectMessage(shape=ObjectMessage.DISC, diameter=0.1)}
+    expected |= {'pose': to_pose_message(HAND.body.pose)}
+    check_fields(hand, expected | {'velocity': messages.to_twist_message(HAND.velocity)})
+    check_fields(message, {'header': make_header(5.25, 'truss'), 'obstacles': [hand]})
 
 
 def test_pose_and_velocity_are_transformed_to_the_robot_frame():

@@ -11,6 +11,7 @@ import copy
 import math
 from types import SimpleNamespace
 
+from contracts import check_fields
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs import action
 from isotruss_msgs.action import FollowObjectPath, MoveObject, PickObject, PlaceObject
@@ -162,8 +163,12 @@ def test_grip_opens_slowly_until_the_object_is_free_and_its_displacement_is_know
             w.probe.send_held(GraspState.HELD_NO)
 
         _, result = w.finish(goal, send_released)
-    assert result.displacement == pytest.approx(0.005, abs=1e-6)
-    assert result.rotation == pytest.approx(0.1, abs=1e-6)
+    expected = {'code': 0, 'message': result.message, 'stamp': result.stamp}
+    released = w.probe.last('pose').pose
+    expected |= {'held': GraspState.HELD_NO}
+    expected |= {'object_pose': (result.object_pose.header, released)}
+    expected |= {'displacement': 0.005, 'rotation': 0.1, 'violated_requirement': ''}
+    check_fields(result, expected | {'violation_value': 0.0, 'violation_bound': 0.0})
     points = client.goal.trajectory.points
     opened = ROBOT.configuration(points[-1].positions)
     gap = -member_depths(opened, ConvexObject.disc(SQUEEZED, DIAMETER)).max()
@@ -200,7 +205,8 @@ def test_a_pick_sets_the_grip_and_reports_the_mean_squeeze_and_a_move_its_failur
         def send():
             w.probe.send_measured()
             held = GraspState.HELD_YES if grip.squeeze_force else GraspState.HELD_NO
-            w.probe.send_held(held, members, squeeze=[10.0, 20.0], squeeze_deviation=2.0)
+            fields = {'squeeze': [10.0, 20.0], 'squeeze_deviation': 2.0, 'squeeze_assumed': True}
+            w.probe.send_held(held, members, **fields, slip_margin=1.5)
 
         def result_of(goal):
             w.spin(0.1, send)
@@ -208,7 +214,12 @@ def test_a_pick_sets_the_grip_and_reports_the_mean_squeeze_and_a_move_its_failur
 
         picked, again = result_of(action.PickObject.Goal()), result_of(action.PickObject.Goal())
         assert (grip.squeeze_force, grip.grip_module) == (14.0, module)
-        assert (picked.code, picked.squeeze, picked.module) == (0, 15.0, module)
+        expected = {'code': 0, 'message': picked.message, 'stamp': picked.stamp}
+        expected |= {'held': GraspState.HELD_YES, 'module': module, 'members': members}
+        expected |= {'squeeze': 15.0, 'squeeze_deviation': 2.0, 'squeeze_assumed': True}
+        expected |= {'slip_margin': 1.5, 'violated_requirement': ''}
+        check_fields(picked, expected | {'violation_value': 0.0, 'violation_bound': 0.0})
+        assert f'held at {module}, squeeze unknown' in picked.message
         assert (again.code, again.held) == (again.BAD_GOAL, GraspState.HELD_YES)
         assert again.message.startswith('the object is already held by south/P-Q, south/Q-R')
         assert result_of(action.MoveObject.Goal()).code == action.MoveObject.Result.BAD_GOAL
@@ -318,9 +329,13 @@ def test_motion_ends_at_once_after_a_loss_and_after_the_timeout_of_an_unknown_ho
     mover.report(analysis, loop, timeouts * TIMEOUT)
     assert (mover.result.code, mover.result.held) == (code, NO if code == NOT_HELD else UNKNOWN)
     assert words in mover.result.message
+    expected = {'code': code, 'message': mover.result.message, 'stamp': mover.result.stamp}
+    expected |= {'held': NO if code == NOT_HELD else UNKNOWN}
     # The probe has the object at an angle of 0.3 rad.
-    left = mover.result.position_error, mover.result.angle_error
-    assert left == pytest.approx((0.05, 0.1))
+    expected |= {'position_error': 0.05, 'angle_error': 0.1}
+    there, measured = mover.result.object_pose, mover.w.probe.last('pose').pose
+    assert there.header.frame_id == 'truss'
+    check_fields(mover.result, expected | {'object_pose': (there.header, measured)})
 
 
 def test_analysis_of_joint_states_from_the_future_is_no_loss():

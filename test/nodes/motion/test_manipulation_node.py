@@ -10,12 +10,14 @@ from pathlib import Path
 import re
 from types import SimpleNamespace
 
+from contracts import check_fields
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from held_grips import APART, box_between, BOX_FILE
+from held_grips import APART, BOX, box_between, BOX_FILE, held
 from isotruss_msgs.action import FollowRollerTrajectory
-from isotruss_msgs.msg import StateEstimate
+from isotruss_msgs.msg import HeldGrip, ManipulationStatus, StateEstimate
 from isotruss_ros import core
 from isotruss_ros.core import Status
+from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.inputs import find_fresh
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.status import RollerCommand
@@ -24,11 +26,22 @@ from isotruss_ros.core.recording.repeated_run import decide_again, read_robot
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
-from isotruss_ros.nodes.conversions.messages import read_pose, read_stamp, read_twist
+from isotruss_ros.nodes.conversions.messages import (
+    make_header,
+    read_pose,
+    to_pose_message,
+    to_twist_message,
+)
+from isotruss_ros.nodes.conversions.state_messages import read_grip, to_grip_message
 from isotruss_ros.nodes.framework.topics import RECORDS
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
-from isotruss_ros.nodes.manipulation.servo_settings import make_settings, SPECS, StatusReport
+from isotruss_ros.nodes.manipulation.servo_settings import (
+    make_settings,
+    SPECS,
+    StatusReport,
+    UNKNOWN_POSE,
+)
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import Manager, moving_world, world
@@ -103,27 +116,68 @@ def test_every_parameter_of_the_servo_reaches_it():
     assert settings(grip=['']).grip.members == members_at(ROBOT, 'south/P')
 
 
-@pytest.mark.parametrize('squeeze', [(30.0, 2.0), None])
-def test_status_message_contains_all_fields_of_a_decision(squeeze):
+def test_published_status_and_grip_have_all_fields_of_decision_and_belief():
     achieved = np.array([0.1, 0.2, 0.3])
     command = RollerCommand(np.zeros(N), achieved, 0.4, core.Status.SLIDING, (), 2)
     twist, failed = np.array([0.5, 0.6, 0.7]), ROBOT.roller_names[1:3]
-    decision = Decision(command, twist, 'why', failed, 8.0, 1.5, squeeze, 0.03)
+    desired = core.Pose(0.7, 0.4, 0.1)
+    decision = Decision(command, twist, 'why', failed, 8.0, 1.5, (30.0, 2.0), 0.03, desired)
+    displaced = np.zeros(12), np.zeros((12, N))
+    estimate = GripEstimate(np.array(desired), np.eye(3), 30.0, 2.0, 0.03, *displaced)
+    belief = SimpleNamespace(held=held(BOX, 0.2), estimate=estimate, is_assumed=True)
+    control = SimpleNamespace(fault=None, tracker=SimpleNamespace(belief=belief))
+    expected = {
+        'header': make_header(2.5, 'truss'),
+        'code': core.Status.SLIDING,
+        'message': 'why',
+        'commanded': to_twist_message(twist),
+        'achieved': to_twist_message(achieved),
+        'desired_pose': to_pose_message(desired),
+        'scale': 0.4,
+        'reachable_dof': 2,
+        'failed_rollers': failed,
+        'cycle_time': 0.004,
+        'frequency': 8.0,
+        'pose_gain': 1.5,
+        'squeeze': 30.0,
+        'squeeze_deviation': 2.0,
+        'squeeze_assumed': True,
+        'pose_delay': 0.03,
+        'held': ManipulationStatus.HELD_YES,
+    }
+    record = GripRecord.of(belief.held, estimate, is_assumed=True)
+    unknown = {'squeeze': math.nan, 'squeeze_deviation': math.nan, 'squeeze_assumed': False}
+    unknown |= {
+        'held': ManipulationStatus.HELD_UNKNOWN,
+        'desired_pose': to_pose_message(UNKNOWN_POSE),
+    }
     with world(node(autostart=False)) as w:
+        w.probe.listen(HeldGrip, 'grip', 'manipulation/grip')
         report = StatusReport(w.nodes[1], ROBOT)
         assert all(map(Manager(w, 'manipulation').ask, Manager.UP))
-        report.publish(decision, None, 2.5)
+        w.nodes[1].cycle.duration = 0.004
+        report.publish(decision, control, 2.5)
         w.deliver()
-        status = w.probe.last('status')
-    assert (read_stamp(status.header), status.header.frame_id) == (2.5, 'truss')
-    assert (status.code, status.message) == (core.Status.SLIDING, 'why')
-    assert read_twist(status.achieved) == (0.1, 0.2, 0.3)
-    assert read_twist(status.commanded) == (0.5, 0.6, 0.7)
-    assert (status.scale, status.reachable_dof) == (0.4, 2)
-    assert tuple(status.failed_rollers) == failed
-    assert (status.frequency, status.pose_gain, status.pose_delay) == (8.0, 1.5, 0.03)
-    published = (status.squeeze, status.squeeze_deviation)
-    assert published == pytest.approx(squeeze or (math.nan, math.nan), nan_ok=True)
+        check_fields(w.probe.last('status'), expected)
+        assert w.probe.last('grip') == to_grip_message(record, ROBOT, 2.5)
+        report.publish(replace(decision, squeeze=None, desired_pose=None), None, 4.0)
+        w.deliver()
+        expected |= unknown | {'header': make_header(4.0, 'truss')}
+        check_fields(w.probe.last('status'), expected)
+        assert w.probe.last('grip') == to_grip_message(None, ROBOT, 4.0)
+
+
+def test_published_grip_presses_as_the_plant_does():
+    with world(plant, squeezing()) as w:
+        w.probe.listen(HeldGrip, 'grip', 'manipulation/grip')
+        w.probe.listen(WrenchStamped, 'forces', 'truth/contact_forces')
+        w.spin(3.0, still(w))
+        record = read_grip(w.probe.last('grip'), ROBOT)
+        body = core.ConvexObject.disc(w.place()[:2], DIAMETER)
+        grip = record.restore(ROBOT.configuration(record.travel), body)
+        true = [message.wrench.force.x for _, message in w.probe.seen['forces'][-2:]]
+        assert grip.normal_forces == pytest.approx(true, rel=0.02)
+        assert grip.pose[:2] == pytest.approx(w.place()[:2], abs=1e-3)
 
 
 def test_whole_numbers_are_taken_for_real_parameters():

@@ -106,6 +106,7 @@ def test_carries_the_object_along_a_straight_or_smooth_path_to_its_end(smooth):
         # A spline swings out by 4 mm before the corner.
         left = HOME[0] - min(m.pose.position.x for _, m in w.probe.seen['pose'])
         assert (left > 2.5e-3) == smooth
+        assert result.stamp == w.nodes[3].get_clock().now().to_msg()
         off = np.abs(w.place() - np.sum([HOME, *steps], axis=0))
         assert np.hypot(*off[:2]) < 0.01
         assert off[2] < 0.1
@@ -125,6 +126,26 @@ def test_carries_the_object_along_a_straight_or_smooth_path_to_its_end(smooth):
         count = len(twists(w))
         w.spin(0.3)
         assert len(twists(w)) == count
+
+
+@pytest.mark.parametrize(
+    ('tolerance', 'moved'),
+    [
+        ({'angle_tolerance': 0.05}, (0.0, 0.0, 0.06)),
+        ({'position_tolerance': 0.03}, (0.04, 0.0, 0.0)),
+    ],
+)
+def test_path_is_left_where_an_error_exceeds_its_tolerance(tolerance, moved):
+    for share, outcome in ((0.7, Result.STOPPED), (1.0, Result.OFF_PATH)):
+        with listening(node(progress_timeout=1.0)) as w:
+            w.spin(0.2, fake(w))
+            handle = w.send_goal(goal(UP, begin=PROBED, **tolerance))
+            w.until(lambda: moves(w), fake(w))
+            _, code, result = until_ended(
+                w, handle, fake(w, np.add(PROBED, share * np.array(moved)))
+            )
+        assert code == outcome
+    assert result.angle_error == pytest.approx(moved[2], abs=1e-3)
 
 
 def test_stops_at_once_when_cancelled():
@@ -166,6 +187,10 @@ BAD_GOALS = {
     'in millimetres': (goal(begin=(700.0, 0.0, 0.3)), 'if it is in mm, it is 0.7 m'),
     'endless': (goal(*5000 * (UP, DOWN), begin=PROBED), 'has 10001 poses; must be at most 10000'),
     'no tolerance': (goal(UP, begin=PROBED, position_tolerance=0.0), 'position_tolerance 0.0'),
+    'no tolerance of the angle': (
+        goal(UP, begin=PROBED, angle_tolerance=-0.1),
+        'angle_tolerance -0.1',
+    ),
 }
 
 

@@ -12,7 +12,8 @@ from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_msgs.msg import RollerTolerance
 from isotruss_ros.core import Status
 from isotruss_ros.core.paths.roller_trajectory import TOLERANCE
-from isotruss_ros.nodes.conversions.path_messages import to_duration
+from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.conversions.path_messages import read_duration, to_duration
 from isotruss_ros.nodes.conversions.trajectory_goals import MAX_POINTS
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.manipulation.sparse_messages import MATCH_DELAY
@@ -22,6 +23,7 @@ from manual_world import Manager, report_matches, world
 import numpy as np
 from probe import failed, maker, N, overrides, ROBOT
 import pytest
+from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 from trajectories import AWAY, FollowJointTrajectory, HOME, NAMES, TOPIC, trajectory
@@ -369,8 +371,18 @@ def test_the_rollers_arrive_within_the_path_tolerance_and_the_goal_succeeds(w):
         parts = (feedback.desired, feedback.actual, feedback.error)
         wanted, there, error = (np.array(part.positions) for part in parts)
         assert feedback.joint_names == list(ROBOT.roller_names)
+        assert feedback.header.frame_id == 'truss'
         assert error == pytest.approx(wanted - there, abs=1e-12)
         assert np.abs(error).max() < 5e-3
+    stamps = np.array([read_stamp(feedback.header) for feedback in goal.feedback])
+    times = [read_duration(feedback.desired.time_from_start) for feedback in goal.feedback]
+    assert times == pytest.approx(np.minimum(stamps - stamps[0] + times[0], times[-1]), abs=1e-6)
+
+
+def test_standard_action_has_the_name_of_the_joint_trajectory_controller(make):
+    with make() as w:
+        found = get_action_server_names_and_types_by_node(w.nodes[2], 'manipulation', '/')
+        assert '/joint_trajectory_controller/follow_joint_trajectory' in dict(found)
 
 
 def test_a_cancelled_goal_leaves_the_rollers_at_rest(w):
