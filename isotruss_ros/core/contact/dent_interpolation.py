@@ -17,9 +17,9 @@ import functools
 import math
 from typing import TypeAlias
 
-from isotruss_ros.core.contact.dent_table import dent_table, DentTable
+from isotruss_ros.core.contact.dent_table import compute_samples, dent_table, DentTable
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.splines import evaluate_splines, Spline
+from isotruss_ros.core.contact.splines import evaluate_splines, fit_splines
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.scaled_shape import ScaledShape
 from isotruss_ros.core.model.shapes import Shape
@@ -68,16 +68,15 @@ class DentFamily:
         if key not in self._splines:
             nominal = self.nominal.splines_near(base)
             numbers = self.table(of_pressure, of_size).splines_near(base)
-            count = nominal.shape[-1] // 6
+            size, count = nominal.shape[-1], nominal.shape[-1] // 6
             scales = numbers[:, count - 1] / nominal[:, count - 1]
-            splines = []
-            for given, of_nominal, scale in zip(numbers, nominal, scales.tolist(), strict=True):
-                pieces = of_nominal[count:].reshape(-1, 5)
-                abscissae = np.append(pieces[:, 4], of_nominal[count - 1])
-                every = np.broadcast_to(given, (len(abscissae), 1, len(given)))
-                depths, _ = evaluate_splines(every, scale * abscissae, scale * abscissae)
-                splines.append(Spline(abscissae, depths[:, 0]).numbers)
-            self._splines[key] = np.array(splines), np.log(scales)
+            abscissae = np.concatenate([0.0 * nominal[:, :1], nominal[:, :count]], axis=1)
+            at = (scales[:, None] * abscissae).ravel()
+            depths, _ = evaluate_splines(
+                numbers.repeat(count + 1, axis=0).reshape(-1, 1, size), at, at
+            )
+            splines = fit_splines(abscissae, depths.reshape(abscissae.shape))
+            self._splines[key] = splines, np.log(scales)
         return self._splines[key]
 
     def splines_at(self, steps: Steps, base: int) -> tuple[Array, Array]:
@@ -121,11 +120,15 @@ class InterpolatedTable:
 
 def splines_of(tables: Sequence[DentTable | InterpolatedTable], bases: Sequence[int]) -> Array:
     """Return the numbers (c, m, q) of the splines of tables (c,), each near a sample."""
-    missing = [
-        (table, base)
-        for table, base in zip(tables, bases, strict=True)
-        if isinstance(table, InterpolatedTable) and base not in table.numbers
-    ]
+    missing, wanted = list[tuple[InterpolatedTable, int]](), list[tuple[DentTable, int]]()
+    for table, base in zip(tables, bases, strict=True):
+        if isinstance(table, DentTable):
+            wanted.append((table, base))
+        elif base not in table.numbers:
+            missing.append((table, base))
+            at_steps = [table.family.table(*step) for step in table.steps]
+            wanted += [(each, base) for each in (table.family.nominal, *at_steps)]
+    compute_samples(wanted)
     if missing:
         near = [table.family.splines_at(table.steps, base) for table, base in missing]
         splines, logarithms = (np.array(arrays) for arrays in zip(*near, strict=True))
@@ -140,7 +143,7 @@ def splines_of(tables: Sequence[DentTable | InterpolatedTable], bases: Sequence[
 
 @functools.lru_cache(maxsize=8)
 def _powers(size: int) -> Array:
-    """Return the powers (q,) of the scale of the abscissae in `Spline.numbers`."""
+    """Return the powers (q,) of the scale of the abscissae in `fit_splines`."""
     count = size // 6
     return np.append(np.ones(count), np.tile([-3.0, -2.0, -1.0, 0.0, 1.0], count))
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from isotruss_ros.core.contact.dent_angles import weigh_samples
 from isotruss_ros.core.contact.dent_interpolation import splines_of
-from isotruss_ros.core.contact.dent_table import DEPTH_EXPONENT
+from isotruss_ros.core.contact.dent_table import compute_samples, DEPTH_EXPONENT, press_tables
 from isotruss_ros.core.contact.pressed_skin import PressedSkin
 from isotruss_ros.core.contact.splines import evaluate_splines
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -107,13 +107,10 @@ class Dents:
         The skin is at most as deep as the table.
         """
         depths, _, _ = self(forces, angles)
-        skins = [
-            table.skin_by_depth(angle)(min(max(depth, 0.0), float(table.depths[-1])))
-            for table, depth, angle in zip(
-                self.tables, depths.tolist(), angles.tolist(), strict=True
-            )
-        ]
-        pressed = PressedSkin(*map(np.array, zip(*skins, strict=True)))
+        deepest = np.array([table.depths[-1] for table in self.tables])
+        clipped = np.clip(depths, 0.0, deepest)[:, None]
+        skins = press_tables(self.tables.tolist(), angles.tolist(), list(clipped))
+        pressed = PressedSkin(*map(np.concatenate, zip(*skins, strict=True)))
         totals = pressed.forces.sum(axis=1)
         factors = np.divide(forces, totals, out=np.zeros(len(totals)), where=totals > 0.0)
         return pressed._replace(forces=pressed.forces * factors[:, None])
@@ -129,12 +126,10 @@ class Dents:
         bases, (weights, _) = weigh_samples(angles, piece_angles, of_tables)
         numbers, owners, factors = [], list[int](), list[float]()
         for i, (table, base) in enumerate(zip(self.tables, bases.tolist(), strict=True)):
-            near, of_samples = table.samples_near(base), weights[i].tolist()
-            if table.is_round:
-                near, of_samples = table.samples_near(0)[:1], [1.0]
-            for sample, weight in zip(near, of_samples, strict=True):
-                higher, lower, change = sample.inflated
-                numbers.append((higher.numbers, lower.numbers))
+            near = table.inflated_near(base)
+            of_samples = [1.0] if table.is_round else weights[i].tolist()
+            for (splines, change), weight in zip(near, of_samples, strict=True):
+                numbers.append(splines)
                 owners.append(i)
                 factors.append(weight / change)
         depths, _ = evaluate_splines(np.array(numbers), abscissae[owners], piece_abscissae[owners])
@@ -150,8 +145,7 @@ class Dents:
         bases, _ = weigh_samples(angles, angles, self._angles.T)
         with contextlib.suppress(WorkLimitError), limited_work(0):
             for table, base in zip(self.tables, bases.tolist(), strict=True):
-                for beside in (base - 1, base + 1):
-                    table.samples_near(beside)
+                compute_samples([(table, base - 1), (table, base + 1)])
 
     def take_samples(self, index: Any) -> Dents:
         """Return the dents of chosen objects, or of one, see `samples.take`."""

@@ -75,21 +75,26 @@ class Flattening:
 
     def compliance(self, points: Indices, spacing: float) -> Array:
         """Return the compliances (c, c) of points at integer multiples of a spacing [m/N]."""
-        # Load and depth are averaged over pieces of tube that are one spacing long.
         distances = np.abs(points[:, None] - points)
-        ratio = spacing / self.decay_length
+        count = int(distances.max(initial=0)) + 1
+        return self.compliance_column(count, np.array([spacing]))[0, distances]
+
+    def compliance_column(self, count: int, spacing: Array) -> Array:
+        """Return the compliances (s, c) at 0 to c - 1 spacings (s,) from a load [m/N]."""
+        # Load and depth are averaged over pieces of tube that are one spacing long.
+        ratio = spacing[:, None] / self.decay_length
         # Compliance of each mode for a concentrated load, at the load.
         peak = 0.5 / np.sqrt(self.stiffness * self.tension)
         # The average over two pieces at a distance of d spacings is exp(-d ratio) times
         # (2 sinh(ratio / 2) / ratio)^2, which is here without overflow exp(-(d - 1) ratio) times
         # ((1 - exp(-ratio)) / ratio)^2.
-        steps = np.arange(distances.max(initial=0) + 1) - 1.0
         averaged_peak = peak * (np.expm1(-ratio) / ratio) ** 2
-        by_distance = averaged_peak @ np.exp(-np.outer(ratio, steps))
+        decays = np.exp(-ratio[:, :, None] * (np.arange(count) - 1.0))
+        by_distance = (averaged_peak[:, None] @ decays)[:, 0]
         # The average within one piece.
         same_piece = peak * (2.0 / ratio) * (1.0 + np.expm1(-ratio) / ratio)
-        by_distance[0] = same_piece.sum() + self.local_compliance / spacing
-        return by_distance[distances]
+        by_distance[:, 0] = same_piece.sum(axis=1) + self.local_compliance / spacing
+        return by_distance
 
     def compliance_rates(self, points: Indices, spacing: float) -> Array:
         """Return the derivatives (c, c) of `compliance` with respect to pressure [m/N/Pa]."""

@@ -2,11 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Contact forces on a tube's skin under an object at a given depth of the dent.
+Contact forces on a tube's skin under objects at given depths of their dents.
 
 The skin of a straight tube is uniform along the tube, so without friction it slides under a corner
 without a force: each point of the skin presses across the tube, and the forces follow from the
 heights of the object's surface.
+
+The forces solve a linear complementarity problem (LCP) for each depth. Its compliance is a
+symmetric Toeplitz matrix whose elements are convex in the distance, and the object is convex:
+between two loaded points the gap is convex and zero at both ends, so the loaded points have no
+hole. Block pivoting on the first and last loaded point thus needs systems of leading blocks of one
+matrix only, which one recursion of Durbin factorises.
 """
 
 from __future__ import annotations
@@ -14,7 +20,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.flattening import Flattening
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 from isotruss_ros.core.numerics.qp import solve_complementarity
 import numpy as np
 
@@ -23,36 +29,30 @@ CHORD_POINTS = 41
 #: Spacing of the points on a corner's outline, and largest extent of the contact to each side of
 #: the contact point, in tube radii [-].
 OUTLINE_SPACING, MAX_EXTENT = 0.02, 4.0
+#: Largest number of pivots; most problems need two or three [-].
+MAX_PIVOTS = 20
+#: Largest penetration of a point without force, relative to the largest depth [-].
+GAP_TOLERANCE = 1e-12
+#: Smallest length of a chord [m].
+MIN_CHORD = 1e-6
 
 
 class PressedSkin(NamedTuple):
-    """
-    Points of a tube's skin under an object, and the contact forces on them.
+    """Points of a tube's skin under s objects or depths, and the contact forces on them."""
 
-    Of several contacts, all values have the contacts as their first axis.
-    """
-
-    #: (c,) distances from the contact point along the tube, counter-clockwise [m]
+    #: (s, c) distances from the contact point along the tube, counter-clockwise [m]
     positions: Array
-    spacing: float  #: distance between neighbouring points [m]
-    heights: Array  #: (c,) heights of the object's surface above the contact point [m]
-    forces: Array  #: (c,) contact forces, zero at points that the object does not touch [N]
+    spacing: Array  #: (s,) distances between neighbouring points [m]
+    heights: Array  #: (s, c) heights of the object's surface above the contact point [m]
+    #: (s, c) contact forces, zero at points that the object does not touch [N]
+    forces: Array
 
 
-def press_disc(kernel: Flattening, radius: float, depth: float) -> PressedSkin:
-    """Return the pressed skin under a disc of a given radius at a given depth."""
-    half_chord = np.sqrt(radius**2 - (radius - depth) ** 2)
-    positions = half_chord * np.linspace(-1.0, 1.0, CHORD_POINTS)
-    heights = radius - np.sqrt(radius**2 - positions**2)
-    return _press(kernel, positions, heights, depth)
-
-
-def _press(kernel: Flattening, positions: Array, heights: Array, depth: float) -> PressedSkin:
-    """Return the pressed skin under an object with given surface heights, at a depth [m]."""
-    count, spacing = len(positions), float(positions[1] - positions[0])
-    compliance = kernel.compliance(np.arange(count), spacing)
-    forces, _ = solve_complementarity(compliance, heights - depth)
-    return PressedSkin(positions, spacing, heights, forces)
+def find_disc_chords(radius: float, depths: Array) -> tuple[Array, Array]:
+    """Return positions and surface heights (s, c) on the chords of a disc at depths (s,) [m]."""
+    half_chords = np.sqrt(radius**2 - (radius - depths) ** 2)
+    positions = half_chords[:, None] * np.linspace(-1.0, 1.0, CHORD_POINTS)
+    return positions, radius - np.sqrt(radius**2 - positions**2)
 
 
 def find_profile(outline: Points, point: complex, normal: complex) -> tuple[Array, Array]:
@@ -62,25 +62,101 @@ def find_profile(outline: Points, point: complex, normal: complex) -> tuple[Arra
     local = (outline - point) * normal.conjugate()
     start, end = int(local.imag.argmin()), int(local.imag.argmax())
     # The outline is counter-clockwise, so the side that faces the tube is from start to end.
-    facing = np.roll(local, -start)[: (end - start) % len(local) + 1]
+    facing = np.concatenate([local[start:], local[:start]])[: (end - start) % len(local) + 1]
     positions, heights = facing.imag, np.maximum(-facing.real, 0.0)
     # The contact point, of height 0, may be between two points of the outline.
-    index = int(np.searchsorted(positions, 0.0))
-    return np.insert(positions, index, 0.0), np.insert(heights, index, 0.0)
+    index, zero = int(positions.searchsorted(0.0)), [0.0]
+    positions = np.concatenate([positions[:index], zero, positions[index:]])
+    return positions, np.concatenate([heights[:index], zero, heights[index:]])
 
 
-def press_corner(
-    kernel: Flattening, positions: Array, heights: Array, extents: Array, depth: float
-) -> PressedSkin:
-    """Return the pressed skin under a corner at a depth, within `extents` (2,) of it [m]."""
-    indenting = np.flatnonzero(heights <= depth)
-    # Points of the profile at the ends of the dent, each with its neighbour beyond the end.
-    start = [indenting[0], max(indenting[0] - 1, 0)]
-    end = [indenting[-1], min(indenting[-1] + 1, len(positions) - 1)]
-    # Interpolated positions at which the height of the surface is the depth.
-    low = max(np.interp(depth, heights[start], positions[start]), -extents[0])
-    high = min(np.interp(depth, heights[end], positions[end]), extents[1])
-    spacing = max(float(high - low), 1e-6) / CHORD_POINTS
-    # Each point is in the middle of a piece of tube; the outer pieces end at `low` and `high`.
-    middles = low + (np.arange(CHORD_POINTS) + 0.5) * spacing
-    return _press(kernel, middles, np.interp(middles, positions, heights), depth)
+def find_corner_chords(
+    profile: tuple[Array, Array], extents: Array, depths: Array
+) -> tuple[Array, Array]:
+    """Return positions and surface heights (s, c) within `extents` (2,) at depths (s,) [m]."""
+    positions, heights = profile
+    # Heights fall up to the contact point and then rise. Each end of a dent is interpolated
+    # between the last point within the depth and its neighbour beyond.
+    low, high = -extents[0], extents[1]
+    is_within = heights <= depths[:, None]
+    first, last = is_within.argmax(axis=1), len(heights) - 1 - is_within[:, ::-1].argmax(axis=1)
+    ends = []
+    for inner, outer in (
+        (first, np.maximum(first - 1, 0)),
+        (last, np.minimum(last + 1, len(heights) - 1)),
+    ):
+        rises = heights[outer] - heights[inner]
+        shares = (depths - heights[inner]) / np.where(rises > 0.0, rises, np.inf)
+        steps = np.clip(shares, 0.0, 1.0) * (positions[outer] - positions[inner])
+        ends.append(np.clip(positions[inner] + steps, low, high))
+    spacing = np.maximum(ends[1] - ends[0], MIN_CHORD) / CHORD_POINTS
+    # Each point is in the middle of a piece of tube; the outer pieces end where the dent does.
+    middles = ends[0][:, None] + (np.arange(CHORD_POINTS) + 0.5) * spacing[:, None]
+    return middles, np.interp(middles.ravel(), positions, heights).reshape(middles.shape)
+
+
+def press_skin(kernel: Flattening, positions: Array, heights: Array, depths: Array) -> PressedSkin:
+    """Return the pressed skins under surfaces with given heights (s, c), at depths (s,) [m]."""
+    spacing = positions[:, 1] - positions[:, 0]
+    columns = kernel.compliance_column(CHORD_POINTS, np.maximum(spacing, MIN_CHORD / CHORD_POINTS))
+    gaps = heights - depths[:, None]
+    forces, is_solved = solve_convex_contacts(columns, gaps)
+    distances = np.abs(np.arange(CHORD_POINTS)[:, None] - np.arange(CHORD_POINTS))
+    for i in np.flatnonzero(~is_solved).tolist():
+        forces[i], _ = solve_complementarity(columns[i, distances], gaps[i])
+    return PressedSkin(positions, spacing, heights, forces)
+
+
+def solve_convex_contacts(columns: Array, gaps: Array) -> tuple[Array, Flags]:
+    """
+    Solve LCPs (s,) of convex gaps (s, c) by block pivoting on the ends of the loaded interval.
+
+    `columns` (s, c) are the first columns of the compliances. The result is the forces (s, c), and
+    whether each problem was solved (s,).
+    """
+    count = gaps.shape[1]
+    # The samples are the last axis, along which operations are contiguous.
+    columns, gaps, number = columns.T, gaps.T, np.arange(count)[:, None]
+    inverse, pivots = _factorize_toeplitz(columns)
+    mirrored = np.concatenate([columns[:0:-1], columns])
+    along, across = mirrored.strides
+    compliance = np.lib.stride_tricks.as_strided(
+        mirrored[-count:], (count, *gaps.shape), (-along, along, across), writeable=False
+    )
+    tolerance = GAP_TOLERANCE * np.abs(gaps).max(axis=0)
+    is_loaded = gaps < 0.0
+    for _ in range(MAX_PIVOTS):
+        first = is_loaded.argmax(axis=0)
+        size = np.where(is_loaded.any(axis=0), count - is_loaded[::-1].argmax(axis=0) - first, 0)
+        # A block of a Toeplitz matrix is the leading block of its size.
+        right = np.take_along_axis(-gaps, np.minimum(number + first, count - 1), axis=0)
+        transformed = np.einsum('ijs,js->is', inverse, right) / pivots
+        transformed[number >= size] = 0.0
+        block_forces = np.einsum('ijs,is->js', inverse, transformed)
+        is_inside = (number >= first) & (number < first + size)
+        forces = np.take_along_axis(block_forces, np.maximum(number - first, 0), axis=0)
+        forces[~is_inside] = 0.0
+        remaining = gaps + np.einsum('ijs,js->is', compliance, forces)
+        is_loaded = np.where(is_inside, forces > 0.0, remaining < -tolerance)
+        is_solved = (is_loaded == is_inside).all(axis=0)
+        if is_solved.all():
+            break
+    return forces.T, is_solved
+
+
+def _factorize_toeplitz(columns: Array) -> tuple[Array, Array]:
+    """
+    Return the inverse (c, c, s) of the unit triangular factor L, and pivots D, of T = L D L^T.
+
+    They are computed from the first columns (c, s) of T by Durbin's recursion (Golub and Van Loan,
+    Matrix Computations, section 4.7).
+    """
+    inverse, pivots = np.zeros((len(columns), *columns.shape)), np.empty_like(columns)
+    inverse[0, 0], pivots[0] = 1.0, columns[0]
+    for i in range(1, len(columns)):
+        last = inverse[i - 1, :i]
+        reflection = -np.einsum('js,js->s', last, columns[1:][:i]) / pivots[i - 1]
+        inverse[i, 1:][:i] = last
+        inverse[i, :i] += reflection * last[::-1]
+        pivots[i] = pivots[i - 1] * (1.0 - reflection * reflection)
+    return inverse, pivots

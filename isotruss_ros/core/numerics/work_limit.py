@@ -18,6 +18,9 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.errors import IsotrussError
 
+#: Number of units of work if it is not bounded [-].
+UNBOUNDED = 10**9
+
 
 @dataclass
 class Work:
@@ -64,6 +67,12 @@ def limited_work(limit: int) -> Iterator[Work]:
         if enclosing is not None:
             enclosing.done += work.done
             enclosing.stored += work.stored
+
+
+def work_left() -> int:
+    """Return the number of units of work until the bound, or many without a bound."""
+    work = _current.get()
+    return UNBOUNDED if work is None else work.limit - work.done
 
 
 def count_work(is_stored: bool = False) -> None:

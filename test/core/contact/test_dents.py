@@ -15,13 +15,20 @@ from isotruss_ros.core.contact.dent_interpolation import find_table
 from isotruss_ros.core.contact.dent_table import dent_table, DentTable
 from isotruss_ros.core.contact.dents import Dents
 from isotruss_ros.core.contact.flattening import Flattening, flattening_of
+from isotruss_ros.core.contact.pressed_skin import (
+    CHORD_POINTS,
+    press_skin,
+    solve_convex_contacts,
+)
 from isotruss_ros.core.contact.wrench_space import wrench_space
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints
 from isotruss_ros.core.model.scaled_shape import ScaledShape
+from isotruss_ros.core.numerics.qp import solve_complementarity
 from isotruss_ros.core.numerics.work_limit import limited_work, WorkLimitError
 from isotruss_ros.core.statics.section import Fabric
+from isotruss_ros.dataset.random_grasps import draw_shape
 import numpy as np
 import pytest
 import robots
@@ -76,6 +83,54 @@ def test_dents_of_mirrored_corners_are_equal(angle):
 def test_skin_that_is_pressed_deeper_than_the_table_carries_the_force():
     skins = Dents([disc_table(0.03)]).press(np.array([1e5]), np.zeros(1))
     assert skins.forces.sum() == pytest.approx(1e5)
+
+
+def random_contacts(count, seed=0):
+    """Return compliance columns and gaps of all depths of corners and ellipses in tubes."""
+    rng, columns, gaps = np.random.default_rng(seed), [], []
+    for _ in range(count):
+        kernel = flattening_of(ROBOT, float(rng.choice([5e3, 34.5e3, 2e5])))
+        shape = draw_shape(rng, str(rng.choice(['polygon', 'ellipse'])), (0.05, 0.5))
+        if rng.random() < 0.5 and isinstance(shape, Polygon):
+            shape = Polygon(shape.vertices, float(rng.uniform(0.0, 0.005)))
+        table = DentTable(kernel, shape)
+        middle, half_turn, last = table.angles
+        # Also at both faces, where a dent is long.
+        at = float(rng.choice([-1.0, 1.0, rng.uniform(-1.0, 1.0)]))
+        angle = middle + at * (half_turn if last else math.pi)
+        positions, heights = table.chords(angle, table.depths[1:])
+        spacing = positions[:, 1] - positions[:, 0]
+        columns.append(kernel.compliance_column(positions.shape[1], spacing))
+        gaps.append(heights - table.depths[1:, None])
+    return np.concatenate(columns), np.concatenate(gaps)
+
+
+@pytest.mark.parametrize('count', [300, pytest.param(10_000, marks=pytest.mark.nightly)])
+def test_block_pivoting_solves_each_of_many_random_corners(count):
+    columns, gaps = random_contacts(count)
+    solved = [solve_convex_contacts(columns[i::64], gaps[i::64])[1] for i in range(64)]
+    assert np.concatenate(solved).all()
+
+
+def test_block_pivoting_agrees_with_nonnegative_least_squares():
+    columns, gaps = random_contacts(100, seed=1)
+    forces, _ = solve_convex_contacts(columns, gaps)
+    distances = np.abs(np.arange(gaps.shape[1])[:, None] - np.arange(gaps.shape[1]))
+    for column, gap, force in zip(columns, gaps, forces, strict=True):
+        expected, _ = solve_complementarity(column[distances], gap)
+        assert force == pytest.approx(expected, rel=1e-12, abs=1e-12 * expected.max())
+
+
+def test_skin_with_a_hole_in_its_contact_is_solved_by_the_fallback():
+    # An object that is not convex presses at both ends of the chord.
+    positions = np.linspace(-0.1, 0.1, CHORD_POINTS)[None]
+    heights, depth = 0.02 * np.cos(15.0 * np.pi * positions) + 0.02, np.array([0.03])
+    skin = press_skin(KERNEL, positions, heights, depth)
+    compliance = KERNEL.compliance(np.arange(CHORD_POINTS), skin.spacing[0])
+    gaps = heights[0] - depth + compliance @ skin.forces[0]
+    assert skin.forces.min() >= 0.0
+    assert gaps.min() >= -1e-12
+    assert np.abs(gaps * skin.forces[0]).max() < 1e-12
 
 
 @pytest.mark.parametrize('force', [10.0, 30.0])
