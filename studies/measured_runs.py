@@ -34,8 +34,8 @@ from isotruss_ros.identification.rolled_run import Parameters
 from isotruss_ros.mujoco_plant.options import PlantOptions, RIGID_SECTION_STIFFNESS
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from pressed_plants import hold_at_home
 from studies.comparison.carrying import squeeze_in
-from studies.comparison.grips import hold_at_home
 
 NO_FORCE = np.zeros(2)
 MODULE, DIAMETER, INDENTATION = 'north/Z', 0.3, 0.012

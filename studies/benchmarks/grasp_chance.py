@@ -41,10 +41,10 @@ from isotruss_ros.core.planning.grasp_plan import export_path, PlannedGrasp
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from pressed_plants import mesh, round_robot
 from studies.benchmarks.grasp_planner import objects
 from studies.benchmarks.measuring import part, Table, timed
 from studies.comparison.carrying import RATE, squeeze_in
-from studies.comparison.grips import mesh, round_robot
 
 #: Grasps in each tenth of the chance, draws for each grasp, and largest number of grasps tried.
 GRASPS, DRAWS, TRIED = part(4), part(500), part(1000)

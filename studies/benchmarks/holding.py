@@ -39,7 +39,7 @@ from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 from studies.benchmarks.measuring import part, SHARE, Table, timed
-from studies.comparison.wedge import closed_to
+from wedge import closed_to
 
 ROBOT = load_robot('nine_member')
 MODULES = ('north/Z', 'south/P', 'east/Q', 'east/R', 'north/R')

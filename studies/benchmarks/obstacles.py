@@ -41,11 +41,11 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSetting
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from rooms import clearance, Placed, random_room
 from studies.benchmarks.grasp_planner import objects
 from studies.benchmarks.measuring import part, Table
 from studies.comparison.carrying import RATE, Regulated, squeeze_in
-from studies.comparison.rooms import clearance, Placed, random_room
-from studies.comparison.walks import GRIPS, ROBOT, rolled
+from walks import GRIPS, ROBOT, rolled
 
 PERIOD, DURATION = 0.01, 30.0
 BOUND = 0.02

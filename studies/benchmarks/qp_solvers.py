@@ -23,7 +23,7 @@ from isotruss_ros.core.planning import approach
 import numpy as np
 import qpsolvers
 from studies.benchmarks.measuring import part, Table, timed
-from studies.comparison import walks
+import walks
 
 PROGRAMS, KEPT, WALKS = part(20_000), 3000, part(30)
 PEERS = {'daqp': {'primal_tol': 1e-9}, 'quadprog': {}}

@@ -45,9 +45,9 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSetting
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
+from rooms import clearance, random_room
 from studies.benchmarks.measuring import part, SHARE, Table
-from studies.comparison.rooms import clearance, random_room
-from studies.comparison.walks import GRIPS, ROBOT
+from walks import GRIPS, ROBOT
 
 FRICTION, DIAMETER, DEPTH, MASS = 0.8, 0.3, 0.02, 0.5
 #: Modules at which an object can be moved to the limits of a second robot.

@@ -20,9 +20,9 @@ from isotruss_ros.core import place_between, Robot
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
+from pressed_plants import hold_at_home, round_robot
 from studies.comparison.carrying import RATE, squeeze_in
 from studies.comparison.faulty_carries import Draw, Loop, ZEROS
-from studies.comparison.grips import hold_at_home, round_robot
 from studies.comparison.random_carries import BOX, DISC, draw_grip, FRICTION
 
 #: Initial indentations of the members [m]. The desired squeeze is that of the model at 10 mm.

@@ -28,8 +28,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon as Patch
 import numpy as np
+from pressed_plants import mesh, round_robot
 from studies.comparison.carrying import Carried, carry, Feedback, Regulated
-from studies.comparison.grips import mesh, round_robot
 from studies.paper.style import PAGE, SETTINGS
 
 #: Members of two tubes, between which is the hole of the robot.

@@ -20,9 +20,9 @@ from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Phase
 import numpy as np
+from pressed_plants import FINE, press_on, release, round_robot
 from studies.comparison.box_picked import BOX, draw, FRICTION, PHASES, pick, Picked, SIDES
 from studies.comparison.carrying import RATE
-from studies.comparison.grips import FINE, press_on, release, round_robot
 from studies.comparison.section import Check, Section
 from studies.paper.tables import number, Table
 

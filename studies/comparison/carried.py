@@ -14,12 +14,12 @@ from isotruss_ros.mujoco_plant.options import PlantOptions
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 import numpy as np
+from pressed_plants import press, PressedCase, release
 from studies.comparison.carrying import Carried, carry, Feedback, OpenLoop, Regulated, Steering
-from studies.comparison.grips import press, PressedCase, release
 from studies.comparison.section import Check, Section
-from studies.comparison.wedge import MODULE
 from studies.paper.style import BLUE, GREEN, GREY, ORANGE, PAGE, SETTINGS
 from studies.paper.tables import number, Table
+from wedge import MODULE
 
 #: Wedge with the opening angle at home, as in the paper's figure, and sufficient friction [-].
 CASE, FRICTION = PressedCase(60.0, 0.02), 0.8

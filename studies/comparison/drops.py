@@ -24,11 +24,11 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from pressed_plants import place, press, PressedCase, release
 from scipy.interpolate import CubicSpline
-from studies.comparison.grips import place, press, PressedCase, release
 from studies.comparison.section import Check, Section
-from studies.comparison.wedge import MODULE
 from studies.paper.tables import number, Table
+from wedge import MODULE
 
 CASES, SEED = 50, 0
 #: Ranges of opening angles [degrees], shifts into the corner [m], diameters [m] and friction [-].

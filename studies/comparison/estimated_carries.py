@@ -26,8 +26,8 @@ from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
+from pressed_plants import hold_at_home, round_robot, soften
 from studies.comparison.carrying import RATE, Regulated, squeeze_in
-from studies.comparison.grips import hold_at_home, round_robot, soften
 from studies.comparison.random_carries import BOX, DISC, draw_grip, FRICTION, NOISE
 
 #: Three joints that determine all offsets of the nine-member robot in one posture (P, R and Z do

@@ -32,8 +32,8 @@ from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from pressed_plants import hold_at_home, round_robot, soften
 from studies.comparison.carrying import RATE, rates, Regulated, squeeze_in
-from studies.comparison.grips import hold_at_home, round_robot, soften
 from studies.comparison.random_carries import BOX, DISC, draw_grip, FRICTION, LONGEST
 
 #: Rest before and after the path [s]; number of its legs [-], time [s] and largest step of a leg

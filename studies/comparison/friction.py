@@ -12,8 +12,8 @@ from isotruss_ros.core import ConvexObject, settle_grasp
 from isotruss_ros.core.holding.friction_range import FrictionRange
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from pressed_plants import press_on, release
 from studies.comparison.friction_cases import CASES, DiscCase, PolygonCase
-from studies.comparison.grips import press_on, release
 from studies.comparison.section import Check, Section
 from studies.paper.tables import number, Table
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from isotruss_ros.core import Configuration, ConvexObject, place_between, Polygon
 from isotruss_ros.core.manipulation.grip import members_at
 import numpy as np
+from pressed_plants import place, PressedCase, round_robot
 from studies.comparison.box_picked import SIDES
-from studies.comparison.grips import place, PressedCase, round_robot
-from studies.comparison.wedge import MODULE
+from wedge import MODULE
 
 CORNER = ('north/P-Z', 'north/Z-R')
 LOOP = ('south/P-Q', 'south/Q-X', 'south/X-P')

@@ -13,7 +13,7 @@ from isotruss_ros.core import settle_grasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
-from studies.comparison.grips import FINE, press, PressedCase, release
+from pressed_plants import FINE, press, PressedCase, release
 from studies.comparison.section import Check, Section
 from studies.paper.tables import number, Table
 

@@ -9,7 +9,7 @@ from isotruss_ros.core import Configuration, deform
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
-from studies.comparison.grips import mesh, move_to, round_robot, STILL
+from pressed_plants import mesh, move_to, round_robot, STILL
 from studies.comparison.section import Check, Section
 from studies.paper.tables import number, Table
 

@@ -25,8 +25,8 @@ from isotruss_ros.demo.path import figure_9
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from pressed_plants import mesh, round_robot
 from studies.comparison.carrying import carry, RATE, Regulated
-from studies.comparison.grips import mesh, round_robot
 from studies.comparison.section import Check, Section
 from studies.paper.tables import number, Table
 

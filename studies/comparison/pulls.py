@@ -15,8 +15,8 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from pressed_plants import press, PressedCase, release
 from studies.comparison.grasps import STEPS
-from studies.comparison.grips import press, PressedCase, release
 from studies.comparison.section import Check, Section
 from studies.paper.tables import number, Table
 

@@ -29,11 +29,11 @@ from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from pressed_plants import hold_at_home, round_robot
 from studies.comparison.carrying import RATE, rates, Regulated, squeeze_in
-from studies.comparison.grips import hold_at_home, round_robot
 from studies.comparison.section import Check, Section
-from studies.comparison.wedge import MODULE
 from studies.paper.tables import number, Table
+from wedge import MODULE
 
 FRICTION, INDENTATION = 0.8, 0.01
 #: Standard deviations of the measured poses [m, rad].

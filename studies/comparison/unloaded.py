@@ -8,7 +8,7 @@ from __future__ import annotations
 from isotruss_ros.core import load_robot
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
-from studies.comparison.grips import mesh, move_to
+from pressed_plants import mesh, move_to
 from studies.comparison.section import Check, Section
 from studies.paper.tables import number, Table
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 from held_grips import APART, BOX, LOOP
 from isotruss_ros.core import ConvexObject, Disc, place_between, Robot, tangent_center
 from isotruss_ros.core.manipulation.grip import members_at
+from pressed_plants import round_robot, soften
 from shapes import BRICK
-from studies.comparison.grips import round_robot, soften
 
 MODULE, FRICTION = 'north/Z', 0.8
 #: Shape, members and angle of each grasp of the nine-member robot at home.

@@ -9,7 +9,7 @@ from isotruss_ros.core import TwistServo
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
-from studies.comparison.walks import rolled
+from walks import rolled
 
 
 class Driven:

@@ -9,8 +9,8 @@ from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.pose import pose_difference
 import numpy as np
 import robots
-from studies.comparison.walks import rolled
-from studies.comparison.wedge import closed_to
+from walks import rolled
+from wedge import closed_to
 
 #: Settings of the squeeze control for the elastic plant, which has no masses, and pulls.
 MASSLESS = {'pose_gain': 20.0, 'load': 5.0}

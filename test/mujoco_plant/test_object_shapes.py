@@ -14,9 +14,9 @@ from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
 from nightly import some_now
 import numpy as np
+from pressed_plants import FINE, press_on, round_robot
 import pytest
-from studies.comparison.grips import FINE, press_on, round_robot
-from studies.comparison.wedge import closed_to, MODULE, pressed_into
+from wedge import closed_to, MODULE, pressed_into
 
 pytestmark = needs_mujoco
 BOX = ((-0.12, -0.09), (0.12, -0.09), (0.12, 0.09), (-0.12, 0.09))

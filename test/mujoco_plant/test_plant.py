@@ -17,9 +17,9 @@ from isotruss_ros.mujoco_plant.recording import PlantRecorder, read_recording
 from isotruss_ros.mujoco_plant.rendering import PlantRenderer, require_egl
 from mujoco_worlds import needs_mujoco
 import numpy as np
+from pressed_plants import move_to, press, PressedCase, release, STILL
 import pytest
 from robots import preset
-from studies.comparison.grips import move_to, press, PressedCase, release, STILL
 
 
 @needs_mujoco

@@ -15,10 +15,10 @@ from isotruss_ros.mujoco_plant.options import PlantOptions
 from mujoco_worlds import needs_mujoco
 from nightly import some_now
 import numpy as np
+from pressed_plants import hold_at_home
 import pytest
 from studies.comparison.carrying import RATE, Regulated
 from studies.comparison.estimated_carries import carry, SIX, THREE
-from studies.comparison.grips import hold_at_home
 from studies.comparison.random_carries import BOX, DISC
 
 pytestmark = needs_mujoco

@@ -95,6 +95,15 @@ def test_modules_do_not_import_each_other_in_a_circle():
         left = {module: ours for module, ours in left.items() if module not in free}
 
 
+def test_only_tests_of_the_studies_import_them():
+    importing = {
+        path.name
+        for path in ROOT.glob('test/**/*.py')
+        if 'studies' in imports(ast.parse(path.read_text(encoding='utf-8')))[1]
+    }
+    assert importing == {'test_paper.py', 'test_regulated_carry.py'}
+
+
 def test_reference_lists_the_packages_of_the_core_in_their_order():
     page = (ROOT / 'docs' / 'api.md').read_text(encoding='utf-8')
     packages = [f'core.{name}' for name in re.findall(r'^api/(\w+)$', page, re.MULTILINE)]

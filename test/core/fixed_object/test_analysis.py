@@ -30,7 +30,7 @@ import pytest
 import robots
 from scipy.optimize import linprog
 from shapes import circle, dense_outline, random_shape, surface_distance
-from studies.comparison.wedge import pressed_into
+from wedge import pressed_into
 
 generators = robots.generators()
 

@@ -40,8 +40,8 @@ import numpy as np
 import pytest
 from random_grips import toward
 from robots import examples, generators, member_ends, preset_document
+from rooms import clearance
 from shapes import BRICK, SHAPES
-from studies.comparison.rooms import clearance
 
 HOLE = (0.716, -0.4134)  # between the three tubes
 #: Of the tubes [m].

@@ -28,7 +28,7 @@ import numpy as np
 import pytest
 from random_grips import random_convex_grip
 import robots
-from studies.comparison.rooms import clearance, random_room
+from rooms import clearance, random_room
 
 #: So wide that everything is near.
 ALL = BarrierLaw(0.0, 1e3)

@@ -19,7 +19,7 @@ from nightly import some_now
 import numpy as np
 import pytest
 import robots
-from studies.comparison import walks
+import walks
 
 #: Longer cycles, in which robots approach bounds [s].
 APPROACH_PERIOD = 0.05

@@ -10,8 +10,8 @@ from isotruss_ros import core
 from nightly import some_now
 import numpy as np
 import pytest
-from studies.comparison import walks
-from studies.comparison.walks import margins, ROBOT
+import walks
+from walks import margins, ROBOT
 
 #: Changes of the speed of a roller from cycle to cycle that do not count as chatter [m/s].
 CHATTER = 0.005

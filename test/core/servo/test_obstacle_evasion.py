@@ -25,8 +25,8 @@ from isotruss_ros.core.servo.obstacle_evasion import ObstacleTracks, TRACKED_TIM
 from nightly import some_now
 import numpy as np
 import pytest
+from rooms import clearance
 from squeeze_loop import SqueezeLoop
-from studies.comparison.rooms import clearance
 
 ROBOT = load_robot('nine_member')
 QUICK = Robot(replace(ROBOT.description, max_acceleration=5.0))

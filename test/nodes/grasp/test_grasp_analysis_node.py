@@ -38,8 +38,8 @@ import numpy as np
 from probe import DIAMETER, maker, MODULE, N, ROBOT
 import pytest
 from sensor_msgs.msg import FluidPressure
-from studies.comparison.wedge import pressed_into
 from visualization_msgs.msg import Marker, MarkerArray
+from wedge import pressed_into
 
 SQUEEZED = core.tangent_center(ROBOT.home, MODULE, DIAMETER, shift=0.01)
 node = maker(GraspAnalysisNode)

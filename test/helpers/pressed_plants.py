@@ -18,7 +18,7 @@ from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.mujoco_plant.options import PlantOptions, RIGID_SECTION_STIFFNESS
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
-from studies.comparison.wedge import closed_to, MODULE
+from wedge import closed_to, MODULE
 
 #: Pose x, y [m], angle [rad] of the object outside of the wedge while it closes.
 AWAY = (5.0, 5.0, 0.0)
