@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 import contextlib
 import math
 import multiprocessing
@@ -15,7 +15,10 @@ import os
 import signal
 import threading
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 #: Largest number of processes [-].
 MAX_WORKERS = 256
@@ -56,6 +59,27 @@ class WorkerPool(contextlib.AbstractContextManager):
         """End the processes, and wait for it; no other thread may submit tasks meanwhile."""
         self._wanted.close()
         self.executor.shutdown(cancel_futures=True)
+
+
+@contextlib.contextmanager
+def dask_client(address: str | None, workers: int = 0) -> Iterator[Client]:
+    """
+    Connect to a Dask cluster at an address; None: start one of processes on this machine.
+
+    :param workers: number of these processes; 0: the number of cores.
+    :raises BrokenExecutor: workers died repeatedly at the same task.
+    """
+    from distributed import Client, KilledWorker, LocalCluster
+
+    with contextlib.ExitStack() as stack:
+        if address is None:
+            count = workers or core_count()
+            cluster = LocalCluster(count, threads_per_worker=1, dashboard_address=None)
+            address = stack.enter_context(cluster).scheduler_address
+        try:
+            yield stack.enter_context(Client(address))
+        except KilledWorker as error:
+            raise BrokenExecutor(str(error)) from error
 
 
 class Stop:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor
 import sys
 
 from isotruss_ros.core import IsotrussError
@@ -26,7 +26,7 @@ def run_program(name: str, run: Callable[[], int], interrupted: str = '') -> int
     except (IsotrussError, OSError) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return BAD_ARGUMENTS
-    except BrokenProcessPool as error:
+    except BrokenExecutor as error:
         print(f'{name}: a worker process died: {error}', file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:

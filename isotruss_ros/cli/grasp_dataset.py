@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from concurrent.futures import Executor
+import contextlib
 from pathlib import Path
 import sys
+import time
 
 from isotruss_ros import core
 from isotruss_ros.cli.exit_codes import run_program
-from isotruss_ros.cli.plan_options import add_search
+from isotruss_ros.cli.plan_options import add_cluster, add_search
 from isotruss_ros.core.errors import quote, suggest
 from isotruss_ros.dataset.columns import COLUMNS
 from isotruss_ros.dataset.random_grasps import DatasetError, GraspDistribution, KINDS
-from isotruss_ros.workers import WorkerPool
+from isotruss_ros.workers import dask_client, WorkerPool
 
 #: Exit code of a complete data set.
 WRITTEN = 0
@@ -49,11 +52,21 @@ def _run(options: argparse.Namespace) -> int:
     )
     console = Console(stderr=True)
     bar = Progress(console=console, transient=True, disable=not console.is_terminal)
-    with WorkerPool(options.workers) as pool, bar:
-        task = bar.add_task('settling grasps', total=options.count)
-        is_new = write_dataset(
-            run, options.out, pool.executor, lambda stored: bar.update(task, completed=stored)
-        )
+    with contextlib.ExitStack() as stack:
+        if options.scheduler is None:
+            executor: Executor = stack.enter_context(WorkerPool(options.workers)).executor
+        else:
+            executor = stack.enter_context(dask_client(options.scheduler)).get_executor(pure=False)
+        stack.enter_context(bar)
+        task, begin, begun = bar.add_task('', total=options.count), time.monotonic(), list[int]()
+
+        def report(stored: int) -> None:
+            """Draw the progress; the time left follows from the rows of this run alone."""
+            begun.append(stored)
+            rate = (stored - begun[0]) / max(time.monotonic() - begin, 1e-3)
+            bar.update(task, completed=stored, description=f'{rate:.1f} rows/s')
+
+        is_new = write_dataset(run, options.out, executor, report)
     words = 'written' if is_new else 'complete already'
     print(f'{options.out}: {options.count} grasps, {len(run.columns)} columns: {words}')
     return WRITTEN
@@ -122,7 +135,7 @@ def _parser() -> argparse.ArgumentParser:
             metavar='MAX',
             help=f'{words} (default %(default)s)',
         )
-    add_search(parser)
+    add_cluster(add_search(parser))
     return parser
 
 

@@ -87,6 +87,13 @@ def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     return group
 
 
+def add_cluster(group: argparse._ArgumentGroup) -> None:
+    """Add the option of a Dask cluster."""
+    group.add_argument(
+        '--scheduler', metavar='ADDRESS', help='address of a Dask cluster; default: this machine'
+    )
+
+
 def requirements(options: argparse.Namespace) -> GraspRequirements:
     """Return the requirements of a grasp that the options specify."""
     return GraspRequirements(**{name: getattr(options, name) for name in OPTIONS})

@@ -21,13 +21,13 @@ import sys
 from typing import Any, TYPE_CHECKING, TypeAlias
 
 from isotruss_ros import core
-from isotruss_ros.cli.plan_options import add_requirements, add_search, requirements
+from isotruss_ros.cli.plan_options import add_cluster, add_requirements, add_search, requirements
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import export_violation
-from isotruss_ros.workers import core_count
+from isotruss_ros.workers import dask_client
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -105,9 +105,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--objects', type=Path, required=True, help='CSV file: x,y,diameter [m]')
     parser.add_argument('--output', type=Path, required=True, help='CSV file to write')
     add_requirements(parser)
-    add_search(parser).add_argument(
-        '--scheduler', metavar='ADDRESS', help='address of a Dask cluster; default: this machine'
-    )
+    add_cluster(add_search(parser))
     options = parser.parse_args(arguments)
     try:
         _run(options)
@@ -118,7 +116,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from distributed import Client, LocalCluster
     from isotruss_ros.core.model.robot_file import read_robot_file
     from rich.console import Console
     from rich.progress import Progress
@@ -128,14 +125,7 @@ def _run(options: argparse.Namespace) -> None:
     count, found = len(robots) * len(objects), 0
     with contextlib.ExitStack() as stack:
         file = stack.enter_context(options.output.open('w', encoding='utf-8', newline=''))
-        address = options.scheduler or stack.enter_context(
-            LocalCluster(
-                n_workers=options.workers or core_count(),
-                threads_per_worker=1,
-                dashboard_address=None,
-            )
-        )
-        client = stack.enter_context(Client(address))
+        client = stack.enter_context(dask_client(options.scheduler, options.workers))
         table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
         rows = sweep(client, robots, objects, needs, options.seed)

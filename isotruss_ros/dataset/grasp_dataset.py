@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, FIRST_COMPLETED, Future, wait
 import contextlib
 from dataclasses import asdict, dataclass, field
 import fcntl
 import hashlib
+import itertools
 import json
 import os
 from pathlib import Path
@@ -184,9 +184,8 @@ def _write(
     try:
         write_text(head, json.dumps(settings))
         report(stored)
-        computed = _compute(run, list(missing.values()), executor)
-        for part, columns in zip(missing, computed, strict=True):
-            write_part(part, columns)
+        for begin, columns in _compute(run, list(missing.values()), executor):
+            write_part(part := folder / f'{begin:010d}.npz', columns)
             stored += parts[part]
             report(stored)
         join_parts(path, parts, run.forms(), json.dumps(settings))
@@ -222,18 +221,22 @@ def _show(value: Any) -> str:
 
 def _compute(
     run: DatasetRun, begins: Sequence[int], executor: Executor | None
-) -> Iterator[dict[str, NDArray[Any]]]:
-    """Yield the columns of parts, in their order."""
+) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
+    """Yield the first numbers and the columns of parts as soon as each is computed."""
     if executor is None:
-        yield from (compute_part(run, begin) for begin in begins)
+        yield from ((begin, compute_part(run, begin)) for begin in begins)
         return
-    submitted: deque[Future[dict[str, NDArray[Any]]]] = deque()
-    for begin in begins:
-        submitted.append(executor.submit(compute_part, run, begin))
-        if len(submitted) == MAX_SUBMITTED:
-            yield submitted.popleft().result()
-    while submitted:
-        yield submitted.popleft().result()
+    remaining = iter(begins)
+    running: dict[Future[dict[str, NDArray[Any]]], int] = {}
+    while True:
+        for begin in itertools.islice(remaining, MAX_SUBMITTED - len(running)):
+            running[executor.submit(compute_part, run, begin)] = begin
+        if not running:
+            return
+        # A failed part, or a dead process, raises only after the complete ones were stored.
+        done, _ = wait(running, return_when=FIRST_COMPLETED)
+        for future in sorted(done, key=lambda each: each.exception() is not None):
+            yield running.pop(future), future.result()
 
 
 def compute_part(run: DatasetRun, begin: int) -> dict[str, NDArray[Any]]:

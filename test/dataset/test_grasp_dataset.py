@@ -3,10 +3,12 @@
 
 """Data sets of random grasps: their rows, their files, and runs that are resumed."""
 
+from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import replace
 import importlib.util
 import io
 import json
+import os
 from pathlib import Path
 import resource
 import sys
@@ -20,13 +22,14 @@ from isotruss_ros.cli import grasp_dataset as command
 from isotruss_ros.core import load_robot, read_object, settle_grasp
 from isotruss_ros.dataset import grasp_dataset
 from isotruss_ros.dataset.columns import COLUMNS
-from isotruss_ros.dataset.grasp_dataset import DatasetRun, write_dataset
+from isotruss_ros.dataset.grasp_dataset import compute_part, DatasetRun, write_dataset
 from isotruss_ros.dataset.random_grasps import (
     DatasetError,
     draw_grasp,
     GraspDistribution,
     KINDS,
 )
+from isotruss_ros.workers import dask_client
 import numpy as np
 import pytest
 from robots import examples
@@ -160,6 +163,75 @@ def test_command_writes_the_rows_of_the_core_by_two_processes(tmp_path, capsys):
             np.testing.assert_array_equal(file[name], expected[name])
     assert call(path, *options, HEXAGON_FILE) == 0
     assert 'complete already' in capsys.readouterr().out
+
+
+def die_once(run, begin):
+    """Compute a part; the process of the second part dies at the first time."""
+    mark = Path(run.robot.description.source).parent / 'died'
+    if begin and not mark.exists():
+        mark.touch()
+        os._exit(1)
+    return compute_part(run, begin)
+
+
+@pytest.mark.nightly
+@pytest.mark.skipif(
+    importlib.util.find_spec('distributed') is None, reason='needs the extra sweep'
+)
+def test_a_dask_cluster_computes_the_part_of_a_dead_worker_again(columns, tmp_path, monkeypatch):
+    robot_file = tmp_path / 'triangle.yaml'
+    robot_file.write_text(Path(ROBOT.description.source).read_text())
+    monkeypatch.setattr(grasp_dataset, 'compute_part', die_once)
+    run = replace(RUN, robot=load_robot(str(robot_file)))
+    with dask_client(None, 2) as client:
+        assert write_dataset(run, tmp_path / 'grasps.npz', client.get_executor(pure=False))
+    assert (tmp_path / 'died').exists()
+    with np.load(tmp_path / 'grasps.npz') as file:
+        for name in COLUMNS:
+            np.testing.assert_array_equal(file[name], columns[name], err_msg=name)
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec('distributed') is None, reason='needs the extra sweep'
+)
+def test_command_writes_the_rows_of_the_core_by_a_scheduler(columns, tmp_path):
+    import distributed
+
+    cluster = distributed.LocalCluster(2, processes=False, dashboard_address=None)
+    options = ('--seed', '3', '--force', '1', '--moment', '0.05')
+    with cluster:
+        address = cluster.scheduler_address
+        assert call(tmp_path / 'a.npz', *options, '--scheduler', address, count='10') == 0
+    with np.load(tmp_path / 'a.npz') as file:
+        assert file['number'].tolist() == columns['number'].tolist()
+        assert file['given_pose'].tolist() == columns['given_pose'].tolist()
+        assert file['slip_margin'] == pytest.approx(columns['slip_margin'], rel=1e-9, abs=1e-9)
+
+
+class OneAfterAnother(Executor):
+    """Executor whose second task fails, as one whose process died."""
+
+    def __init__(self):
+        self.count = 0
+
+    def submit(self, fn, *args):
+        """Execute a task."""
+        self.count += 1
+        future = Future()
+        if self.count == 2:
+            future.set_exception(BrokenExecutor('dead'))
+        else:
+            future.set_result(fn(*args))
+        return future
+
+
+def test_parts_beside_that_of_a_dead_process_are_stored(tmp_path):
+    path = tmp_path / 'grasps.npz'
+    with pytest.raises(BrokenExecutor):
+        write_dataset(RUN, path, OneAfterAnother())
+    stored = sorted(part.name for part in (tmp_path / 'grasps.npz.parts').glob('*.npz'))
+    assert stored == ['0000000000.npz', '0000000008.npz']
+    assert write_dataset(RUN, path)
 
 
 @pytest.mark.parametrize(
