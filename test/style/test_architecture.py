@@ -37,17 +37,10 @@ def package_of(module):
     return package
 
 
-def is_for_types(block):
-    """Return whether a block is read by type checkers only, so that nothing is imported."""
-    return isinstance(block.test, ast.Name) and block.test.id == 'TYPE_CHECKING'
-
-
 def imports(tree):
     """Return the modules of the package that a file imports, and the names of other packages."""
     ours, others = set(), set()
-    blocks = [node for node in tree.body if isinstance(node, ast.If)]
-    for_types = {part for block in blocks if is_for_types(block) for part in ast.walk(block)}
-    for node in set(ast.walk(tree)) - for_types:
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             pairs = [(alias.name, '') for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

@@ -12,15 +12,14 @@ two conditions, and has no random error. It does not bound the error of the line
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 import math
 
 from isotruss_ros.core.chance.criteria import find_criteria
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.model.parameter_deviations import Chance
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np
 import scipy
@@ -30,24 +29,6 @@ import scipy
 MAX_SIGMAS = 8.0
 #: Quantities of the columns in the fields of `GraspParameters`; the last field, p, is the size's.
 QUANTITIES = 'roller offsets', 'pose', 'pressures', 'friction', 'load', 'stiffness', 'size'
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Chance(Record, headline=('probability', 'method', 'limit', 'shares', 'standard_error')):
-    """Probability that an object is held although parameters are uncertain."""
-
-    probability: float  #: probability that the object is held
-    method: str  #: `first order` or `samples`
-    #: most probable violation, for example `slip at south/P-Q`; the nominal hold status in words
-    #: without a nominal equilibrium
-    limit: str
-    #: shares of the quantities in the variance of this criterion to first order, largest first;
-    #: zeros without any deviation, empty without a nominal equilibrium [-]
-    shares: dict[str, float]
-    #: standard error of a probability from samples, positive also if all agree; to first order its
-    #: error as estimated by `first_order_error`, NaN if not estimated [-]
-    standard_error: float = math.nan
-    reliability: float = 0.0  #: standard normal quantile of the probability; larger is better [-]
 
 
 @single_threaded

@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence, Sized
-from dataclasses import dataclass, fields, replace
-import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from isotruss_ros.core.chance.first_order_error import first_order_error
-from isotruss_ros.core.chance.probability import Chance, find_chance, standard_error
+from isotruss_ros.core.chance.probability import find_chance, standard_error
 from isotruss_ros.core.chance.random_inputs import changed_grip, sample_friction
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grasp_gradient import GraspGradient
@@ -20,13 +19,12 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.parameter_deviations import Chance, COVARIANCE, ParameterDeviations
 from isotruss_ros.core.model.robot_schema import find_faults
 from isotruss_ros.core.model.safe_yaml import parse_yaml
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, check_count, covariance_matrix
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np
 import scipy
 
@@ -35,11 +33,10 @@ STEP = 3e-4
 #: Number of samples where first order is not proved good [-], and largest estimated error of the
 #: probability to first order where it is.
 SAMPLES, FIRST_ORDER_ERROR = 200, 0.02
-COVARIANCE = 'offset_covariance [m^2]'
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Uncertainty(Record):
+class Uncertainty(ParameterDeviations):
     """
     Standard deviations of the parameters of a grasp, normally distributed.
 
@@ -64,38 +61,6 @@ class Uncertainty(Record):
         `Robot.roller_names` [m^2], which replaces `roller_offset`; None: uncorrelated.
     :raises GraspError: a value is out of range, see docs/robot_file.md.
     """
-
-    friction: float | tuple[float, float] = 0.1
-    stiffness: float = 0.3
-    pressure: float = 0.05
-    roller_offset: float = 0.01
-    position: float = 0.001
-    angle: float = math.radians(0.5)
-    size: float = 0.005
-    mass: float = 0.1
-    force: float = 0.0
-    moment: float = 0.0
-    offset_covariance: Array | None = None
-
-    def __post_init__(self) -> None:
-        """Raise GraspError if a value is out of range."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        offsets = values.pop('offset_covariance')
-        if isinstance(self.friction, Sequence):
-            values['friction'] = list(self.friction)  # as in a file
-        for fault in find_faults(values, 'uncertainty'):
-            raise GraspError(f'uncertainty: {fault}')
-        if isinstance(self.friction, Sequence):
-            smallest, largest = self.friction
-            if smallest > largest:
-                raise GraspError(
-                    f'uncertainty: friction: {self.friction}: must be the smallest coefficient, '
-                    'then the largest'
-                )
-            object.__setattr__(self, 'friction', (float(smallest), float(largest)))
-        if offsets is not None:
-            count = len(offsets) if isinstance(offsets, Sized) else 0
-            covariance_matrix(offsets, count, COVARIANCE, GraspError)
 
     @classmethod
     @check_kinds
@@ -130,30 +95,6 @@ class Uncertainty(Record):
             variances = [zeros.get(name, 0.0) ** 2 for name in robot.roller_names]
             values['offset_covariance'] = np.diag(variances)
         return cls(**values)
-
-    @property
-    def friction_deviation(self) -> float:
-        """Return the standard deviation of the coefficient of friction [-]."""
-        if isinstance(self.friction, tuple):
-            return (self.friction[1] - self.friction[0]) / math.sqrt(12.0)
-        return self.friction
-
-    def mean_friction(self, friction: float) -> float:
-        """
-        Return the mean coefficient of friction [-].
-
-        :param friction: coefficient of friction of the grasp, if none was measured [-].
-        """
-        return 0.5 * sum(self.friction) if isinstance(self.friction, tuple) else friction
-
-    def _friction_suffices(self, friction: float, required: Array) -> Array:
-        """Return the probabilities (s,) that friction is at least the required friction."""
-        if not isinstance(self.friction, tuple):
-            return scipy.special.ndtr((friction - required) / max(self.friction, EPSILON))
-        smallest, largest = self.friction
-        if smallest == largest:
-            return (required <= largest).astype(float)
-        return np.clip((largest - required) / (largest - smallest), 0.0, 1.0)
 
     @check_kinds
     def covariance(self, grip: HeldGrip | LostContact) -> Array:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import functools
-from typing import TYPE_CHECKING
 
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_gradient import (
@@ -27,6 +26,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.holding.rolling_invariants import sticking
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.model.parameter_deviations import ParameterDeviations as Uncertainty
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -34,9 +34,6 @@ from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.bent_updates import activate_tubes
 from isotruss_ros.core.statics.inclinations import RING_HALF_WIDTH
 import numpy as np
-
-if TYPE_CHECKING:  # this package is below `core.chance`
-    from isotruss_ros.core.chance.uncertainty import Uncertainty
 
 #: Motion of the object in the finite differences along a response [m]. The relative error of the
 #: stiffness' derivatives is then below 1e-6 in grasps of the presets, and up to 3e-6 in softer

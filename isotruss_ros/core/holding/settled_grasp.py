@@ -16,22 +16,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from isotruss_ros.core.holding.friction_range import find_friction_range, FrictionRange
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus, scaled_wrench
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.kinematics.distances import collision_model
+from isotruss_ros.core.model.parameter_deviations import Chance
+from isotruss_ros.core.model.parameter_deviations import ParameterDeviations as Uncertainty
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
-
-if TYPE_CHECKING:  # this package is below `core.chance`
-    from isotruss_ros.core.chance.probability import Chance
-    from isotruss_ros.core.chance.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple, overload
 
-from isotruss_ros.core.chance.probability import Chance
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.model.parameter_deviations import Chance
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.planning.violations import Violation, violation_in_words

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import math
 
-from isotruss_ros.core.chance.probability import Chance, find_chance
+from isotruss_ros.core.chance.probability import find_chance
 from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -25,6 +25,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldErr
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.parameter_deviations import Chance
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
