@@ -19,11 +19,11 @@ from typing import Any
 from isotruss_ros.core import Pose, Robot, Status
 from isotruss_ros.core.fixed_object.analyze_grasp import NO_CONTACT
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
+from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.manipulation.status import GRIP_FAULTS
+from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.safety.barrier_law import ALL_VALUES, BarrierLaw
-from isotruss_ros.core.safety.obstacle_barrier import ObstacleBarrier
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.viewer.message_checks import (
     check_pose,
@@ -60,8 +60,8 @@ NEXT_STEPS = {
     Status.HALT_TRAJECTORY: 'trajectory ended: drag the blue ball',
 }
 
-#: Law of overlaps, of which the distances are exact.
-OVERLAP = BarrierLaw(0.0, 0.01)
+#: Starts and ends of the pieces of a line through points.
+PIECES = (slice(None, -1), slice(1, None))
 #: Plot without a curve.
 EMPTY_CURVE = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 
@@ -206,23 +206,39 @@ class Picture:
         """Return a text with the status of the manipulation node."""
         if not self.is_fresh('status', now):
             return 'manipulation: no status'
-        if self.status.code == Status.HALT_NO_TWIST and self.goal is None:
-            return f'manipulation: at rest, nothing is commanded{self._describe_overlap(now)}'
-        if self._is_put_down(now):
-            return 'manipulation: at rest, the object is free'
-        return _describe_status(self.status)
+        is_free = self._is_put_down(now)
+        is_idle = self.status.code == Status.HALT_NO_TWIST and self.goal is None
+        words = _describe_status(self.status)
+        if is_idle:
+            words = 'manipulation: at rest, nothing is commanded'
+        elif is_free:
+            words = 'manipulation: at rest, the object is free'
+        at_rest = is_idle or is_free or self.status.code in (Status.IDLE, Status.ARRIVED)
+        return words + self._describe_overlap(now) if at_rest else words
 
     def _describe_overlap(self, now: float) -> str:
-        """Return the names of a part of the robot and an obstacle that overlap; else empty."""
+        """Return the names of a part of the drawn robot and an obstacle that overlap; or ''."""
         obstacles = [obstacle for obstacle, _ in self.room.list_obstacles(now)]
         if not obstacles:
             return ''
-        barrier = ObstacleBarrier(self.robot, OVERLAP, obstacles, needs_object=False)
-        gaps = barrier.values(self.config, None, ALL_VALUES)
-        nearest = int(gaps.argmin())
-        if gaps[nearest] >= 0.0:
-            return ''
-        return f': {barrier.names(np.array([nearest]))[0]} overlap; drag the obstacle away'
+        model = collision_model(self.robot)
+        lines, bent = list(model.lines(self.config).points), self.select_lines(DEFORMED, now)
+        if len(bent) == len(self.robot.member_names):
+            lines[: len(bent)] = [points[:, 0] + 1j * points[:, 1] for points in bent]
+        starts, ends = (np.concatenate([line[k] for line in lines]) for k in PIECES)
+        parts = np.repeat(np.arange(len(lines)), [len(line) - 1 for line in lines])
+        radii, longest = model.part_radii[parts], np.abs(ends - starts).max()
+        for obstacle in obstacles:
+            body = obstacle.body
+            reach = body.shape.reach + radii.max() + longest
+            if np.abs(starts - body.center).min() > reach:
+                continue
+            gaps = segment_gaps(body, starts, ends).gaps - radii
+            nearest = int(gaps.argmin())
+            if gaps[nearest] < 0.0:
+                name = model.part_names()[parts[nearest]]
+                return f': {name} and obstacle {obstacle.name} overlap; drag the obstacle away'
+        return ''
 
     def describe_next_step(self, now: float) -> str:
         """Return the next step after a halt that persists; empty without such a halt."""

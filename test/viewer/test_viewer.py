@@ -200,14 +200,30 @@ def test_texts_of_other_nodes_are_not_rendered_as_markup(panels, picture):
     assert r'\<img src\=x onerror\=alert\(1\)\> \[a\]\(b\) \*c\*' in shown
 
 
-@pytest.mark.parametrize(('offset', 'overlaps'), [(0.07, True), (0.2, False)])
-def test_obstacle_in_a_tube_of_the_robot_at_rest_is_named(picture, offset, overlaps):
-    member = ROBOT.member_names.index('north/P-Z')
-    start, axis = ROBOT.home.points[ROBOT.topology.b[member]], ROBOT.home.member_axes[member]
+@pytest.mark.parametrize('status', [Status.HALT_NO_TWIST, Status.IDLE, Status.ARRIVED])
+@pytest.mark.parametrize(
+    ('offset', 'bend', 'overlaps'),
+    [(0.07, 0.0, True), (0.2, 0.0, False), (0.2, 0.1, True), (0.07, -0.1, False)],
+    ids=['within the straight tube', 'beside it', 'within the bent tube', 'beside that'],
+)
+def test_obstacle_in_a_tube_of_the_robot_at_rest_is_named(picture, offset, bend, overlaps, status):
+    member, home = ROBOT.member_names.index('north/P-Z'), ROBOT.home
+    start, axis = home.points[ROBOT.topology.b[member]], home.member_axes[member]
     place = start + (0.5 + 1j * offset) * axis
     body = ConvexObject.disc((place.real, place.imag), 0.1)
     picture.room.take_obstacles([Obstacle('cup', body, stamp=0.0)], 0.0)
-    tell(picture, Status.HALT_NO_TWIST, message='twist: none received yet')
+    if bend:
+        lines = home.points[ROBOT.topology.b, None] + (
+            home.member_lengths[:, None] * np.linspace(0.0, 1.0, 9) * home.member_axes[:, None]
+        )
+        away = np.abs(lines[member] - start - 0.5 * axis)
+        lines[member] += 1j * axis * bend * (away < 0.2)
+        markers = [
+            Marker(ns='deformed', id=k, points=[Point(x=z.real, y=z.imag) for z in line])
+            for k, line in enumerate(lines)
+        ]
+        picture.receive_markers(MarkerArray(markers=markers), 0.0)
+    tell(picture, status, message='')
     text = picture.describe_manipulation(0.0)
     assert ('member north/P-Z and obstacle cup overlap' in text) == overlaps
 
