@@ -44,7 +44,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls mutants measure soak neighbours coverage \
 	format clean
-.PHONY: demo-venv unit-tests system-tests long-tests session docs-venv noble-venv noble-some noble-all plant-some FORCE
+.PHONY: demo-venv types-and-pictures unit-tests system-tests long-tests session docs-venv noble-venv noble-some noble-all plant-some FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco, SENSORS=real'
@@ -81,14 +81,17 @@ venv:
 demo-venv:
 	+$(call setup,$(if $(filter mujoco,$(PLANT)),mujoco))
 
+# Types and pictures, checked by one process each, are checked beside the unit tests.
 test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/python tools/pictures.py --check
-	+$(MAKE) --no-print-directory unit-tests
+	+$(MAKE) --no-print-directory -j2 types-and-pictures unit-tests
 	+$(MAKE) --no-print-directory system-tests
 	@command -v chromium > /dev/null || echo 'Skipped: test_the_object_follows_its_handle_and_a_stop_ends_it needs Chromium: sudo apt install chromium'
+
+types-and-pictures: venv
+	$(BIN)/mypy
+	$(BIN)/python tools/pictures.py --check
 
 unit-tests: venv
 	$(PYTEST) -m 'not linter and not nightly' --ignore test/system

@@ -311,6 +311,7 @@ def test_a_damaged_part_is_named(tmp_path, capsys):
 
 
 SHORT = DatasetRun(ROBOT, 4, columns=('friction', 'external_wrench'), part_size=2)
+DISCS = GraspDistribution(('disc',))
 CHANGES = {
     'a row more': lambda values: np.concatenate([values, values[:1]]),
     'a row less': lambda values: values[:1],
@@ -379,7 +380,7 @@ def test_a_full_disk_is_reported_with_the_file(size, tmp_path):
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
     try:
         with pytest.raises(DatasetError, match=r'grasps.npz.*: cannot be written: File too large'):
-            write_dataset(replace(SHORT, count=100, part_size=20), path)
+            write_dataset(replace(SHORT, count=20, part_size=4, distribution=DISCS), path)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert not path.exists()
