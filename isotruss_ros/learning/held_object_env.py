@@ -6,12 +6,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import copy
 import math
 from typing import Any, NamedTuple
 
 import gymnasium
 from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
+from gymnasium.vector import SyncVectorEnv
+from gymnasium.wrappers import TimeLimit
 from isotruss_ros import core
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError, suggest
 from isotruss_ros.core.model.pose import check_range, Pose, pose_difference, pose_fault
@@ -26,6 +29,9 @@ from numpy.typing import NDArray
 LOSS_PENALTY = 0.2
 #: Options of `HeldObjectEnv.reset`.
 RESET_OPTIONS = ('goal', 'external_wrench')
+RENDER_MODES = ('rgb_array', 'human')
+#: Size of a picture [inch], at 100 points per inch.
+PICTURE_SIZE = 6.4, 6.4
 
 
 class Transition(NamedTuple):
@@ -80,9 +86,15 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     :param max_twist: largest magnitudes of the action [m/s, m/s, rad/s].
     :param period: duration of a step [s].
     :param reward: function that returns the reward of a step.
+    :param render_mode: `rgb_array`, `human` (a window of Matplotlib) or None, see `render`.
     :raises GraspError: an argument is invalid, or the members do not hold the object at the start.
     :raises RobotFileError: the robot file is invalid.
     """
+
+    #: Whether an invalid action raises an error; otherwise it ends the episode with the reason.
+    is_strict = True
+    # Gymnasium reads it from the class.
+    metadata: dict[str, Any] = {'render_modes': RENDER_MODES, 'render_fps': 20}  # noqa: RUF012
 
     @check_kinds
     def __init__(
@@ -98,12 +110,18 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         max_twist: tuple[float, float, float] = (0.02, 0.02, 0.2),
         period: float = 0.05,
         reward: Callable[[Transition], float] = progress_reward,
+        render_mode: str | None = None,
     ) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise GraspError(f'render_mode {render_mode!r}: must be one of {RENDER_MODES} or None')
         self._home = core.load_robot(robot).home
         self._members, self._reward = tuple(members), reward
         self._friction, self._slip = friction, check_range(slip, 'slip', '', 0.0, 0.5)
         self._force = check_range(force, 'force', 'N', 0.0, MAX_LOAD)
         self._period = check_range(period, 'period', 's', 1e-3, 1.0)
+        self.metadata = self.metadata | {'render_fps': round(1.0 / self._period)}
+        self.render_mode = render_mode
+        self._figure: Any = None  # of Matplotlib
         self._goal_range = _magnitudes(goal_range, 'goal_range (x, y [m], angle [rad])')
         shape = core.Disc(0.3) if shape is None else shape
         self._body = core.place_between(
@@ -115,8 +133,12 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 f'indentation {indentation:g} m, friction {friction:g}: must hold the object at '
                 f'the start: {settled.reason}'
             )
+        # All episodes begin with the same equilibrium.
+        self._closed = core.ElasticObject(self._body, self._friction)
+        self._closed.follow(self._home)
         self._guard = core.ShapeGuard(self._home.robot)
         self._robot: core.SimulatedRobot | None = None  # None: a reset is needed
+        self._drawn: core.SimulatedRobot | None = None  # also that of an episode that has ended
         self._max_twist = _magnitudes(max_twist, 'max_twist (vx, vy [m/s], omega [rad/s])')
         twist = _single(self._max_twist)
         self.action_space = Box(-twist, twist)
@@ -145,9 +167,8 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 raise GraspError(f'option {name!r}: {hint}must be {" or ".join(RESET_OPTIONS)}')
         rng = self.np_random
         faults = core.RollerFaults(slip=rng.uniform(0.0, self._slip))
-        self._object = core.ElasticObject(self._body, self._friction)
+        self._object = copy.copy(self._closed)
         robot = core.SimulatedRobot(self._home, self._object, faults, int(rng.integers(2**31)))
-        robot.advance(0.0)  # the members close on the object
         force, shift = rng.uniform(-self._force, self._force, 2), rng.uniform(-1.0, 1.0, 3)
         wrench = options.get('external_wrench', (*force, 0.0))
         goal = options.get('goal', robot.object_pose + self._goal_range * shift)
@@ -155,7 +176,9 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._goal = Pose(*finite_array(goal, 3, 'goal (x, y [m], angle [rad])', GraspError))
         if 'goal' in options and (fault := pose_fault(*self._goal)):
             raise GraspError(f'goal {goal}: {fault}')
-        self._robot = robot
+        self._robot = self._drawn = robot
+        if self.render_mode == 'human':
+            self.render()
         return self._observe(), self._info(core.Status.IDLE, '')
 
     def step(
@@ -171,10 +194,16 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if self._robot is None:
             raise ResetNeeded('no episode: must be begun by reset')
-        twist = finite_array(action, 3, 'action (vx, vy [m/s], omega [rad/s])', GraspError)
-        twist = np.clip(twist, -self._max_twist, self._max_twist)
-        previous = self._robot.object_pose
-        status, reason = self._move(self._robot, twist)
+        previous, twist = self._robot.object_pose, np.zeros(3)
+        try:
+            twist = finite_array(action, 3, 'action (vx, vy [m/s], omega [rad/s])', GraspError)
+        except GraspError as error:
+            if self.is_strict:
+                raise
+            status, reason = core.Status.HALT_KINEMATICS, str(error)
+        else:
+            twist = np.clip(twist, -self._max_twist, self._max_twist)
+            status, reason = self._move(self._robot, twist)
         observation, info = self._observe(), self._info(status, reason)
         transition = Transition(
             previous,
@@ -184,6 +213,8 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             info['slip_margin'],
             self._object.grasp is None,
         )
+        if self.render_mode == 'human':
+            self.render()
         if reason:
             self._robot = None
         return observation, float(self._reward(transition)), bool(reason), False, info
@@ -202,6 +233,54 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             return core.Status.HALT_NOT_HELD, self._object.dropped.value
         return command.status, ''
 
+    def render(self) -> Any:
+        """
+        Draw the robot, the object with its forces, and the goal.
+
+        :return: (h, w, 3) picture of type uint8 in the mode `rgb_array`; None in the mode `human`,
+            which shows a window where `reset` and `step` draw.
+        :raises ResetNeeded: no episode has begun.
+        """
+        if self.render_mode is None:
+            return None
+        if self._drawn is None:
+            raise ResetNeeded('no episode: must be begun by reset')
+        from isotruss_ros.plotting.grasp_drawing import plot_grasp
+        from isotruss_ros.plotting.robot_drawing import frame, plot_robot
+        from matplotlib import pyplot
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        if self._figure is None:
+            is_window = self.render_mode == 'human'
+            self._figure = (pyplot.figure if is_window else Figure)(figsize=PICTURE_SIZE)
+        self._figure.clear()
+        axes, grasp = self._figure.add_subplot(), self._object.grasp
+        if grasp is None:
+            plot_robot(self._drawn.config, axes)
+            outline = self._body.moved_to(self._drawn.object_pose).outline(0.01)
+            axes.fill(outline.real, outline.imag, color='0.6', zorder=5)
+        else:
+            plot_grasp(grasp, axes)
+        axes.plot(self._goal.x, self._goal.y, 'x', color='black', ms=10, zorder=10)
+        margin = 2.0 * self._home.robot.description.tube_diameter
+        nodes = self._home.nodes
+        frame(axes, nodes.min(axis=0) - margin, nodes.max(axis=0) + margin)
+        if self.render_mode == 'human':
+            pyplot.pause(1e-3)
+            return None
+        canvas = FigureCanvasAgg(self._figure)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+    def close(self) -> None:
+        """Close the window, if any."""
+        if self._figure is not None and self.render_mode == 'human':
+            from matplotlib import pyplot
+
+            pyplot.close(self._figure)
+        self._figure = None
+
     def _observe(self) -> NDArray[np.float32]:
         """Return the observation."""
         pose = self._robot.object_pose
@@ -219,6 +298,26 @@ class HeldObjectEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             'status': str(status),
             'reason': reason,
         }
+
+
+class HeldObjectVectorEnv(SyncVectorEnv):
+    """
+    Several `HeldObjectEnv` with equal arguments, reset in the step after the end of an episode.
+
+    The equilibrium in which the episodes begin is computed once. An action that is not three
+    finite numbers ends the episode of its own environment, with the reason in `info`.
+
+    :param num_envs: number of environments.
+    :param max_episode_steps: number of steps after which an episode is truncated.
+    :param arguments: arguments of `HeldObjectEnv`.
+    :raises GraspError: see `HeldObjectEnv`.
+    :raises RobotFileError: the robot file is invalid.
+    """
+
+    def __init__(self, num_envs: int = 1, max_episode_steps: int = 200, **arguments: Any) -> None:
+        first = HeldObjectEnv(**arguments)
+        first.is_strict = False
+        super().__init__(num_envs * [lambda: TimeLimit(copy.copy(first), max_episode_steps)])
 
 
 def _single(values: Any) -> NDArray[np.float32]:

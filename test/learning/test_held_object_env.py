@@ -37,6 +37,13 @@ def episode(env, seed, count=10):
     return np.array(rows), rewards
 
 
+@pytest.fixture
+def vector():
+    return gymnasium.make_vec(
+        ENVIRONMENT, num_envs=3, vectorization_mode='vector_entry_point', max_episode_steps=3
+    )
+
+
 @pytest.fixture(scope='module')
 def env():
     return gymnasium.make(ENVIRONMENT)
@@ -46,6 +53,7 @@ def env():
 def test_gymnasium_finds_no_fault(arguments):
     with warnings.catch_warnings():
         warnings.simplefilter('error')
+        warnings.simplefilter('ignore', DeprecationWarning)  # of Matplotlib's fonts
         check_env(gymnasium.make(ENVIRONMENT, **arguments).unwrapped)
 
 
@@ -114,6 +122,94 @@ def test_vector_environment_of_gymnasium_steps_each_as_alone(env):
         assert reward == rewards[i]
 
 
+def test_own_vector_environment_steps_each_as_alone(env, vector):
+    starts, _ = vector.reset(seed=5)
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-0.02, 0.02, (3, 3, 3)).astype(np.float32)
+    steps = [vector.step(each) for each in actions]
+    for i in range(3):
+        observation, _ = env.reset(seed=5 + i)
+        assert observation == pytest.approx(starts[i], abs=1e-9)
+        for action, (observations, rewards, lost, _, info) in zip(actions, steps, strict=True):
+            observation, reward, terminated, _, alone = env.step(action[i])
+            assert observation == pytest.approx(observations[i], abs=1e-9)
+            assert reward == pytest.approx(rewards[i], abs=1e-9)
+            assert lost[i] == terminated
+            assert info['slip_margin'][i] == pytest.approx(alone['slip_margin'], abs=1e-9)
+
+
+def test_own_vector_environment_resets_in_the_step_after_an_episode(vector):
+    vector.reset(seed=0)
+    still = np.zeros((3, 3), dtype=np.float32)
+    for _ in range(2):
+        assert not vector.step(still)[3].any()
+    ends, _, terminated, truncated, _ = vector.step(still)
+    assert truncated.all()
+    assert not terminated.any()
+    starts, rewards, _, truncated, _ = vector.step(still)
+    assert (rewards == 0.0).all()
+    assert not truncated.any()
+    assert (starts[:, 3:6] != ends[:, 3:6]).any(axis=1).all()  # other goals
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf])
+def test_an_action_that_is_not_finite_ends_the_episode_of_its_environment_alone(vector, value):
+    vector.reset(seed=0)
+    actions = np.zeros((3, 3), dtype=np.float32)
+    actions[1, 2] = value
+    _, _, terminated, _, info = vector.step(actions)
+    assert terminated.tolist() == [False, True, False]
+    assert 'must be 3 finite numbers' in info['reason'][1]
+    assert info['reason'][0] == ''
+    assert not vector.step(0.0 * np.nan_to_num(actions))[2].any()
+
+
+def test_a_goal_out_of_reach_is_truncated_not_an_error(env):
+    env.reset(seed=0, options={'goal': (9.0, 9.0, 0.0)})
+    steps = [env.step(np.array([0.02, 0.02, 0.0], dtype=np.float32)) for _ in range(3)]
+    assert not any(lost for _, _, lost, _, _ in steps)
+
+
+@pytest.mark.parametrize('wrench', [(0.0, 0.0, 0.0), (0.0, -80.0, 0.0)])
+def test_pictures_show_the_object_where_it_is_also_when_it_is_lost(wrench):
+    pytest.importorskip('matplotlib')
+    env = gymnasium.make(ENVIRONMENT, render_mode='rgb_array')
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.unwrapped.render()
+    env.reset(seed=0)
+    before = env.render()
+    env.reset(seed=0, options={'external_wrench': wrench})
+    env.step(np.array([0.02, 0.0, 0.0], dtype=np.float32))
+    after = env.render()
+    assert before.shape == (640, 640, 3)
+    assert before.dtype == np.uint8
+    assert (before != after).any()
+    assert env.metadata['render_fps'] == 20
+
+
+def test_record_video_writes_a_film(tmp_path):
+    pytest.importorskip('matplotlib')
+    pytest.importorskip('moviepy')
+    env = gymnasium.make(ENVIRONMENT, render_mode='rgb_array', max_episode_steps=3)
+    film = gymnasium.wrappers.RecordVideo(env, str(tmp_path), episode_trigger=lambda _: True)
+    film.reset(seed=0)
+    for _ in range(3):
+        film.step(np.zeros(3, dtype=np.float32))
+    film.close()
+    assert [path.suffix for path in tmp_path.iterdir()] == ['.mp4']
+
+
+def test_human_mode_draws_in_one_window():
+    pyplot = pytest.importorskip('matplotlib.pyplot')
+    pyplot.switch_backend('Agg')
+    env = gymnasium.make(ENVIRONMENT, render_mode='human')
+    env.reset(seed=0)
+    env.step(np.zeros(3, dtype=np.float32))
+    assert len(pyplot.get_fignums()) == 1
+    env.close()
+    assert not pyplot.get_fignums()
+
+
 def test_reward_is_a_function_of_the_step():
     steps = []
 
@@ -146,6 +242,7 @@ def test_default_reward_is_the_progress_less_a_penalty_for_a_loss():
         ({'friction': 0.01}, 'must hold the object at the start: .*friction'),
         ({'max_twist': (0.1, -0.1, 0.1)}, r'max_twist .*: must not be negative'),
         ({'members': ('north/P-Z', 'nowhere')}, "'nowhere'"),
+        ({'render_mode': 'ansi'}, "render_mode 'ansi': must be one of"),
         ({'reward': 3}, r'argument reward: .*such as `progress_reward`'),
     ],
 )
