@@ -53,33 +53,38 @@ def place_between(
     names = check_member_names(members)
     starts, ends = config.points[find_members(config.robot.topology, names).lines.T]
     spans = ends - starts
+    axes = spans / np.abs(spans)
     middle = complex((starts + 0.5 * spans).mean())
     turn = complex(math.cos(direction), math.sin(direction))
     skin = 0.5 * config.robot.description.tube_diameter - depth
-    grips: list[Grip] = []
+    poses: list[tuple[Pose, tuple[float, ...]]] = []
     # The object may be on the left (+1) or on the right of each member.
     for sides in itertools.product((1.0, -1.0), repeat=len(names)):
         # Displacement (x, y) of an object from the middle that closes the gaps to all members.
-        normals = -1j * np.array(sides) * spans / np.abs(spans)
+        normals = -1j * np.array(sides) * axes
         distances = shape.support(normals / turn) + skin  # of the object's origin from the lines
         gaps = ((starts - middle) * normals.conj()).real - distances
         rows = normals.view(np.float64).reshape(-1, 2)
         x, y = np.linalg.lstsq(rows, gaps, rcond=ROUNDING)[0]
         pose = Pose(middle.real + float(x), middle.imag + float(y), float(direction))
+        # A contact on a member is within reach of the object's origin.
+        along = ((complex(pose.x, pose.y) - starts) * axes.conj()).real
+        if ((along >= -shape.reach) & (along <= np.abs(spans) + shape.reach)).all():
+            poses.append((pose, sides))
+    # The nearest pose with the object on the assumed sides.
+    poses.sort(key=lambda each: math.hypot(each[0].x - middle.real, each[0].y - middle.imag))
+    for pose, sides in poses:
         grip = Grip(names, ConvexObject(shape, pose))
-        # The object must be on the assumed sides.
         try:
             contacts = find_contacts(config, grip)
         except GraspError:
             continue
         if all(contact.side == sides[contact.owner] for contact in contacts):
-            grips.append(grip)
-    if not grips:
-        raise GraspError(
-            f'an object that reaches {shape.reach:g} m does not fit between the members '
-            f'{", ".join(names)}; choose another shape, angle, configuration or other members'
-        )
-    return min(grips, key=lambda grip: abs(grip.center - middle))
+            return grip
+    raise GraspError(
+        f'an object that reaches {shape.reach:g} m does not fit between the members '
+        f'{", ".join(names)}; choose another shape, angle, configuration or other members'
+    )
 
 
 @check_kinds
