@@ -37,7 +37,7 @@ install() {
 if ! [ -e "$venv/installers.txt" ]; then
     if [ "${INSTALLER:-uv}" = pip ]; then
         echo 'pip installs the packages, as INSTALLER says: some minutes'
-    elif ! by_pip --only-binary :all: "$(sed -n 's/^\(uv==[^ ]*\).*/\1/p' requirements.txt)"; then
+    elif ! by_pip --retries 1 --only-binary :all: "$(sed -n 's/^\(uv==[^ ]*\).*/\1/p' requirements.txt)"; then
         echo 'There is no uv here; pip installs the same versions, in some minutes'
     fi
     grep -E '^(pip|setuptools|wheel)==' requirements.txt > "$venv/installers.new"
