@@ -12,9 +12,10 @@ import math
 
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import IsotrussError, Obstacle, Robot
+from isotruss_ros.core import ConvexObject, IsotrussError, Obstacle, Robot
 from isotruss_ros.core.errors import GraspError, PathError
-from isotruss_ros.core.inputs import find_fresh, InputError
+from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.inputs import find_fresh, InputError, RollerState
 from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_servo import PathOutcome, PathServo, ServoFeedback
 from isotruss_ros.core.paths.path_tracking import PathTracker, Tracking, TrackingSettings
@@ -25,7 +26,7 @@ from isotruss_ros.nodes.framework.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.parameters import Parameters, Spec
+from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import SingleGoal
 import numpy as np
@@ -149,14 +150,16 @@ class PathFollower(ManagedNode):
         if path is None:
             self._end(PathOutcome.REACHED, 'the object is already at the only pose of the path')
             return
+        servo, now, values = self._servo, self.now(), self.values
+        # The other thread gets values of this time; inputs and parameters are this thread's.
         foreseen = self._thread.submit(
             _check_path,
             self.robot,
-            self.values,
-            self._servo,
+            common.make_body(values, common.read_described(values)),
+            find_fresh(now, servo.timeout, servo.inputs.rollers),
+            find_fresh(now, servo.timeout, servo.inputs.held_grip),
             path,
             settings,
-            self.now(),
             self._obstacles,
         )
         self._waiting = foreseen, path, settings
@@ -244,11 +247,11 @@ def _read_status(message: ManipulationStatus) -> ServoFeedback:
 
 def _check_path(
     robot: Robot,
-    values: Parameters,
-    servo: PathServo,
+    body: ConvexObject,
+    rollers: RollerState | None,
+    record: GripRecord | None,
     path: ObjectPath,
     settings: TrackingSettings,
-    now: float,
     obstacles: Sequence[Obstacle],
 ) -> Foresight | None:
     """
@@ -259,12 +262,9 @@ def _check_path(
     roller positions are missing, or if the object is not held at the start of the path, because an
     object that is only pushed has no slip margin.
     """
-    state = find_fresh(now, servo.timeout, servo.inputs.rollers)
-    if state is None:
+    if rollers is None:
         return None
-    record = find_fresh(now, servo.timeout, servo.inputs.held_grip)
-    body = common.make_body(values, common.read_described(values))
-    config = robot.configuration(state.positions)
+    config = robot.configuration(rollers.positions)
     try:
         here = body.moved_to(path.poses[0])
         motion = path.poses, record, path.speed, path.turn_rate, settings

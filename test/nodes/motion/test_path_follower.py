@@ -3,7 +3,7 @@
 
 """The path follower, with nodes or a world that misbehaves; obstacles of the nodes."""
 
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 import contextlib
 import itertools
 import math
@@ -319,6 +319,30 @@ def test_a_path_that_cannot_be_executed_is_refused_with_the_pose_of_its_end(name
         assert (status, code) == (GoalStatus.STATUS_ABORTED, Result.BAD_GOAL)
         assert re.search(REFUSED[name][2], result.message)
         assert not twists(w).any()
+
+
+def test_a_path_is_predicted_from_the_inputs_at_its_goal():
+    described, step, words = REFUSED['box']
+    members, shape = members_at(ROBOT, 'north/Z'), core.read_object(described).shape
+    body = core.place_between(ROBOT.home, members, shape, indentation=0.02).body
+    calls, foreseen = [], Future()
+
+    def submit(_pool, *call):
+        calls.append(call)
+        return foreseen
+
+    with listening(node(object=described)) as w, pytest.MonkeyPatch.context() as patch:
+        send = fake(w, body.pose)
+        w.spin(0.2, send)
+        # A thread that is late.
+        patch.setattr(ThreadPoolExecutor, 'submit', submit)
+        handle = w.send_goal(goal(step, begin=body.pose))
+        w.nodes[1].inputs.clear()
+        ((check, *arguments),) = calls
+        with pytest.raises(core.IsotrussError, match=words) as error:
+            check(*arguments)
+        foreseen.set_exception(error.value)
+        assert until_ended(w, handle, send)[1] == Result.BAD_GOAL
 
 
 def test_a_path_is_not_predicted_without_the_positions_of_the_rollers():
