@@ -335,6 +335,39 @@ def test_a_page_whose_server_has_ended_says_so_across_the_picture(tmp_path):
 
 
 @pytest.mark.nightly
+def test_arrow_keys_turn_the_camera_but_not_those_in_a_slider(tmp_path):
+    from playwright.sync_api import sync_playwright
+
+    def press(page):
+        """Hold a key; return whether most of the drawn pixels are others."""
+        before = pixels(page)
+        page.keyboard.down('ArrowRight')
+        page.wait_for_timeout(2000)
+        page.keyboard.up('ArrowRight')
+        page.wait_for_timeout(2000)
+        return (pixels(page) != before).mean() > 0.05
+
+    with (
+        running_nodes([('viewer', SERVED)], tmp_path) as (viewer,),
+        sync_playwright() as playwright,
+    ):
+        browser = launch(playwright, polite_browser(tmp_path))
+        page = open_page(browser, 0.3)
+        page.goto(read_address(viewer))
+        page.get_by_text('nobody has control').wait_for()
+        find_switch(page).evaluate('box => box.click()')
+        page.get_by_text('assumed by the analysis').dispatch_event('click')
+        slider = page.get_by_role('slider').first
+        slider.focus()
+        begin = slider.get_attribute('aria-valuenow')
+        assert not press(page)
+        assert slider.get_attribute('aria-valuenow') != begin
+        slider.blur()
+        assert press(page)
+        browser.close()
+
+
+@pytest.mark.nightly
 @needs_mujoco
 def test_the_view_of_mujoco_places_the_object():
     command = [sys.executable, '-u', '-m', 'isotruss_ros.demo.view', '--plant', 'mujoco']
