@@ -266,7 +266,10 @@ $(STAMPS)/package: $(STAMPS)/packages setup.py setup.cfg package.xml
 		--no-build-isolation --use-pep517 --editable .
 	@touch $@
 
-# One after the other: they install into the same environment.
 $(STAMPS)/kind-%: requirements-%.txt $(STAMPS)/packages | $(STAMPS)/package
-	@flock $(STAMPS) tools/install_packages.sh $(VENV) $<
+	@tools/install_packages.sh $(VENV) $<
 	@touch $@
+
+# One after the other, because they install into the same environment; none after one that fails.
+chain = $(if $(word 2,$(1)),$(eval $(word 2,$(1)): | $(word 1,$(1)))$(call chain,$(wordlist 2,$(words $(1)),$(1))))
+$(call chain,$(filter $(STAMPS)/kind-%,$(MAKECMDGOALS)))
