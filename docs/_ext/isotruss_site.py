@@ -35,6 +35,7 @@ BLOCKS: dict[str, Callable[[str, str], str]] = {
     'quality-of-service': lambda _argument, _text: node_pages.quality_table(),
     'plausible-ranges': lambda _argument, _text: reference.range_table(),
     'dataset-columns': lambda _argument, _text: reference.column_table(),
+    'newton-steps': lambda _argument, _text: reference.newton_table(),
     'core-names': lambda _argument, _text: reference.facade_table(),
     'promised-tests': lambda path, _text: promises.appendix(TOP / path, TOP / 'test'),
     'source-file': lambda path, _text: source_file(TOP / path),

@@ -12,6 +12,8 @@ import pkgutil
 import re
 
 from isotruss_ros import core
+from isotruss_ros.core.holding import newton
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.model.robot_schema import ranged_numbers
 from isotruss_ros.dataset.columns import COLUMNS
 from node_pages import markdown_table
@@ -52,6 +54,23 @@ def column_table() -> str:
         for name, column in COLUMNS.items()
     ]
     return markdown_table(('column', 'values for each grasp', 'unit', 'quantity'), rows)
+
+
+def newton_table() -> str:
+    """Return the steps of Newton's method from straight tubes to the disc of the example."""
+    config = core.load_robot('nine_member').home
+    body = core.ConvexObject.disc(core.tangent_center(config, 'north/Z', 0.3, 0.02), 0.3)
+    grip = attach_grip(config, body)
+    g, at = grip.alone.g, newton.Iterate.straight(grip.alone.g, deforms=False)
+    rows = []
+    for number in range(1, 6):
+        linear = newton.linearize_at(g, at)
+        after = newton.step(g, linear)
+        at, gap = after.iterate, after.error[0] * newton.LENGTH_TOLERANCE
+        squeeze = at.unknowns[0, g.places.normal].mean()
+        rows.append((f'{number}', f'{gap:.1e}', f'{after.motion[0]:.1e}', f'{squeeze:.9f}'))
+    header = 'step', 'largest residual before it [m]', 'motion of the tubes [m]', 'squeeze [N]'
+    return markdown_table(header, rows)
 
 
 def write_pages(folder: Path) -> None:

@@ -6,18 +6,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import itertools
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.friction_range import find_friction_range, FrictionRange
 from isotruss_ros.core.holding.held_grip import HeldGrip, NotHeldError
-from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
+from isotruss_ros.core.holding.roll_grip import roll_grip, with_tubes
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import tube_pressures
-from isotruss_ros.core.statics.structure import structure_under
 from isotruss_ros.identification.measured_run import MeasuredRun, RunError
 import numpy as np
 
@@ -166,9 +165,5 @@ def _with_tubes(grip: HeldGrip, pressures: Array, stiffness: float) -> HeldGrip:
     """Return a grip with tubes of another stiffness, whose equilibrium `roll_grip` must find."""
     pressed = grip.pressures
     if np.abs(pressures - pressed).max() > PRESSURE_STEP * np.max(pressed):
-        grip = with_pressures(grip, tuple(pressures.tolist()))
-    if stiffness == grip.statics.bent.structure.stiffness:
-        return grip
-    changed = structure_under(grip.config, grip.pressures, stiffness)
-    bent = grip.statics.bent_under(grip.state.unknowns, changed)
-    return replace(grip, statics=replace(grip.statics, bent=bent))
+        pressed = tuple(pressures.tolist())
+    return with_tubes(grip, pressed, stiffness)

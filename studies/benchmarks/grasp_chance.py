@@ -176,7 +176,7 @@ def _best() -> Table:
 def _times() -> Table:
     settled, uncertainty = next(random_grasps('disc'))
     grip, members = settled.equilibrium, settled.equilibrium.member_names
-    body, count = grip.statics.body, part(200)
+    body, count = grip.measured, part(200)
 
     def settle() -> SettledGrasp:
         return settle_grasp(grip.config, body, settled.friction, members=members)
@@ -222,7 +222,7 @@ class Carry:
             held.config,
             held.body,
             held.members,
-            stiffness=held.statics.bent.structure.stiffness,
+            stiffness=held.stiffness,
             pressure=held.pressures,
         )
         return cls(plan[0], foresee_path(at_rest, FRICTION, np.array(CARRY)).grips)

@@ -15,7 +15,7 @@ ARC_POINTS = np.linspace(0.0, 1.0, 7)
 
 def contact_loads(grip):
     """Return the forces of a grip on the tubes as loads of `deform`, (s, fx, fy, m) by member."""
-    loads, axes = {}, grip.statics.bent.lines.axis
+    loads, axes = {}, grip.config.member_axes[grip.contacts.members]
     rows = zip(grip.contacts.members, grip.state.feet, grip.state.loads, axes, strict=True)
     for number, foot, (along, across, moment), axis in rows:
         force = complex(along, across) * axis

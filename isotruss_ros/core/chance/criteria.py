@@ -14,15 +14,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_search import depths_in_others
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
-from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.overlaps import MAX_DISPLACEMENT
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
-from isotruss_ros.core.holding.rolling_invariants import rolling_rows
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.tolerances import ROUNDING
-from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 import numpy as np
 
 
@@ -49,8 +46,7 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
         raise GraspError('the equilibrium is neutral: it must resist every motion')
     rates, tubes = find_unknown_rates(start)
     parts = [_criteria(start, friction, tubes, rates), _bound_displacement(start, tubes, rates)]
-    rolling = rolling_rows(start.statics, start.state.unknowns, start.state.normals)
-    at_start = _invariant_rates(start, tubes) + rolling @ rates
+    at_start = _invariant_rates(start, tubes) + start.rolling_rows @ rates
     # At later equilibria, the contacts that remain have the rolling invariants of the start.
     for grip in critical:
         old, new = start.contacts, grip.contacts
@@ -66,19 +62,19 @@ def find_criteria(grips: Sequence[HeldGrip], friction: float) -> Criteria:
 def find_unknown_rates(grip: HeldGrip) -> tuple[Array, LoadedTubes]:
     """Return the derivatives (3 + 4k, p) of an equilibrium's unknowns, and its `LoadedTubes`."""
     rates, tubes = _equation_rates(grip)
-    return -np.linalg.solve(grip.state.jacobian, rates), tubes
+    return -np.linalg.solve(tubes.linear.jacobian[0], rates), tubes
 
 
 def _equation_rates(grip: HeldGrip, rolls: bool = False) -> tuple[Array, LoadedTubes]:
     """Return the derivatives (3 + 4k, p) of the equilibrium equations, and the `LoadedTubes`."""
     state, body, balance = grip.state, grip.body, grip.state.places.balance.start
-    columns, reach = GraspParameters.of(grip.config), FOLLOWED_MOTION if rolls else ROUNDING
-    tubes = LoadedTubes.of(grip, np.eye(columns.size, columns.size + 1), columns, reach)
+    columns = GraspParameters.of(grip.config)
+    tubes = LoadedTubes.of(grip, np.eye(columns.size, columns.size + 1), columns, exact=not rolls)
     rates = tubes.equation_rates(sticks=rolls)
     points, _ = body.shape.surface_at(grip.contacts.corners, state.normals / body.turn)
     # With the size, contact points move away from the centroid; the dents do not change.
     outward = body.turn * (points - body.shape.centroid)
-    along_members = outward / grip.statics.bent.lines.axis
+    along_members = outward / tubes.tubes.lines.axis
     rates[0:balance:3, -1] -= along_members.real  # equations of touch along the members,
     rates[1:balance:3, -1] -= along_members.imag  # and across
     forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
@@ -88,7 +84,7 @@ def _equation_rates(grip: HeldGrip, rolls: bool = False) -> tuple[Array, LoadedT
 
 def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, rates: Array) -> Criteria:
     """Return four criteria that bound the object's displacement from its measured pose."""
-    body, measured, normals = grip.body, grip.statics.body, grip.state.normals
+    body, measured, normals = grip.body, grip.measured, grip.state.normals
     # The chord between the normals turns with them.
     turns = tubes.changes.spins + rates[grip.state.places.inclinations]
     normal_rates = 1j * normals[:, None] * turns
@@ -109,11 +105,9 @@ def _bound_displacement(grip: HeldGrip, tubes: LoadedTubes, rates: Array) -> Cri
 
 def _invariant_rates(grip: HeldGrip, tubes: LoadedTubes) -> Array:
     """Return the derivatives (k, p) of the rolling invariants at constant unknowns."""
-    state, statics, contacts = grip.state, grip.statics, grip.contacts
-    rolling = rolling_rows(statics, state.unknowns, state.normals)
-    rates = rolling[:, state.places.inclinations] @ tubes.changes.spins
-    rates[:, : len(grip.config.roller_positions)] += statics.anchor_rates
-    rates[:, -1] -= grip.body.shape.unroll(grip.angles, contacts.corners)
+    rates = grip.rolling_rows[:, grip.state.places.inclinations] @ tubes.changes.spins
+    rates[:, : len(grip.config.roller_positions)] += grip.anchor_rates
+    rates[:, -1] -= grip.body.shape.unroll(grip.angles, grip.contacts.corners)
     return rates
 
 
@@ -135,11 +129,11 @@ def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, rates: Array)
 
     # Positions of the contacts along their members, and the lengths of these.
     feet, feet_rates, touched = grip.state.feet, rates[indices.feet], contacts.members
-    lengths = grip.statics.bent.lines.length
+    lengths = tubes.tubes.lines.length
     length_rates = config.robot.topology.incidence[touched] @ by_rollers
 
     # Distances from other members.
-    others, depths = depths_in_others(grip)
+    others, depths = grip.alone.depths_in_others
     _, by_nodes, by_twist = collision_model(config.robot).body_distances(config, grip.body, others)
     gap_rates = by_nodes @ config.node_jacobian @ by_rollers + by_twist @ rates[:POSE]
 
@@ -151,7 +145,7 @@ def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, rates: Array)
         ('wrinkling of', every_member, 1.0 - utilisation, -utilisation_rates),
         ('contact beyond the start of', touched, feet, feet_rates),
         ('contact beyond the end of', touched, lengths - feet, length_rates - feet_rates),
-        ('contact with', others, -depths, gap_rates),
+        ('contact with', others, -depths[0], gap_rates),
     ]
     names = config.robot.member_names
     labels = [f'{kind} {names[i]}' for kind, members, *_ in groups for i in members.tolist()]

@@ -11,7 +11,6 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip
-from isotruss_ros.core.holding.newton import SAMPLED
 from isotruss_ros.core.holding.settle_grasps import settle_inputs_together
 from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD
 import numpy as np
@@ -54,11 +53,10 @@ def changed_inputs(
 
 def changed_grip(grip: HeldGrip, change: Array) -> HeldGrip:
     """Return the equilibrium with unknown contact history after changes (p,) of parameters."""
-    starts = [(grip, grip.state.unknowns)]
     (inputs,) = changed_inputs(grip.inputs, change[None])
     if isinstance(inputs, ConfigurationError):
         raise inputs
-    return attach_grip(*inputs, starts=starts)
+    return attach_grip(*inputs, near=grip)
 
 
 def sample_friction(
@@ -82,5 +80,5 @@ def sample_friction(
         raise GraspError('no sample has a configuration: the roller offsets must deviate less')
     # The equilibrium does not depend on friction, so no sample slips here.
     limits = np.full(len(drawn), MAX_LOAD)
-    settled = settle_inputs_together(drawn, limits, None, on_progress, SAMPLED)
+    settled = settle_inputs_together(drawn, limits, None, on_progress)
     return np.where(settled.held, settled.required_friction, np.inf)

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
 import contextlib
 import functools
 from typing import Any
@@ -120,7 +119,11 @@ class Dents:
         return Dents(self.tables, self._angles, (np.abs(forces) ** DEPTH_EXPONENT, angles))
 
     def pressure_rates(self, forces: Array, angles: Array) -> Array:
-        """Return the derivatives (k,) of the depths by the tubes' gauge pressures [m/Pa]."""
+        """Return the derivatives of the depths by the tubes' gauge pressures [m/Pa]."""
+        if forces.ndim > 1:
+            near = self._polynomials_at and tuple(map(np.ravel, self._polynomials_at))
+            flat = Dents(self.tables.ravel(), self._angles.reshape(-1, 3), near)
+            return flat.pressure_rates(forces.ravel(), angles.ravel()).reshape(forces.shape)
         of_tables, abscissae = self._angles.T, np.abs(forces) ** DEPTH_EXPONENT
         piece_abscissae, piece_angles = self._polynomials_at or (abscissae, angles)
         bases, (weights, _) = weigh_samples(angles, piece_angles, of_tables)
@@ -149,10 +152,5 @@ class Dents:
 
     def take_samples(self, index: Any) -> Dents:
         """Return the dents of chosen objects, or of one, see `samples.take`."""
-        return Dents(self.tables[index], self._angles[index])
-
-    @staticmethod
-    def join_samples(values: Sequence[Dents]) -> Dents:
-        """Return the dents of several samples, see `samples.join`."""
-        tables = np.concatenate([dents.tables for dents in values])
-        return Dents(tables, np.concatenate([dents._angles for dents in values]))
+        near = self._polynomials_at and tuple(values[index] for values in self._polynomials_at)
+        return Dents(self.tables[index], self._angles[index], near)

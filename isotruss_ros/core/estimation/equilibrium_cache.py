@@ -18,7 +18,6 @@ Last equilibrium of the held object, with the changes of pose and squeeze since 
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 import math
@@ -38,7 +37,7 @@ from isotruss_ros.core.estimation.travel_prediction import TravelPrediction
 from isotruss_ros.core.holding.contact_search import measure_gaps
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.roll_grip import begin_roll, roll_grip, with_pressures
+from isotruss_ros.core.holding.roll_grip import begin_roll, roll_grip, with_tubes
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -243,7 +242,7 @@ class EquilibriumCache:
         if not self.is_complete:
             if cycles is not None or self.usage_error is None:
                 return self.completed()
-            self.held.statics.dents.sample_ahead(self.held.angles)
+            self.held.sample_dents_ahead()
             return self.with_own_usage()
         if cycles is None or cycles * np.abs(self.step).max() > MAX_FIRST_ORDER_TRAVEL:
             return self
@@ -263,7 +262,7 @@ class EquilibriumCache:
             return None
         if math.hypot(*(positions - self.begun.config.roller_positions)) > limit:
             return None
-        return dataclasses.replace(self.begun, anchors=self.anchors)
+        return self.begun.with_anchors(self.anchors)
 
     def roll_begun(self, config: Configuration, limit: float) -> HeldGrip | None:
         """
@@ -272,7 +271,7 @@ class EquilibriumCache:
         It is also None if `begun` is farther from a configuration than a `limit` of travel [m].
         """
         grip = self._near_begun(config.roller_positions, limit)
-        return grip and roll_grip(grip, grip.config, None, TRACKED, is_begun=True)
+        return grip and roll_grip(grip, grip.config, None, TRACKED, grip.alone.linear.tubes)
 
     def roll(
         self, config: Configuration, pressures: Pressures, shifts: Array | float = 0.0
@@ -287,16 +286,15 @@ class EquilibriumCache:
 
     def _start(self, pressures: Pressures, travel: Array, shifts: Array | float = 0.0) -> HeldGrip:
         """Return the last equilibrium with all shifts, and with the motion predicted by travel."""
-        inflated = with_pressures(self.held, pressures)
+        inflated = with_tubes(self.held, pressures)
         motion = travel, self.by_travel.change(travel) + self.shift_changes
-        return dataclasses.replace(inflated, anchors=self.anchors + shifts, motion=motion)
+        return inflated.with_anchors(self.anchors + shifts, motion)
 
     def shifted(self, shifts: Array) -> EquilibriumCache:
         """Return the equilibrium with contacts shifted along members (m,) [m], to first order."""
         begun, changes = self.begun, self.by_shifts @ shifts
         if begun is not None:
-            unknowns = begun.state.unknowns + changes
-            begun = dataclasses.replace(begun, state=replace(begun.state, unknowns=unknowns))
+            begun = begun.displaced(changes)
         return replace(
             self,
             begun=begun,
@@ -308,7 +306,7 @@ class EquilibriumCache:
     def corrected(self, correction: Array, sensitivity: Array) -> EquilibriumCache:
         """Return the equilibrium after a correction (r,) of offsets, which shifts contacts [m]."""
         shifts = (sensitivity[SHIFTS:] @ correction)[self.held.contacts.owners]
-        by_statics = self.held.statics.anchor_rates @ correction
+        by_statics = self.held.anchor_rates @ correction
         squeeze_rates = self.by_offsets.outputs[3] + self.rates[3] @ sensitivity
         return replace(
             self,

@@ -22,7 +22,6 @@ from isotruss_ros.core.holding.newton import Accuracy
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 import numpy as np
 
 #: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
@@ -35,7 +34,7 @@ MAX_UTILISATION = 1.2
 #: Accuracy of a tracked equilibrium. In 121 equilibria of 6 runs with discs and boxes, with loads,
 #: noise and wrong offsets, poses err by at most 1.3 um (median 0.1 um), squeezes and slip margins
 #: by at most 2 mN, and the squeeze's derivative by opening by at most 0.4 %.
-TRACKED = Accuracy(2.0 * FOLLOWED_MOTION, 1e7)
+TRACKED = Accuracy(2e-4, 1e7)
 #: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
 Pressures = tuple[float, ...] | None
 
@@ -114,11 +113,11 @@ class OffsetRates:
     @classmethod
     def of(cls, held: HeldGrip) -> OffsetRates:
         """Return the derivatives by roller offsets at an equilibrium."""
-        gradient, rollers = held_gradient(held, TRACKED.reach), len(held.config.roller_positions)
+        gradient, rollers = held_gradient(held), len(held.config.roller_positions)
         outputs = np.vstack([gradient.pose, gradient.normal_forces.mean(axis=0)])
         rates = np.vstack([output_scale(held)[:, None] * outputs, gradient.joints])
         by_rollers, by_anchors = np.split(rates, [rollers], axis=1)
-        by_offsets = by_rollers + by_anchors @ held.statics.anchor_rates
+        by_offsets = by_rollers + by_anchors @ held.anchor_rates
         shifts_of_contacts = np.eye(len(held.members))[held.contacts.owners]
         return cls(
             held,

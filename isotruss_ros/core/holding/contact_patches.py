@@ -16,9 +16,10 @@ from typing import NamedTuple
 
 from isotruss_ros.core.contact.pressed_skin import PressedSkin
 from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Flags
 from isotruss_ros.core.numerics.samples import column
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.blocks import Layout
 import numpy as np
 
 
@@ -37,7 +38,10 @@ class ContactPatches(NamedTuple):
 def find_patches(
     contacts: PressedContacts,
     state: ContactForces,
-    bent: BentTubes,
+    config: Configuration,
+    pressures: Array,
+    layout: Layout,
+    directions: Array,
     end_forces: tuple[Array, Array],
     skins: PressedSkin,
 ) -> ContactPatches:
@@ -46,10 +50,9 @@ def find_patches(
 
     For `end_forces` see `BentTubes.end_forces`, for `skins` see `Dents.press`.
     """
-    structure = bent.structure
-    radius = 0.5 * structure.config.robot.description.tube_diameter
-    gauge = np.array(structure.pressures)[structure.config.robot.topology.tube[contacts.members]]
-    tension = _wall_tension(state, bent, end_forces[0], gauge, radius)
+    radius = 0.5 * config.robot.description.tube_diameter
+    gauge = pressures[config.robot.topology.tube[contacts.members]]
+    tension = _wall_tension(state, layout, directions, end_forces[0], gauge, radius)
     spacing, is_pressed = column(skins.spacing), skins.forces > 0.0
     # Curvature of the object's surface, zero at the ends and where the surface is hollow.
     curvature = np.zeros(skins.heights.shape)
@@ -78,15 +81,20 @@ def find_patches(
 
 
 def _wall_tension(
-    state: ContactForces, bent: BentTubes, end_forces: Array, gauge: Array, radius: float
+    state: ContactForces,
+    layout: Layout,
+    directions: Array,
+    end_forces: Array,
+    gauge: Array,
+    radius: float,
 ) -> Array:
     """Return the tension (k,) along the tube in its wall on the object's side [N/m]."""
     # Columns of `FrameState.end_forces`: along, across and moment at the start and at the end.
-    before = end_forces[bent.frame.layout.before]
-    behind = end_forces[bent.frame.layout.behind]
+    before = end_forces[layout.before]
+    behind = end_forces[layout.behind]
     # Bending away from the object's force stretches the wall on the object's side. Friction acts
     # at the skin, so the moment differs before and behind the contact.
-    moment = 0.5 * bent.cuts.directions * (before[:, 5] - behind[:, 2])
+    moment = 0.5 * directions * (before[:, 5] - behind[:, 2])
     compression = np.maximum(-before[:, 3], behind[:, 0])
     bending_pull = 2.0 / radius * moment * np.sign(state.loads[:, 1])
     wall_pull = gauge * np.pi * radius**2 + bending_pull - compression

@@ -15,13 +15,11 @@ from collections.abc import Callable, Generator
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
-from isotruss_ros.core.holding.free_corners import find_free_corners, FreeCorner, skin_tolerance
-from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.overlaps import FreeCorner, SKIN_TOLERANCE
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, facing_lines, PressedContacts
-from isotruss_ros.core.kinematics.depths import circle_depths, member_lines
 from isotruss_ros.core.manipulation.grip import CornerGap, Grip, GRIP_SIZES
-from isotruss_ros.core.model.convex_object import segment_gaps
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, ROUNDING
 import numpy as np
 
@@ -48,9 +46,7 @@ class ContactSet(NamedTuple):
     @property
     def key(self) -> tuple[object, ...]:
         """Return a hashable value that is equal for sets with the same equilibrium."""
-        contacts, is_new = self.contacts, self.origins < 0
-        arrays = contacts.members, contacts.corners, is_new
-        return *(array.tobytes() for array in arrays), self.grazing
+        return *self.contacts.key, (self.origins < 0).tobytes(), self.grazing
 
     def without(self, dropped: int | Indices) -> ContactSet:
         """Return the set without one or more of its contacts."""
@@ -126,13 +122,8 @@ def search_contacts(
     # The equilibrium nearest to the measured position.
     if len(pressing) < 2:
         return pressing[0] if pressing else None
-    distances = [grip.value_among_samples('shifts', _find_shifts) for grip in pressing]
+    distances = [grip.samples.shifts[grip.number] for grip in pressing]
     return pressing[_find_least(np.array(distances), ROUNDING)]
-
-
-def _find_shifts(grip: HeldGrip) -> Array:
-    """Return the distance of each sample's centroid from its measured position [m]."""
-    return np.atleast_1d(np.abs(grip.body.middle - grip.statics.body.middle))
 
 
 def _find_least(values: Array, tolerance: float) -> int:
@@ -147,10 +138,8 @@ def _find_least(values: Array, tolerance: float) -> int:
 def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
     """Return sets without the grip's largest violation, most likely last; or an empty list."""
     # A contact in tension opens. Each of two members keeps a contact; one of three may lose it.
-    contacts, samples = grip.contacts, grip.origin
-    forces = samples.state.normal_forces
-    if samples is not grip:
-        forces = forces[grip.number]
+    contacts, samples = grip.contacts, grip.samples
+    forces = samples.iterate.unknowns[grip.number, samples.g.places.normal]
     may_open = contacts.at_faces | (rolls and contacts.owners[-1] > 1)
     rounding = ROUNDING * np.abs(forces).sum()
     weakest = _find_least(np.where(may_open, forces, np.inf), rounding)
@@ -158,7 +147,8 @@ def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
         current = ContactSet.of(contacts)
         opened = current.without(weakest)
         return [opened] if rolls else [current._replace(grazing=weakest), opened]
-    free = find_free_corners(grip)
+    least = SKIN_TOLERANCE * samples.g.structure.tube_radius
+    free = [corner for corner in grip.free_corners if corner.depth > least]
     if free:
         deepest = _find_least(np.array([-corner.depth for corner in free]), ROUNDING)
         return add_corner(grip, free[deepest], rolls)
@@ -168,45 +158,14 @@ def _propose_sets(grip: HeldGrip, rolls: bool) -> list[ContactSet]:
 def measure_gaps(held: HeldGrip, friction: float) -> Grip:
     """Return the contacts of an equilibrium as a grip, with the gaps of corners near members."""
     owners = held.contacts.owners.tolist()
-    free = find_free_corners(held, MAX_GAP)
+    free = [corner for corner in held.free_corners if corner.depth > -MAX_GAP]
     gaps = [CornerGap(owners[c.contact], c.corner, max(-c.depth, 0.0)) for c in free]
     return replace(held.touching(friction), gaps=tuple(gaps))
 
 
-def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
-    """
-    Return the other members (c,) near the object, and its depths (c,) in these bent members [m].
-
-    Of several samples, depths (n, c) in members that are near another object are -inf.
-    """
-    radius = grip.statics.tube_radius
-    # Members near the circumscribed circle of an object; all others are farther away.
-    is_near = circle_depths(grip.config, grip.body) > -2.0 * MAX_DISPLACEMENT * radius
-    is_near[..., grip.members] = False
-    members = _find_any(is_near)
-    if not len(members):
-        return members, np.zeros((*is_near.shape[:-1], 0))
-    lines = member_lines(grip.config)[..., members, :]
-    starts, ends = lines[..., 0], lines[..., 1]
-    gaps, normals, shares = segment_gaps(grip.body, starts, ends)
-    is_near = is_near[..., members] & (gaps < (1.0 + 2.0 * MAX_DISPLACEMENT) * radius)
-    # Displacements of the points of the centre lines that are nearest to the object.
-    to_nearest = shares * (ends - starts)
-    bent_points, _ = grip.bent_lines(members, np.abs(to_nearest))
-    displacements = bent_points - starts - to_nearest
-    depths = radius - gaps - (displacements / normals).real
-    near = _find_any(is_near)
-    return members[near], np.where(is_near, depths, -np.inf)[..., near]
-
-
-def _find_any(flags: Flags) -> Indices:
-    """Return the indices (c,) of members that have any flag (..., m) of a sample."""
-    return np.flatnonzero(flags.reshape(-1, flags.shape[-1]).any(axis=0))
-
-
 def add_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSet]:
     """Return the sets of contacts to which a free corner is added, the most likely set last."""
-    contacts, shape, radius = grip.contacts, grip.shape, grip.origin.statics.tube_radius
+    contacts, shape, radius = grip.contacts, grip.shape, grip.samples.g.structure.tube_radius
     member = contacts.members[free.contact]
     is_on_member = contacts.members == member
     is_nearest = np.arange(len(contacts.members)) == free.contact
@@ -233,8 +192,9 @@ def _add_third_member(grip: HeldGrip) -> list[ContactSet]:
     """Return the set with a contact at a third member that the object penetrates; else empty."""
     if len(grip.members) >= GRIP_SIZES[-1]:
         return []
-    members, depths = depths_in_others(grip)
-    if depths.max(initial=0.0) <= skin_tolerance(grip):
+    members, every = grip.samples.depths_in_others
+    depths = every[grip.number]
+    if depths.max(initial=0.0) <= SKIN_TOLERANCE * grip.samples.g.structure.tube_radius:
         return []
     deepest = int(depths.argmax())
     member = int(members[deepest])

@@ -35,7 +35,8 @@ import math
 from typing import Literal, NamedTuple
 
 from isotruss_ros.core.holding.grip_response import idle_contacts
-from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.overlaps import MAX_DISPLACEMENT
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.numerics.arrays import Array, Flags
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
@@ -116,7 +117,7 @@ class _SlipProgram:
         change = grip.respond(residuals)
         if change is None:
             return None
-        pressed = ~idle_contacts(state)
+        pressed = ~idle_contacts(state.normal_forces)
         change = change[:, pressed]
         normal_rates = change[indices.normal][pressed]
         friction_rates = change[indices.friction][pressed]

@@ -2,49 +2,61 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Exact derivatives of a settled grasp with respect to the parameters of an optimiser.
+Derivatives of a settled grasp with respect to the parameters of an optimiser.
 
-The derivatives of slip margin and stiffness need second derivatives of the equilibrium equations
-F. With sticking contacts, the response y_w of the unknowns to a wrench w follows from J y_w =
--F_w, where J is the Jacobian of F with the equations of rolling. So (y_w)' = -J^-1 J' y_w. The
-term J' y_w is the second derivative of F along the response and along the change of the grasp.
+They are central differences of fourth order of equilibria beside the grasp. The equilibria for all
+parameters are samples with the same contacts, which start at the grasp and are found together, in
+two steps of Newton's method. So no formula of a derivative is needed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-import functools
+from dataclasses import dataclass
+from typing import Any
 
-from isotruss_ros.core.holding.grip_response import slip_planes
-from isotruss_ros.core.holding.held_gradient import (
-    GraspParameters,
-    LoadedTubes,
-    ParameterChanges,
-    with_tubes,
-)
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
-from isotruss_ros.core.holding.rolling_invariants import sticking
+from isotruss_ros.core.contact.dents import Dents
+from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.holding.equations import Grasps
+from isotruss_ros.core.holding.grip_response import find_slip_planes, slip_planes
+from isotruss_ros.core.holding.held_gradient import GraspParameters
+from isotruss_ros.core.holding.held_grip import Equilibria, HeldGrip
+from isotruss_ros.core.holding.newton import by_layout, Iterate, linearize_at, step
+from isotruss_ros.core.holding.pressed_contacts import POSE
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.model.parameter_deviations import ParameterDeviations as Uncertainty
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.statics.bent_updates import activate_tubes
+from isotruss_ros.core.numerics.samples import take
 from isotruss_ros.core.statics.inclinations import RING_HALF_WIDTH
+from isotruss_ros.core.statics.structure import ConfigurationSamples, Structure
+from isotruss_ros.core.statics.wrinkling import utilise_at
 import numpy as np
 
-#: Motion of the object in the finite differences along a response [m]. The relative error of the
-#: stiffness' derivatives is then below 1e-6 in grasps of the presets, and up to 3e-6 in softer
-#: robots. At a third of the step it is up to 6e-6, by rounding; at three times the step, 4e-5.
-STEP = 6e-5
-#: Largest sliding of a contact in these differences, relative to its distance from the nearest
-#: guide ring or pinch point, and largest change of its normal force, relative to the force [-]. At
-#: a ring and at zero force the stiffness has a kink. Without this bound, the derivatives err by
-#: 2e-4 at 0.5 mm from a ring, and by 5e-4 at a small force; with it by 3e-6 and 9e-6, and at half
-#: of it by 3e-5, by rounding.
+#: Steps of the differences: roller travel [m], given pose [m, rad], pressures relative to their
+#: values, coefficient of friction, wrench [N], and stiffness relative to its value.
+STEPS = {
+    'rollers': 1e-4,
+    'place': 1e-4,
+    'pressures': 1e-3,
+    'friction': 1e-3,
+    'wrench': 1e-2,
+    'stiffness': 1e-3,
+}
+#: Multiples of the steps.
+MULTIPLES = np.array([2.0, 1.0, -1.0, -2.0])
+#: Largest sliding of a contact in a step, relative to its distance from the nearest guide ring or
+#: pinch point, and largest change of its normal force, relative to the force [-]. At a ring and at
+#: zero force there is a kink.
 KINK_SHARE = 0.02
+#: Steps in which pressures' effects on dents are differentiated by force (relative) and angle.
+RATE_STEP = 1e-4
+#: Smallest force whose share is such a step [N].
+LEAST_FORCE = 1e-9
+#: Steps of Newton's method from the grasp to an equilibrium beside it.
+NEWTON_STEPS = 2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,144 +86,18 @@ class GraspGradient(Record, headline=('parameters', 'slip_margin', 'required_fri
     #: (n, p) derivatives of the largest utilisation of each member, in the order of
     #: `Robot.member_names`; zero for a tube that is kept undeformed, because it has no loads
     utilisation: Array
-    # For second derivatives: derivatives (3 + 4k, p) of the equilibrium's unknowns.
-    _unknown_rates: Array | None = None
+    slip_margin: Array
+    stiffness: Array  #: (3, 3, p) derivatives of `SettledGrasp.stiffness`
 
     @property
     def squeeze(self) -> Array:
         """Return the derivatives (p,) of the members' mean normal force by the parameters."""
         return self.normal_forces.mean(axis=0)
 
-    @functools.cached_property
-    def stiffness(self) -> Array:
-        """Return the derivatives (3, 3, p) of `SettledGrasp.stiffness` by the p parameters."""
-        if self.settled.equilibrium is None:
-            return np.zeros((3, 3, self.parameters.size))
-        grip = self.settled.equilibrium
-        inverse = np.linalg.inv(grip.response.pose)
-        by_wrench = grip.respond(self._response_rates(grip.response.change))
-        # (C^-1)' = -C^-1 C' C^-1 for the compliance C; p are the parameters.
-        rates = -np.einsum('ia,apb,bj->ijp', inverse, by_wrench[:POSE], inverse)
-        rates[2] *= grip.arm  # moments in `HeldGrip.wrench` are divided by it, angles are not
-        return rates
-
-    @functools.cached_property
-    def slip_margin(self) -> Array:
-        """
-        Return the slip margin's derivatives (p,) by the parameters.
-
-        If several members slip at once, as in a symmetric grasp, the slip margin is not
-        differentiable, and the derivatives are those of the first of them.
-        """
-        columns = self.parameters
-        if self.settled.equilibrium is None:
-            rates = np.zeros(columns.size)
-            rates[columns.rollers], rates[columns.place] = self.settled.lost.slip_margin_rates()
-            return rates
-
-        # The margin is reserve / size of the nearest plane, see `SlipPlanes`. The reserve is the
-        # plane's row times the contact forces; the size is the row times their response to the
-        # unit wrench normal to the plane, about the centroid and then about the origin.
-        grip, response = self.settled.equilibrium, self.settled.equilibrium.response
-        planes = slip_planes(response, self.settled.friction)
-        nearest = int((planes.reserve / planes.size).argmin())
-        row, by_friction = planes.rows[nearest], planes.friction_rates[nearest]
-        slope, size = planes.slope[nearest], planes.size[nearest]
-        about_middle, forces = planes.about_middle, grip.state.places.forces
-        central_wrench = slope @ about_middle / size
-        wrench = about_middle @ central_wrench
-
-        # Changes of the contact forces and of their response.
-        reserve_rates = row @ self._unknown_rates[forces]
-        response_rates = self._response_rates(response.change @ wrench[:, None])
-        size_rates = row @ grip.respond(response_rates)[forces, :, 0]
-
-        # The moment about the origin changes, because the centroid moves around it.
-        swing = about_middle[2, 1] * central_wrench[0] - about_middle[2, 0] * central_wrench[1]
-        size_rates -= slope[2] * swing * self._unknown_rates[ANGLE]
-
-        # Changes of the row itself: after an end of a face has opened, the row depends on the
-        # redistribution of its force. The first 2 m planes are slip of the members; then follow as
-        # many for each end. Of these, the planes of opening have a constant row: one force.
-        end_number, plane = divmod(nearest - 2 * len(grip.members), 2 * len(grip.members))
-        is_opening = np.count_nonzero(row) == 1
-        if end_number >= 0 and not is_opening:
-            end = int(response.ends[end_number])
-            by_release = planes.rows[plane] @ self._release_rates(end_number)
-            reserve_rates += by_release * grip.state.forces[end]
-            size_rates += by_release * (response.forces[end] @ wrench)
-
-        # The row depends on the coefficient of friction.
-        reserve_rates[columns.friction] += by_friction @ grip.state.forces
-        size_rates[columns.friction] += by_friction @ response.forces @ wrench
-        return (reserve_rates - planes.margin * size_rates) / size
-
     @check_kinds
     def chance(self, uncertainty: Uncertainty) -> Array:
         """Return the derivatives (p + 1,) of the chance, see `Uncertainty.chance_gradient`."""
         return uncertainty.chance_gradient(self)
-
-    @functools.cached_property
-    def _deformable(self) -> tuple[HeldGrip, ParameterChanges]:
-        """Return the grasp on tubes that are all deformable, and the changes of parameters."""
-        grip, columns = self.settled.equilibrium, self.parameters
-        grip = with_tubes(grip, activate_tubes(grip.statics.bent))
-        return grip, ParameterChanges.of(grip, np.eye(columns.size), columns)
-
-    def _release_rates(self, number: int) -> Array:
-        """
-        Return the derivatives (2k, p) of the changes of all forces by a released tension.
-
-        :param number: row of `GripResponse.by_release`, which has these changes.
-        """
-        grip, response = self.settled.equilibrium, self.settled.equilibrium.response
-        indices, end = grip.state.places, int(response.ends[number])
-        by_gap = response.by_gap[:, number]
-        residual_rates = self._response_rates(by_gap[:, None])[..., 0]
-        # The unit gap is normal to the tube, and turns with the tube relative to the member.
-        gap = grip.statics.bent.lines.axis[end].conj() * grip.state.normals[end]
-        gap_rates = 1j * gap * self._unknown_rates[indices.inclinations][end]
-        along = 3 * end
-        residual_rates[[along, along + 1]] -= gap_rates.real, gap_rates.imag
-        force_rates = grip.respond(residual_rates)[indices.forces]
-        # A row is the quotient -(all forces) / (force of the end).
-        quotient_rates = force_rates + np.outer(response.by_release[number], force_rates[end])
-        return -quotient_rates / by_gap[indices.forces][end]
-
-    @single_threaded
-    def _response_rates(self, responses: Array) -> Array:
-        """
-        Return the derivatives (3 + 4k, p, n) of J y by p parameters, for n constant responses y.
-
-        The Jacobian J is that of sticking contacts, see this module. The derivatives are central
-        differences of fourth order of `_displaced_rates` along the responses.
-        """
-        grip, changes = self._deformable
-        state, structure = grip.state, grip.statics.bent.structure
-        # Kinks of the stiffness: a contact is at a guide ring, at an end of its half width, or at
-        # a pinch point, or has no force.
-        pieces, within, _ = structure.locate(grip.contacts.members, state.feet)
-        to_piece_ends = np.minimum(within, structure.frame.length[pieces] - within)
-        to_width_ends = np.abs(to_piece_ends - RING_HALF_WIDTH)
-        to_kinks = np.concatenate([to_piece_ends, to_width_ends, state.normal_forces])
-        rows = np.r_[state.places.feet, state.places.feet, state.places.normal]
-        # In the kink itself no step is short enough.
-        is_beside = to_kinks > 0.0
-        kink_shares = np.abs(responses[rows[is_beside]] / to_kinks[is_beside, None]).max(axis=0)
-        motions = np.abs(responses[:POSE]) * [[1.0], [1.0], [grip.arm]]
-        # Multiples of the responses that reach one of both bounds.
-        steps = 1.0 / np.maximum(motions.max(axis=0) / STEP, kink_shares / KINK_SHARE)
-        rates = np.empty((*self._unknown_rates.shape, len(steps)))
-        for i, step in enumerate(steps.tolist()):
-            forward, backward, two_forward, two_backward = (
-                _displaced_rates(
-                    grip, changes, self._unknown_rates, count * step * responses[:, i]
-                )
-                for count in (1.0, -1.0, 2.0, -2.0)
-            )
-            difference = 8.0 * (forward - backward) - (two_forward - two_backward)
-            rates[..., i] = difference / (12.0 * step)
-        return rates
 
 
 @check_kinds
@@ -220,50 +106,206 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     """
     Return the derivatives of a settled grasp with respect to the parameters of an optimiser.
 
-    From the equilibrium equations F(y, p) = 0 follows y' = -F_y^-1 F_p, with the Jacobian F_y and
-    the derivatives F_p at constant unknowns y. Second derivatives are computed when slip margin or
-    stiffness is read.
-
     :param settled: the settled grasp.
-    :raises GraspError: the equilibrium is neutral (its Jacobian is singular).
+    :raises GraspError: the equilibrium is neutral, so that it has no derivatives, or there is none
+        beside it: a contact is at a kink.
     """
     grip = settled.equilibrium
     if grip is None:  # only pose and slip margin change
-        parameters = GraspParameters.of(settled.lost.inputs.config)
-        pose = np.eye(3, parameters.size, parameters.place.start)
-        forces, friction = np.zeros((0, parameters.size)), np.zeros(parameters.size)
-        usage = np.zeros((len(settled.utilisation), parameters.size))
-        return GraspGradient(parameters, settled, pose, forces, forces, friction, usage)
-    parameters, indices = GraspParameters.of(grip.config), grip.state.places
-    tubes = LoadedTubes.of(grip, np.eye(parameters.size), parameters)
-    unknown_rates = -np.linalg.solve(grip.state.jacobian, tubes.equation_rates())
-    _, utilisation_rates = tubes.utilisation(tubes.respond(unknown_rates))
-    normal_rates = grip.contacts.sum_by_member(unknown_rates[indices.normal])
-    friction_rates = grip.contacts.sum_by_member(unknown_rates[indices.friction])
+        return _differentiate_gaps(settled)
+    if grip.response is None:
+        raise GraspError(
+            'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
+        )
+    parameters, inputs = GraspParameters.of(grip.config), grip.inputs
+    steps = np.empty(parameters.size)
+    for name, size in STEPS.items():
+        steps[getattr(parameters, name)] = size
+    steps[parameters.pressures] *= inputs.pressures
+    steps[parameters.wrench] *= 1.0, 1.0, grip.arm
+    steps[parameters.stiffness] *= inputs.stiffness
+    every = np.eye(parameters.size)
+    rates = _differentiate(settled, grip, steps[:, None] * every, parameters)
+    # Shorter steps where a contact would come too near to a kink.
+    to_kinks, rows = _distances_to_kinks(grip)
+    shares = np.abs(rates['unknowns'][:, rows]) * steps[:, None] / to_kinks
+    shares = shares.max(axis=1) / KINK_SHARE
+    is_near = shares > 1.0
+    if is_near.any():
+        shorter = (steps / np.maximum(shares, 1.0))[:, None] * every
+        for name, values in _differentiate(settled, grip, shorter[is_near], parameters).items():
+            rates[name][is_near] = values
+    columns = {name: np.moveaxis(values, 0, -1) for name, values in rates.items()}
     ratios = grip.friction_forces / grip.normal_forces
     slipping = int(np.abs(ratios).argmax())  # member
-    scaled_rates = friction_rates[slipping] - ratios[slipping] * normal_rates[slipping]
-    ratio_rates = scaled_rates / grip.normal_forces[slipping]
     return GraspGradient(
         parameters=parameters,
         settled=settled,
-        pose=unknown_rates[:POSE],
-        normal_forces=normal_rates,
-        friction_forces=-friction_rates,  # on the object
-        required_friction=np.sign(ratios[slipping]) * ratio_rates,
-        utilisation=utilisation_rates,
-        _unknown_rates=unknown_rates,
+        pose=columns['unknowns'][:POSE],
+        normal_forces=columns['normal_forces'],
+        friction_forces=columns['friction_forces'],
+        required_friction=np.sign(ratios[slipping]) * columns['ratios'][slipping],
+        utilisation=columns['utilisation'],
+        slip_margin=columns['slip_margin'],
+        stiffness=columns['stiffness'],
     )
 
 
-def _displaced_rates(
-    grip: HeldGrip, changes: ParameterChanges, unknown_rates: Array, shift: Array
-) -> Array:
-    """Return the equations' derivatives (3 + 4k, p) by parameters, at displaced unknowns."""
-    unknowns = grip.state.unknowns + shift
-    dents = grip.statics.dents.smooth_near(grip.state.normal_forces, grip.angles)
-    smooth_statics = replace(grip.statics, dents=dents)
-    statics = replace(smooth_statics, bent=smooth_statics.bent_under(unknowns))
-    _, state = statics.equations(unknowns, grip.wrench, sticking)
-    displaced = LoadedTubes.at(replace(grip, statics=statics, state=state), changes)
-    return state.jacobian @ unknown_rates + displaced.equation_rates(sticks=True)
+def _differentiate_gaps(settled: SettledGrasp) -> GraspGradient:
+    """Return the derivatives of a grasp without an equilibrium, see `LostContact`."""
+    lost: Any = settled.lost
+    parameters = GraspParameters.of(lost.inputs.config)
+    none = np.zeros(parameters.size)
+    margin = none.copy()
+    margin[parameters.rollers], margin[parameters.place] = lost.slip_margin_rates()
+    return GraspGradient(
+        parameters=parameters,
+        settled=settled,
+        pose=np.eye(3, parameters.size, parameters.place.start),
+        normal_forces=np.zeros((0, parameters.size)),
+        friction_forces=np.zeros((0, parameters.size)),
+        required_friction=none,
+        utilisation=np.zeros((len(settled.utilisation), parameters.size)),
+        slip_margin=margin,
+        stiffness=np.zeros((3, 3, parameters.size)),
+    )
+
+
+def _distances_to_kinks(grip: HeldGrip) -> tuple[Array, Array]:
+    """Return distances of contacts from kinks, and the indices of the unknowns that reach them."""
+    state, structure = grip.state, grip.samples.g.structure
+    pieces, within, _ = structure.locate(grip.contacts.members, state.feet)
+    lengths = structure.frame.length.take(grip.number, axis=0)[pieces[grip.number]]
+    within = within[grip.number]
+    to_piece_ends = np.minimum(within, lengths - within)
+    to_width_ends = np.abs(to_piece_ends - RING_HALF_WIDTH)
+    to_kinks = np.concatenate([to_piece_ends, to_width_ends, state.normal_forces])
+    places = np.arange(len(state.unknowns))
+    rows = np.concatenate([places[state.places.feet]] * 2 + [places[state.places.normal]])
+    # In the kink itself no step is short enough.
+    is_beside = to_kinks > 0.0
+    return to_kinks[is_beside], rows[is_beside]
+
+
+def _differentiate(
+    settled: SettledGrasp, grip: HeldGrip, steps: Array, parameters: GraspParameters
+) -> dict[str, Array]:
+    """Return the derivatives (q, ...) of values of the grasp along steps (q, p)."""
+    changes = (MULTIPLES[:, None, None] * steps).reshape(-1, parameters.size)
+    one, count = grip.alone, len(changes)
+    tubes, unknowns = one.linear.tubes, one.iterate.unknowns
+    bent = tubes.activate(one.iterate.bent)
+    # The grasp itself on tubes that are all deformable, whose most loaded places are compared.
+    usage = take(Equilibria(one.g, Iterate(unknowns, bent)).sections, 0)
+    planes = slip_planes(grip.response, settled.friction)
+    nearest = int((planes.reserve / planes.size).argmin())
+    friction = settled.friction + changes[:, parameters.friction]
+    g = _change(grip, changes, parameters)
+    at = Iterate(*_repeat((unknowns, bent), count))
+    for _ in range(NEWTON_STEPS):
+        at = _step_each(g, at)
+    values: dict[str, Array] = {}
+    for numbers, of_g, of_at in by_layout(g, at):
+        beside = Equilibria(of_g, of_at, linearize_at(of_g, of_at))
+        slip = find_slip_planes(beside.response, friction[numbers])
+        frame = beside.linear.tubes.tangent.frame
+        found = {
+            'unknowns': of_at.unknowns,
+            'normal_forces': beside.normal_forces,
+            'friction_forces': -beside.friction_forces,  # on the object
+            'ratios': beside.friction_forces / beside.normal_forces,
+            'utilisation': utilise_at(of_g.structure, frame, *beside.end_forces, usage),
+            'slip_margin': slip.reserve[:, nearest] / slip.size[:, nearest],
+            'stiffness': beside.response.stiffness,
+        }
+        for name, of_group in found.items():
+            known = values.setdefault(name, np.empty((count, *of_group.shape[1:])))
+            known[numbers] = of_group
+    if not np.isfinite(values['unknowns']).all():
+        raise GraspError('there is no equilibrium beside the grasp: it has no derivatives')
+    # A tube without loads has a kink at zero.
+    values['utilisation'][:, grip.sections.sections[0] == 0.0] = 0.0
+    rates = {}
+    for name, of_samples in values.items():
+        far, near, behind, farther = of_samples.reshape(4, len(steps), *of_samples.shape[1:])
+        size = steps.sum(axis=1).reshape(-1, *(1,) * (of_samples.ndim - 1))
+        rates[name] = (8.0 * (near - behind) - (far - farther)) / (12.0 * size)
+    return rates
+
+
+def _change(grip: HeldGrip, changes: Array, parameters: GraspParameters) -> Grasps:
+    """Return the constants of a grasp after n changes (n, p) of the parameters."""
+    inputs, one = grip.inputs, grip.alone
+    config, contacts = inputs.config, one.g.contacts
+    distinct, index = np.unique(changes[:, parameters.rollers], axis=0, return_inverse=True)
+    moved = config.moved_together(config.roller_positions + distinct)
+    for near in moved:
+        if isinstance(near, ConfigurationError):
+            raise GraspError(f'there is no configuration beside that of the grasp: {near}')
+    configs: Any = [moved[i] for i in index.ravel().tolist()]
+    gauge = changes[:, parameters.pressures]
+    structure = Structure(
+        ConfigurationSamples(configs),
+        np.array(inputs.pressures) + gauge,
+        inputs.stiffness + changes[:, parameters.stiffness],
+    )
+    poses = np.array(inputs.body.pose) + changes[:, parameters.place]
+    bodies = ObjectSamples([inputs.body] * len(changes)).moved_to(poses)
+    wrench = grip.wrench + changes[:, parameters.wrench] / (1.0, 1.0, grip.arm)
+    tubes = config.robot.topology.tube[contacts.members]
+    dents = _DentsBeside.of(grip, gauge[:, tubes])
+    return Grasps.of(structure, bodies, contacts, wrench, one.g.grazing, dents=dents)
+
+
+def _step_each(g: Grasps, at: Iterate) -> Iterate:
+    """Return n samples after a step of Newton's method."""
+    unknowns = np.empty(at.unknowns.shape)
+    bent = type(at.bent)(*(values.copy() for values in at.bent))
+    for numbers, of_g, of_at in by_layout(g, at):
+        after = step(of_g, linearize_at(of_g, of_at)).iterate
+        unknowns[numbers] = after.unknowns
+        for values, changed in zip(bent, after.bent, strict=True):
+            values[numbers] = changed
+    return Iterate(unknowns, bent)
+
+
+def _repeat(record: Any, count: int) -> Any:
+    """Return a record of one sample as that of several samples."""
+    return take(record, np.zeros(count, dtype=int))
+
+
+class _DentsBeside:
+    """Dents near those of a grasp, under n changes (n, k) of the pressures, to first order."""
+
+    def __init__(self, near: Dents, changes: Array) -> None:
+        self._near, self._changes = near, changes
+        self._inflated = np.flatnonzero(changes.any(axis=-1))
+
+    @classmethod
+    def of(cls, grip: HeldGrip, changes: Array) -> _DentsBeside:
+        """Return the dents at the contacts of a grasp, as functions without kinks near it."""
+        tables = np.tile(grip.alone.g.dents.tables, (len(changes), 1))
+        shape = np.ones((len(changes), 1))
+        near = Dents(tables).smooth_near(shape * grip.state.normal_forces, shape * grip.angles)
+        return cls(near, changes)
+
+    def __call__(self, forces: Array, angles: Array) -> tuple[Array, Array, Array]:
+        """Return depths and derivatives, see `Dents`."""
+        values, rows = self._near(forces, angles), self._inflated
+        if len(rows):
+            sizes = RATE_STEP * np.maximum(np.abs(forces[rows]), LEAST_FORCE)
+            turn = RATE_STEP * np.ones(sizes.shape)
+            shifts = ((0.0, 0.0), (sizes, 0.0), (-sizes, 0.0), (0.0, turn), (0.0, -turn))
+            # Rates at the forces and angles, and beside them.
+            near = self._near.take_samples(np.tile(rows, len(shifts)))
+            at = ([of + d[i] for d in shifts] for i, of in enumerate((forces[rows], angles[rows])))
+            rates = near.pressure_rates(*map(np.concatenate, at)).reshape(5, *sizes.shape)
+            here, more, less, left, right = self._changes[rows] * rates
+            changes = here, (more - less) / (2.0 * sizes), (left - right) / (2.0 * turn)
+            for value, change in zip(values, changes, strict=True):
+                value[rows] += change
+        return values
+
+    def take_samples(self, index: Any) -> _DentsBeside:
+        """Return the dents of chosen samples, see `samples.take`."""
+        return _DentsBeside(self._near.take_samples(index), self._changes[index])

@@ -5,21 +5,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
-from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.build_statics import statics_of
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.errors import GraspError, StructureError
+from isotruss_ros.core.holding.equations import Grasps, linearize_grasps, Pushes
+from isotruss_ros.core.holding.held_grip import Equilibria, HeldGrip
+from isotruss_ros.core.holding.newton import Iterate
 from isotruss_ros.core.holding.pressed_contacts import Places, POSE, PressedContacts
-from isotruss_ros.core.holding.rolling_invariants import sticking
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.bent_tubes import BentTubes
-from isotruss_ros.core.statics.bent_updates import describe_state
+from isotruss_ros.core.statics.bent_tubes import BentState, BentTubes
 from isotruss_ros.core.statics.section import tube_pressures
-from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.structure import structures_under
 import numpy as np
 
 
@@ -41,7 +40,7 @@ class GripRecord(NamedTuple):
     travel: Array  #: (r,) roller travel since home [m]
     contacts: PressedContacts  #: the k contacts
     unknowns: Array  #: (3 + 4k,) unknowns, see `ContactForces`
-    bent: Array  #: (s,) state of the bent tubes, see `BentTubes.values`
+    bent: Array  #: (s,) state of the bent tubes, nodes, points and axial forces of `BentState`
     responses: Array  #: (k, 3, 4k + 1) responses at the contacts, see `BentTubes.at_points`
     #: (t,) gauge pressure of each tube [Pa]; None: as in the robot file
     pressures: tuple[float, ...] | None = None
@@ -53,13 +52,18 @@ class GripRecord(NamedTuple):
         cls, grip: HeldGrip, estimate: GripEstimate | None = None, is_assumed: bool = False
     ) -> GripRecord:
         """Return the record of a grip whose tubes are bent."""
-        bent, responses = describe_state(grip.statics.bent, grip.state.loads, grip.state.feet)
+        one, tubes = grip.alone, grip.alone.linear.tubes
+        bent = tubes.activate(one.iterate.bent)
+        responses, size = tubes.at_points[0].copy(), tubes.loads.shape[-1]
+        # The last column has the values in this state.
+        at_state = tubes.respond(one.pushes.loads, one.iterate.unknowns[:, one.g.places.feet])
+        responses[..., -1] = at_state.reshape(size // 3, 3)
         measured = grip.pressures != tube_pressures(grip.config.robot.description)
         return cls(
             grip.config.roller_positions,
             grip.contacts,
             grip.state.unknowns,
-            bent,
+            np.concatenate([part.ravel() for part in (bent.nodes, bent.points, bent.axial)]),
             responses,
             grip.pressures if measured else None,
             estimate,
@@ -75,16 +79,28 @@ class GripRecord(NamedTuple):
         """
         radius = 0.5 * config.robot.description.tube_diameter
         recorded_body = body.moved_to(self.unknowns[:POSE]).smoothed(radius)
-        members = self.contacts.members
-        feet = self.unknowns[Places.of(len(members)).feet]
-        structure = structure_of(config.moved_to(self.travel), self.pressures)
-        bent = BentTubes.of(structure, members, feet, self.bent, self.responses)
+        contacts, count, at = self.contacts, len(self.contacts.members), self.unknowns[None]
+        pressures = self.pressures or tube_pressures(config.robot.description)
+        structure = structures_under([config.moved_to(self.travel)], [pressures], [1.0])
+        feet = at[:, Places.of(count).feet]
+        straight = BentState.straight(structure, feet, deforms=True)
+        sizes = [part.size for part in (straight.nodes, straight.points, straight.axial)]
+        if self.bent.shape != (sum(sizes),):
+            raise StructureError(f'bent tubes with {self.bent.size} values: must be {sum(sizes)}')
+        parts = np.split(self.bent, np.cumsum(sizes)[:-1])
+        nodes, points, axial = (
+            values.reshape(part.shape) for values, part in zip(parts, straight, strict=False)
+        )
+        bent = straight._replace(nodes=nodes, points=points, axial=axial)
         try:
-            statics = statics_of(bent, recorded_body, self.contacts)
+            g = Grasps.of(structure, ObjectSamples([recorded_body]), contacts, np.zeros((1, 3)))
+            history = Equilibria(g, Iterate(at, bent)).history
         except IndexError as error:
             raise GraspError(
-                f'held grip: corners {self.contacts.corners}: the object has no such corners'
+                f'held grip: corners {contacts.corners}: the object has no such corners'
             ) from error
-        _, state = statics.equations(self.unknowns, np.zeros(3), sticking)
-        # Rounding errors of the loads would count as a change of the state.
-        return HeldGrip.of(statics, replace(state, loads=bent.state.loads), np.zeros(3))
+        g, pushes = g._replace(history=history), Pushes.of(g, at)
+        fields = structure, contacts.members, g.lines, bent, pushes.loads
+        tubes = BentTubes.of(*fields, self.responses[None])
+        linear = linearize_grasps(g, at, tubes, pushes)
+        return HeldGrip(Equilibria(g, Iterate(at, bent), linear))

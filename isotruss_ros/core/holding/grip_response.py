@@ -15,10 +15,8 @@ from dataclasses import dataclass
 import functools
 from typing import ClassVar, NamedTuple
 
-from isotruss_ros.core.holding.contact_statics import ContactStatics
-from isotruss_ros.core.holding.pressed_contacts import ContactForces, POSE
-from isotruss_ros.core.holding.rolling_invariants import rolling_rows
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.holding.equations import Grasps, Linear
+from isotruss_ros.core.holding.pressed_contacts import Places, POSE
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Flags, identity, Indices, Points
 from isotruss_ros.core.numerics.factorization import solve_each
@@ -36,16 +34,22 @@ class GripResponse:
     """
 
     shared: ClassVar[tuple[str, ...]] = ('owners', 'ends')
-    state: ContactForces  #: the equilibrium
+    unknown_forces: Array  #: (2k,) normal and then friction forces at the contacts [N]
     owners: Indices  #: (k,) grasping member of each contact, numbered within the grip
     change: Array  #: (3 + 4k, 3) response to the wrench [N]
     by_opening: Array  #: (3 + 4k,) response to the opening, see `HeldGrip.squeeze_stiffness`
     ends: Indices  #: (e,) indices of the contacts that are an end of a face
+    are_ends: Flags  #: (e,) whether these press, as the other ends of their faces do
     by_gap: Array  #: (3 + 4k, e) responses to a gap at each of these ends
     arm: float | Array  #: characteristic radius, see `ConvexObject.arm` [m]
     #: (3, 3) matrix that moves the reference point of moments from centroid to origin
     about_middle: Array
     is_neutral: Flags  #: () whether the equilibrium is neutral, so that the compliance is singular
+
+    @property
+    def _forces(self) -> slice:
+        """Return the indices of the forces among the unknowns."""
+        return Places.of(len(self.owners)).forces
 
     @property
     def pose(self) -> Array:
@@ -55,12 +59,12 @@ class GripResponse:
     @property
     def forces(self) -> Array:
         """Return the derivatives (2k, 3) of normal and friction forces by the wrench [-]."""
-        return self.change[..., self.state.places.forces, :]
+        return self.change[..., self._forces, :]
 
     @functools.cached_property
     def by_release(self) -> Array:
         """Return the changes (e, 2k) of the forces by the released tension of each end [-]."""
-        forces = self.by_gap[..., self.state.places.forces, :].swapaxes(-1, -2)
+        forces = self.by_gap[..., self._forces, :].swapaxes(-1, -2)
         # The tension of an end is the negative of its normal force.
         return -forces / forces[..., np.arange(len(self.ends)), self.ends, None]
 
@@ -75,7 +79,7 @@ class GripResponse:
     def stiffness(self) -> Array:
         """Return the derivatives (3, 3) of the wrench by the displacement [N/m, N, N m]."""
         stiffness = np.linalg.inv(self.pose)
-        stiffness[2] *= self.arm
+        stiffness[..., 2, :] *= np.asarray(self.arm)[..., None]
         return stiffness
 
     @property
@@ -86,87 +90,82 @@ class GripResponse:
         return ~self.is_neutral & (np.linalg.eigvalsh(symmetric)[..., 0] > 0.0)
 
 
-def respond(statics: ContactStatics, state: ContactForces, residuals: Array) -> Array:
-    """
-    Return the unknowns' changes that cancel residuals (3 + 4k, c).
-
-    Raise LinAlgError if the equilibrium is neutral; of several samples, the changes are NaN.
-    """
-    indices, idle = state.places, _idle_indices(state)
-    jacobian, right = state.jacobian.copy(), -residuals
-    rolling = rolling_rows(statics, state.unknowns, state.normals)
-    jacobian[..., indices.conditions, :] = rolling
+def respond(g: Grasps, unknowns: Array, linear: Linear, residuals: Array) -> Array:
+    """Return the changes (n, 3 + 4k, c) that cancel residuals; NaN if neutral."""
+    indices = g.places
+    jacobian, right = linear.jacobian.copy(), -residuals
+    jacobian[:, indices.conditions] = g.rolling_rows(linear.radii)
     # A dent is infinitely soft at zero force. So to first order, the force of such a contact stays
     # zero: this takes the place of touching across the member, and of sticking.
-    rows = np.append(3 * idle + 1, indices.conditions.start + idle)
-    columns = np.append(indices.normal.start + idle, indices.friction.start + idle)
-    jacobian[..., rows, :] = 0.0
-    jacobian[..., rows, columns] = 1.0
-    right[..., rows, :] = 0.0
+    samples, idle = np.nonzero(idle_contacts(unknowns[:, indices.normal]))
+    for rows, columns in (
+        (3 * idle + 1, indices.normal.start + idle),
+        (indices.conditions.start + idle, indices.friction.start + idle),
+    ):
+        jacobian[samples, rows] = 0.0
+        jacobian[samples, rows, columns] = 1.0
+        right[samples, rows] = 0.0
     return solve_each(jacobian, right)
 
 
-def idle_contacts(state: ContactForces) -> Flags:
-    """Return which contacts (k,) have no force."""
-    normal = np.abs(state.normal_forces)
+def idle_contacts(normal_forces: Array) -> Flags:
+    """Return which contacts (..., k) have no force."""
+    normal = np.abs(normal_forces)
     return normal <= ROUNDING * normal.sum(axis=-1, keepdims=True)
 
 
-def _idle_indices(state: ContactForces) -> Indices:
-    """Return the indices of the contacts without force, which are the same in all samples."""
-    return np.flatnonzero(idle_contacts(state).reshape(-1, state.normals.shape[-1])[0])
-
-
 def find_response(
-    statics: ContactStatics, state: ContactForces, body: ConvexObject | ObjectSamples
+    g: Grasps, unknowns: Array, linear: Linear, bodies: ObjectSamples, normals: Points
 ) -> GripResponse:
-    """Return the linear response of an object to a wrench, at its pose in equilibrium."""
-    indices, owners, axes = state.places, statics.contacts.owners, statics.bent.lines.axis
-    is_pressed = np.ones(len(owners), dtype=bool)
-    is_pressed[_idle_indices(state)] = False
-    ends = np.flatnonzero(is_pressed & (np.bincount(owners, is_pressed)[owners] > 1))
+    """Return the linear responses of n objects to wrenches, at their poses in equilibrium."""
+    indices, owners, axes = g.places, g.contacts.owners, g.lines.axis
+    n, k = axes.shape
+    is_pressed = ~idle_contacts(unknowns[:, indices.normal])
+    on_face = np.bincount(owners)[owners] > 1
+    ends = np.flatnonzero(on_face)
+    others = np.array(
+        [np.flatnonzero((owners == owners[e]) & (np.arange(k) != e))[0] for e in ends]
+    )
+    are_ends = is_pressed[:, ends] & is_pressed[:, others.astype(int)]
     # Columns: 0 to 2 the wrench, 3 the opening of the grip, then a gap at each end of a face.
-    lead = axes.shape[:-1]
-    residuals = np.zeros((*lead, indices.size, 4 + len(ends)))
-    residuals[..., indices.balance, :3] = identity(3)
+    residuals = np.zeros((n, indices.size, 4 + len(ends)))
+    residuals[:, indices.balance, :3] = identity(3)
     # Axes: contact; touch along the member, across it and in inclination; column.
-    touch = residuals[..., : 3 * len(owners), :].reshape(*lead, len(owners), 3, -1)
-    opening = axes.conj() * _opening(statics, state)
+    touch = residuals[:, : 3 * k].reshape(n, k, 3, -1)
+    opening = axes.conj() * _opening(g, unknowns, normals)
     touch[..., 0, 3], touch[..., 1, 3] = opening.real, opening.imag
-    gaps = -axes[..., ends].conj() * state.normals[..., ends]
-    gap_columns = np.arange(4, 4 + len(ends))
-    touch[..., ends, 0, gap_columns], touch[..., ends, 1, gap_columns] = gaps.real, gaps.imag
-    try:
-        change = respond(statics, state, residuals)
-    except np.linalg.LinAlgError:
-        change = np.full(residuals.shape, np.nan)
-    determinant = np.linalg.det(change[..., :3, :3])
-    middle = (body.middle - body.center) / body.arm
-    about_middle = np.zeros((*lead, 3, 3))
+    gaps = -axes[:, ends].conj() * normals[:, ends]
+    columns = np.arange(4, 4 + len(ends))
+    touch[:, ends, 0, columns], touch[:, ends, 1, columns] = gaps.real, gaps.imag
+    change = respond(g, unknowns, linear, residuals)
+    determinant = np.linalg.det(change[:, :3, :3])
+    middle = (bodies.middle - bodies.center) / bodies.arm
+    about_middle = np.zeros((n, 3, 3))
     about_middle[...] = identity(3)
-    about_middle[..., 2, 0], about_middle[..., 2, 1] = -np.imag(middle), np.real(middle)
+    about_middle[:, 2, 0], about_middle[:, 2, 1] = -middle.imag, middle.real
     return GripResponse(
-        state=state,
+        unknown_forces=unknowns[:, indices.forces],
         owners=owners,
         change=change[..., :3],
         by_opening=change[..., 3],
         ends=ends,
+        are_ends=are_ends,
         by_gap=change[..., 4:],
-        arm=body.arm,
+        arm=bodies.arm,
         about_middle=about_middle,
-        is_neutral=np.asarray(~(np.abs(determinant) > 0.0)),
+        is_neutral=~(np.abs(determinant) > 0.0),
     )
 
 
-def _opening(statics: ContactStatics, state: ContactForces) -> Points:
-    """Return the motion (k,) of the contacts, x + iy, per unit of opening of the grip [-]."""
-    owners = statics.contacts.owners
+def _opening(g: Grasps, unknowns: Array, normals: Points) -> Points:
+    """Return the motion (n, k) of the contacts, x + iy, per unit of opening of the grip [-]."""
+    owners = g.contacts.owners
     if owners[-1] > 1:
-        return 0.5 * state.normals
-    lines = statics.bent.lines
-    skins = lines.start + lines.axis * state.feet - statics.tube_radius * state.normals
-    chord = skins[..., owners == 1].mean(axis=-1) - skins[..., owners == 0].mean(axis=-1)
-    return np.where(owners == 1, 0.5, -0.5) * (chord / np.abs(chord))[..., None]
+        return 0.5 * normals
+    feet = unknowns[:, g.places.feet]
+    skins = g.lines.start + g.lines.axis * feet - g.structure.tube_radius * normals
+    chord = skins[:, owners == 1].mean(axis=-1) - skins[:, owners == 0].mean(axis=-1)
+    return np.where(owners == 1, 0.5, -0.5) * (chord / np.abs(chord))[:, None]
 
 
 class SlipPlanes(NamedTuple):
@@ -206,9 +205,11 @@ def slip_planes(response: GripResponse, friction: float) -> SlipPlanes:
     return find_slip_planes(response, friction)
 
 
+# Where an end does not press, what is divided is not used.
+@np.errstate(divide='ignore', invalid='ignore')
 def find_slip_planes(response: GripResponse, friction: float | Array) -> SlipPlanes:
     """Return the slip conditions of held objects for a coefficient of friction of each."""
-    about_middle, forces = response.about_middle, response.state.forces
+    about_middle, forces = response.about_middle, response.unknown_forces
 
     def planes(rows: Array) -> tuple[Array, Array, Array]:
         """Return reserve, slope and size of `SlipPlanes` for given rows."""
@@ -234,8 +235,11 @@ def find_slip_planes(response: GripResponse, friction: float | Array) -> SlipPla
         end_force, _, opening_size = planes(end_row)
         is_slip_farther = (slip_reserve / slip_size > end_force / opening_size)[..., None]
         sums_after = normal_sums + (normal_sums @ by_release) * end_row
-        rows.append(np.where(is_slip_farther, slip_after, end_row))
-        friction_rates.append(np.where(is_slip_farther, sums_after, 0.0))
+        # Where the end does not press, its planes are those of slip again.
+        is_end = response.are_ends[..., number, None, None]
+        rows.append(np.where(is_end, np.where(is_slip_farther, slip_after, end_row), slip_rows))
+        rates_after = np.where(is_slip_farther, sums_after, 0.0)
+        friction_rates.append(np.where(is_end, rates_after, normal_sums))
     joined = np.concatenate(rows, axis=-2)
     rates = np.concatenate(friction_rates, axis=-2)
     return SlipPlanes(joined, rates, *planes(joined), about_middle)

@@ -9,21 +9,19 @@ From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_loads import Pushes
-from isotruss_ros.core.holding.contact_statics import object_angles
+from isotruss_ros.core.holding.equations import Linear
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.newton import linearize_at
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
-from isotruss_ros.core.holding.rolling_invariants import rolling_rows
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
-from isotruss_ros.core.statics.bent_updates import update_tubes
+from isotruss_ros.core.numerics.samples import take
+from isotruss_ros.core.numerics.tolerances import EPSILON
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import section_rates
 from isotruss_ros.core.statics.tube_rates import (
     find_load_changes,
@@ -72,10 +70,11 @@ class ParameterChanges(NamedTuple):
     wrench: Array  #: (3, p) wrench on the object, see `HeldGrip.wrench` [N]
 
     @classmethod
-    def of(cls, grip: HeldGrip, directions: Array, columns: GraspParameters) -> ParameterChanges:
+    def of(
+        cls, grip: HeldGrip, bent: BentTubes, directions: Array, columns: GraspParameters
+    ) -> ParameterChanges:
         """Return the derivatives along p `directions` (n, p) of the n parameters."""
-        bent, members = grip.statics.bent, grip.contacts.members
-        topology = grip.config.robot.topology
+        members, topology = grip.contacts.members, grip.config.robot.topology
         by_rollers = grip.config.node_jacobian.T.copy().view(np.complex128).T
         nodes = by_rollers @ directions[columns.rollers]
         span_rates = nodes[topology.end[members]] - nodes[topology.b[members]]
@@ -83,7 +82,7 @@ class ParameterChanges(NamedTuple):
         return cls(
             spins=(span_rates / (bent.lines.length * bent.lines.axis)[:, None]).imag,
             sections=section_rates(
-                bent.structure, bent.frame, nodes, pressures, directions[columns.stiffness]
+                bent.structure, bent.tangent.frame, nodes, pressures, directions[columns.stiffness]
             ),
             nodes=nodes,
             pressures=pressures,
@@ -96,54 +95,51 @@ class LoadedTubes(NamedTuple):
     """Bent tubes of a robot with a held object, with derivatives along p parameter changes."""
 
     grip: HeldGrip  #: the held object
+    linear: Linear  #: its linearised equations
+    tubes: BentTubes  #: the tubes of this sample
     changes: ParameterChanges  #: the parameter changes
-    pushes: Pushes  #: loads of the contacts on the tubes
     depth_rates: Array  #: (k, p) derivatives of the dents' depths at constant unknowns [m]
     by_sections: TubeRates  #: derivatives at constant loads
 
     @classmethod
     def of(
-        cls, grip: HeldGrip, directions: Array, columns: GraspParameters, reach: float = ROUNDING
+        cls, grip: HeldGrip, directions: Array, columns: GraspParameters, exact: bool = False
     ) -> LoadedTubes:
         """
         Return the tubes with derivatives along p `directions` (n, p) of the n parameters.
 
-        The tubes are linearised again if a node has moved by more than `reach` [m].
+        If they must be exact, the equations are linearised at the equilibrium; otherwise those of
+        the last step of Newton's method are taken.
         """
         if grip.response is None:
             raise GraspError(
                 'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
             )
-        bent, loads, feet = grip.statics.bent, grip.state.loads, grip.state.feet
-        if bent.distance(bent.predict(loads, feet)) > reach:
-            grip = with_tubes(grip, update_tubes(bent, loads, feet))
-        return cls.at(grip, ParameterChanges.of(grip, directions, columns))
-
-    @classmethod
-    def at(cls, grip: HeldGrip, changes: ParameterChanges) -> LoadedTubes:
-        """Return the tubes with derivatives along given changes."""
-        state, dents = grip.state, grip.statics.dents
-        pushes = grip.statics.pushes(state.unknowns)
-        angles = object_angles(state.unknowns, state.normals)
+        one = grip.alone
+        linear = linearize_at(one.g, one.iterate) if exact else one.linear
+        tubes = take(linear.tubes, 0)
+        changes = ParameterChanges.of(grip, tubes, directions, columns)
+        state, dents = grip.state, one.g.dents.take_samples(0)
+        angles = np.angle(state.normals * np.exp(-1j * state.unknowns[ANGLE]))
         tube = grip.config.robot.topology.tube[grip.contacts.members]
-        depth_rates = pushes.depth_by_angle[:, None] * changes.spins
+        depth_rates = linear.pushes.depth_by_angle[0][:, None] * changes.spins
         if changes.pressures.any():
             by_pressure = dents.pressure_rates(state.normal_forces, angles)
             depth_rates += by_pressure[:, None] * changes.pressures[tube]
-        by_sections = find_section_changes(grip.statics.bent, changes.sections, changes.nodes)
-        return cls(grip, changes, pushes, depth_rates, by_sections)
+        by_sections = find_section_changes(tubes, changes.sections, changes.nodes)
+        return cls(grip, linear, tubes, changes, depth_rates, by_sections)
 
     def equation_rates(self, sticks: bool = False) -> Array:
         """Return the equations' derivatives (3 + 4k, p), for `sticks` those without slip."""
-        grip, statics, state, body = self.grip, self.grip.statics, self.grip.state, self.grip.body
-        indices, bent, normals = state.places, statics.bent, state.normals[:, None]
-        lines, layout = bent.lines, bent.frame.layout
+        grip, g, state, body = self.grip, self.grip.samples.g, self.grip.state, self.grip.body
+        indices, normals, lines = state.places, state.normals[:, None], self.tubes.lines
+        layout = self.tubes.tangent.frame.layout
         spins, axis = self.changes.spins, lines.axis[:, None]
         at_constant_unknowns = self.respond(np.zeros((indices.size, spins.shape[1])))
         # Touch: gaps from the object's surface to the tubes, in axes that turn with the members.
         node_rates = at_constant_unknowns.nodes[layout.nodes]
-        displaced = bent.tangent.displacements[layout.nodes]
-        points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
+        displaced = self.tubes.tangent.displacements[layout.nodes]
+        points, radii = body.shape.surface_at(g.contacts.corners, state.normals / body.turn)
         to_contacts = (body.turn * points)[:, None]
         # The contact points move on the surface, because the normals turn with the members.
         contact_rates = 1j * radii[:, None] * spins * normals
@@ -155,22 +151,22 @@ class LoadedTubes(NamedTuple):
         slope_rates = at_constant_unknowns.inclinations - spins
         touch = np.stack([gap_rates.real, gap_rates.imag, slope_rates], axis=1)
         # Balance: the forces on the tubes, x + iy, turn with the members.
-        forces = self.pushes.member_forces[:, None] * axis
+        forces = self.linear.pushes.forces[0][:, None] * axis
         force_rates = 1j * spins * forces
         torques = contact_rates.conj() * forces + to_contacts.conj() * force_rates
         torque = torques.imag.sum(axis=0)
         total = force_rates.sum(axis=0)
         balance = self.changes.wrench - np.stack([total.real, total.imag, torque / grip.arm])
         # The conditions depend on the normals, which turn with the members.
-        rows = state.jacobian[indices.conditions]
+        rows = self.linear.jacobian[0, indices.conditions]
         if sticks:
-            rows = rolling_rows(statics, state.unknowns, state.normals)
+            rows = grip.alone.g.rolling_rows(radii[None])[0]
         conditions = rows[:, indices.inclinations] @ spins
         if not sticks:
             # Other conditions depend on the pose relative to the measured pose, of which x and y
             # are those of the centroid. If the measured angle changes, both centroids turn about
             # their origins; `turning` is the difference.
-            measured = statics.body
+            measured = grip.measured
             shift = measured.middle - measured.center - (body.middle - body.center)
             turning = np.outer([-shift.imag, shift.real, 0.0], self.changes.place[ANGLE])
             conditions -= rows[:, :POSE] @ (self.changes.place + turning)
@@ -179,12 +175,12 @@ class LoadedTubes(NamedTuple):
     def respond(self, change: Array) -> TubeRates:
         """Return the tubes' derivatives, given those (3 + 4k, p) of the equilibrium's unknowns."""
         state, changes = self.grip.state, self.changes
-        force_rates = 1j * changes.spins * self.pushes.member_forces[:, None]
+        force_rates = 1j * changes.spins * self.linear.pushes.forces[0][:, None]
         # Friction acts at the skin, so its moment depends on the depths of the dents.
         moment_rates = self.depth_rates * state.friction_forces[:, None]
         loads = np.stack([force_rates.real, force_rates.imag, moment_rates], axis=1)
-        loads += self.pushes.load_rates(change)
-        by_loads = find_load_changes(self.grip.statics.bent, loads, change[state.places.feet])
+        loads += self.linear.load_rates(change[None])[0].reshape(loads.shape)
+        by_loads = find_load_changes(self.tubes, loads, change[state.places.feet])
         return TubeRates(*map(np.add, self.by_sections, by_loads))
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
@@ -193,13 +189,13 @@ class LoadedTubes(NamedTuple):
 
         That of a tube without loads has a kink at zero; its derivatives are zero.
         """
-        bent, robot, changes = self.grip.statics.bent, self.grip.config.robot, self.changes
-        usage, tube = self.grip.sections, robot.topology.tube
-        loaded = np.flatnonzero(usage.sections[0])  # members that the frame has
+        robot, changes, usage = self.grip.config.robot, self.changes, self.grip.sections
+        tube, loaded = robot.topology.tube, np.flatnonzero(usage.sections[0])
         radius, piece = 0.5 * robot.description.tube_diameter, usage.piece[loaded]
         # Loads of `evaluate_utilisation`: the bending moments are -M1 and M2 of `EndForces`, of
         # which the sum M1 + M2 and the difference M1 - M2 are given; wall tension, axial force.
-        force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[piece]
+        by_nodes, _ = self.tubes.tangent.force_changes(rates.nodes)
+        force_rates = (rates.forces + by_nodes)[piece]
         by_end_forces = np.array([[0.0, -0.5, -0.5], [0.0, 0.5, -0.5], [1.0, 0.0, 0.0]])
         load_rates = np.tensordot(by_end_forces, force_rates, (1, 1))
         load_rates[2] += np.pi * radius**2 * changes.pressures[tube[loaded]]
@@ -215,17 +211,12 @@ class LoadedTubes(NamedTuple):
         return usage.used, used_rates
 
 
-def with_tubes(grip: HeldGrip, bent: BentTubes) -> HeldGrip:
-    """Return the held object on tubes that are linearised about another state."""
-    return replace(grip, statics=replace(grip.statics, bent=bent))
-
-
 class HeldGradient(NamedTuple):
     """
     Derivatives of the unknowns, normal forces and joint positions of a held object.
 
     The p = r + k columns are the parameters: travel of the r rollers [m], and rolling invariants
-    of the k contacts [m], see `find_anchors`.
+    of the k contacts [m], see `Grasps.find_anchors`.
     """
 
     unknowns: Array  #: (3 + 4k, p) derivatives of the unknowns, first the pose (x, y, angle)
@@ -241,23 +232,18 @@ class HeldGradient(NamedTuple):
 
 
 @single_threaded
-def held_gradient(grip: HeldGrip, reach: float = FOLLOWED_MOTION) -> HeldGradient:
-    """
-    Return the derivatives by roller travel and rolling invariants; the contacts stick.
-
-    The tubes are linearised again if a node has moved by more than `reach` [m].
-    """
-    config, statics = grip.config, grip.statics
-    indices, parameters = grip.state.places, GraspParameters.of(config)
-    rollers, count = len(config.roller_positions), len(grip.anchors)
+def held_gradient(grip: HeldGrip) -> HeldGradient:
+    """Return the derivatives by roller travel and rolling invariants; the contacts stick."""
+    indices, parameters = grip.state.places, GraspParameters.of(grip.config)
+    rollers, count = len(grip.config.roller_positions), len(grip.contacts.members)
     # Columns: roller travel, then rolling invariants, which change no parameter of a grasp.
     directions = np.zeros((parameters.size, rollers + count))
     directions[parameters.rollers, :rollers] = np.eye(rollers)
-    tubes = LoadedTubes.of(grip, directions, parameters, reach)
+    tubes = LoadedTubes.of(grip, directions, parameters)
     residuals = tubes.equation_rates(sticks=True)
-    residuals[indices.conditions, :rollers] += statics.anchor_rates
+    residuals[indices.conditions, :rollers] += grip.anchor_rates
     residuals[indices.conditions, rollers:] -= np.eye(count)
     change = grip.respond(residuals)
     forces = grip.contacts.sum_by_member(change[indices.normal])
-    joints = tubes.respond(change).nodes[: len(config.robot.topology.joint_names), :2]
+    joints = tubes.respond(change).nodes[: len(grip.config.robot.topology.joint_names), :2]
     return HeldGradient(change, forces, joints.reshape(-1, change.shape[1]))

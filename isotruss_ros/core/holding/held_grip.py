@@ -1,29 +1,40 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Equilibrium of a convex object held by members in one configuration."""
+"""Equilibria of convex objects held by members: of n samples, and one of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 import enum
 import functools
 import math
 from typing import Any, ClassVar, NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.build_statics import statics_of
 from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
-from isotruss_ros.core.holding.contact_statics import ContactStatics, object_angles
+from isotruss_ros.core.holding.equations import (
+    Grasps,
+    History,
+    Linear,
+    linearize_grasps,
+    Pushes,
+)
 from isotruss_ros.core.holding.grip_response import (
     find_response,
     GripResponse,
     respond,
     slip_planes,
 )
+from isotruss_ros.core.holding.newton import are_on_members, Iterate, linearize_at
+from isotruss_ros.core.holding.overlaps import (
+    find_depths_in_others,
+    find_free_corners,
+    FreeCorner,
+    HeldObjects,
+)
 from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
-from isotruss_ros.core.holding.rolling_invariants import find_anchors
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import BentParts
 from isotruss_ros.core.manipulation.grip import Grip
@@ -31,18 +42,13 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Shape
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.samples import plain, take
-from isotruss_ros.core.statics.bent_tubes import BentState, BentTubes
-from isotruss_ros.core.statics.load_points import Cuts, Lines
-from isotruss_ros.core.statics.structure import ConfigurationSamples, structure_under
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.samples import take
+from isotruss_ros.core.statics.bent_tubes import BentState, BentTubes, CenterLines, Motion
+from isotruss_ros.core.statics.structure import structures_under
 from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
-from scipy.linalg import lapack
 
-#: Largest distance between an equilibrium and the measured pose, and largest gap of a member that
-#: a motion may close, in tube diameters [-].
-MAX_DISPLACEMENT = 0.25
 #: Number of points on each bent centre line, ends and a contact included [-]. The chords of a line
 #: that is 40 mm off its straight place are within 0.3 mm of it.
 LINE_POINTS = 15
@@ -53,22 +59,6 @@ MAX_EXTRAPOLATION = 2.0
 #: this bound, a third of it admits two that slid by some millimetres, and three times of it
 #: refuses five that did not slide.
 MIN_RELATIVE_MARGIN = 0.01
-
-
-#: Values of an equilibrium that are kept with it, if they were found.
-FOUND = 'displacements', 'end_forces', 'friction_forces', 'normal_forces', 'response', 'sections'
-
-
-class _OfSamples(functools.cached_property[Any]):
-    """Cached property of a grip, which is taken from several samples if they have it."""
-
-    def __get__(self, grip: Any, owner: type[Any] | None = None) -> Any:
-        """Return the value."""
-        samples = None if grip is None else vars(grip).get('_samples')
-        if samples is None or self.attrname not in vars(samples):
-            return super().__get__(grip, owner)
-        value = take(vars(samples)[self.attrname], grip.number)
-        return vars(grip).setdefault(self.attrname, value)
 
 
 class HoldStatus(enum.Enum):
@@ -111,134 +101,257 @@ class GraspInputs(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class Equilibria:
+    """Equilibria of n objects with the same contacts and one layout of the tubes."""
+
+    shared: ClassVar[tuple[str, ...]] = ()
+    g: Grasps  #: constants of the grasps
+    iterate: Iterate  #: unknowns, and bent tubes
+    #: equations before the last step of Newton's method; None: linearised when they are read
+    tangent: Linear | None = None
+    #: response to wrenches and utilisation of the tubes; None: found when they are read
+    verdict: tuple[GripResponse, Utilisation] | None = None
+
+    def __reduce__(self) -> tuple[Callable[..., Equilibria], tuple[Any, ...]]:
+        """Return the numbers of the equilibria for pickling; equations follow from them."""
+        g, about = self.g, None
+        if self.tangent is not None:
+            tubes = self.tangent.tubes
+            about = self.tangent.unknowns, tubes.state, tubes.loads, tubes.received
+        config: Any = g.structure.config
+        structure = config.configs, g.structure.pressures, g.structure.stiffness
+        constants = g.bodies.objects, g.contacts, g.wrench, g.grazing, g.history
+        return _restore, (structure, constants, self.iterate, about, self.verdict)
+
+    def judged(self, keeps_tangent: bool) -> Equilibria:
+        """Return the equilibria with their verdict, with linearised tubes or without."""
+        tangent = self.tangent if keeps_tangent else None
+        return Equilibria(self.g, self.iterate, tangent, (self.response, self.sections))
+
+    @functools.cached_property
+    def linear(self) -> Linear:
+        """Return the linearised equations."""
+        return linearize_at(self.g, self.iterate) if self.tangent is None else self.tangent
+
+    @functools.cached_property
+    def bodies(self) -> ObjectSamples:
+        """Return the objects at their poses in equilibrium."""
+        return self.g.bodies.moved_to(self.iterate.unknowns[:, :3])
+
+    @functools.cached_property
+    def pushes(self) -> Pushes:
+        """Return the loads of the contacts on the tubes."""
+        return Pushes.of(self.g, self.iterate.unknowns)
+
+    @functools.cached_property
+    def normals(self) -> Points:
+        """Return the unit normals from the objects toward the tubes, (n, k)."""
+        inclinations = self.iterate.unknowns[:, self.g.places.inclinations]
+        return self.g.straight_normals * np.exp(1j * inclinations)
+
+    @functools.cached_property
+    def history(self) -> History:
+        """Return rolling invariants and angles, from which the contacts roll on."""
+        unknowns = self.iterate.unknowns
+        angles = self.g.find_angles(unknowns, self.normals)
+        if self.g.history is not None and not self.g.history.frictionless:
+            return History(self.g.history.anchors, angles)
+        anchors = self.g.find_anchors(unknowns, self.normals)
+        if self.g.history is not None:
+            old = np.ones(anchors.shape[-1], dtype=bool)
+            old[list(self.g.history.frictionless)] = False
+            anchors = np.where(old, self.g.history.anchors, anchors)
+        return History(anchors, angles)
+
+    @functools.cached_property
+    def normal_forces(self) -> Array:
+        """Return the normal forces of the grasping members, (n, m) [N]."""
+        forces = self.iterate.unknowns[:, self.g.places.normal]
+        return self.g.contacts.sum_by_member(forces, axis=-1)
+
+    @functools.cached_property
+    def friction_forces(self) -> Array:
+        """Return the friction force on each grasping member, (n, m), counter-clockwise [N]."""
+        forces = self.iterate.unknowns[:, self.g.places.friction]
+        return self.g.contacts.sum_by_member(forces, axis=-1)
+
+    @functools.cached_property
+    def required_friction(self) -> Array:
+        """Return the smallest coefficients of friction (n,) at which no member slips."""
+        with np.errstate(divide='ignore', invalid='ignore'):
+            return (np.abs(self.friction_forces) / self.normal_forces).max(axis=-1)
+
+    @functools.cached_property
+    def are_on_members(self) -> Flags:
+        """Return whether all contacts (n,) are between the ends of their members."""
+        return are_on_members(self.g, self.iterate.unknowns)
+
+    @functools.cached_property
+    def center_lines(self) -> CenterLines:
+        """Return the bent centre lines of the tubes."""
+        return CenterLines.of(self.linear.tubes, self._change)
+
+    @functools.cached_property
+    def end_forces(self) -> tuple[Array, Array]:
+        """Return end forces and axial forces of the tubes, see `BentTubes.end_forces`."""
+        return self.linear.tubes.end_forces(self._change)
+
+    @functools.cached_property
+    def _change(self) -> Motion:
+        """Return the change of the tubes since they were linearised."""
+        feet = self.iterate.unknowns[:, self.g.places.feet]
+        return self.linear.tubes.move(self.pushes.loads, feet)
+
+    @functools.cached_property
+    def sections(self) -> Utilisation:
+        """Return the utilisation of the tubes under the contact forces."""
+        if self.verdict is not None:
+            return self.verdict[1]
+        frame = self.linear.tubes.tangent.frame
+        return find_utilisation(self.g.structure, frame, *self.end_forces)
+
+    @functools.cached_property
+    def response(self) -> GripResponse:
+        """Return the objects' linear response to wrenches."""
+        if self.verdict is not None:
+            return self.verdict[0]
+        return find_response(self.g, self.iterate.unknowns, self.linear, self.bodies, self.normals)
+
+    @functools.cached_property
+    def shifts(self) -> Array:
+        """Return the distances (n,) of the centroids from their measured positions [m]."""
+        return np.abs(self.bodies.middle - self.g.bodies.middle)
+
+    @functools.cached_property
+    def free_corners(self) -> list[list[FreeCorner]]:
+        """Return the corners of each object that are near grasping members without contact."""
+        return find_free_corners(self._objects, lambda: self.center_lines)
+
+    @functools.cached_property
+    def depths_in_others(self) -> tuple[Indices, Array]:
+        """Return other members near the objects, and depths in them [m]."""
+        return find_depths_in_others(self._objects, lambda: self.center_lines)
+
+    @property
+    def _objects(self) -> HeldObjects:
+        return HeldObjects(self.g, self.bodies, self.normals)
+
+
+@dataclass(frozen=True, eq=False)
 class HeldGrip:
     """
     Equilibrium of a convex object between two or three members, with its rolling invariants.
 
     `attach_grip` finds the equilibrium near a measured pose; `roll_grip` finds it in another
     configuration, to which the contacts have rolled.
-
-    Equilibria of n samples with the same contacts and one layout of the tubes are one grip, whose
-    arrays have the samples as their first axis.
     """
 
-    shared: ClassVar[tuple[str, ...]] = ('member_names', 'members')
-    anchors: Array  #: (k,) rolling invariants, see `find_anchors` [m]
-    angles: Array  #: (k,) angles of the normals in the object's frame, continued beyond pi [rad]
-    statics: ContactStatics  #: equations of equilibrium in this configuration
-    state: ContactForces  #: solution of the equations
-    wrench: Array  #: wrench (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N]
+    samples: Equilibria  #: equilibria of which this is one
+    number: int = 0  #: its index among them
     #: changes of roller travel (r,) [m] and unknowns (3 + 4k,) since the previous configuration
     motion: tuple[Array, Array] | None = None
 
-    @classmethod
-    def of(cls, statics: ContactStatics, state: ContactForces, wrench: Array) -> HeldGrip:
-        """Return a grip with a solution of the equations, whose contacts have not rolled yet."""
-        grip = cls.__new__(cls)
-        grip.__dict__.update(statics=statics, state=state, wrench=wrench, motion=None)
-        return grip
+    @functools.cached_property
+    def alone(self) -> Equilibria:
+        """Return this equilibrium as the only sample."""
+        if len(self.samples.iterate.unknowns) == 1:
+            return self.samples
+        return take(self.samples, np.array([self.number]))
 
-    @classmethod
-    def sample(cls, samples: HeldGrip, number: int) -> HeldGrip:
-        """Return one of several samples, whose arrays are taken when they are read."""
-        if samples.wrench.ndim == 1:  # the only one
-            return samples
-        grip = cls.__new__(cls)
-        grip.__dict__.update(_samples=samples, _number=number)
-        return grip
-
-    def __getattr__(self, name: str) -> Any:
-        """Return a field that has not been read, see `of` and `sample`."""
-        if name == 'angles' or name == 'anchors':
-            state = self.state
-            angles = object_angles(state.unknowns, state.normals)
-            anchors = find_anchors(self.statics, state.unknowns, state.normals, angles)
-            self.__dict__.update(angles=angles, anchors=anchors)
-            return self.__dict__[name]
-        if name not in type(self).__dataclass_fields__ or '_samples' not in vars(self):
-            raise AttributeError(f'{type(self).__name__} has no attribute {name!r}')
-        self.__dict__[name] = take(getattr(self._samples, name), self._number)
-        return self.__dict__[name]
-
-    def __reduce__(
-        self,
-    ) -> tuple[Callable[[StoredEquilibrium], HeldGrip], tuple[StoredEquilibrium]]:
-        """Return the numbers of the equilibrium for pickling."""
-        return StoredEquilibrium.restore, (StoredEquilibrium.of(self),)
-
-    def without_tangents(self) -> HeldGrip:
-        """Return a copy without linearised tubes, with all values of the equilibria."""
-        grip = type(self).__new__(type(self))
-        statics = replace(self.statics, bent=replace(self.statics.bent))
-        grip.__dict__.update(vars(self), statics=statics)
-        return grip
+    def with_anchors(self, anchors: Array, motion: tuple[Array, Array] | None = None) -> HeldGrip:
+        """Return this equilibrium with contacts that roll on from other invariants (k,) [m]."""
+        one = self.alone
+        history = History(anchors[None], one.history.angles)
+        changed = Equilibria(one.g._replace(history=history), one.iterate, one.linear, one.verdict)
+        return HeldGrip(changed, motion=self.motion if motion is None else motion)
 
     @property
     def config(self) -> Configuration:
         """Return the configuration of the robot."""
-        return self.statics.bent.structure.config
+        config: Any = self.samples.g.structure.config
+        return config.configs[self.number]
 
     @property
-    def structure(self) -> tuple[Configuration, tuple[float, ...], float]:
-        """Return configuration, pressures of the tubes [Pa], and factor on their stiffness."""
-        structure: Any = self.origin.statics.bent.structure
-        if not isinstance(structure.config, ConfigurationSamples):
-            return structure.config, structure.pressures, structure.stiffness
-        i = self.number
-        pressures, stiffness = structure.pressures[i].tolist(), float(structure.stiffness[i])
-        return structure.config.configs[i], tuple(pressures), stiffness
+    def pressures(self) -> tuple[float, ...]:
+        """Return the gauge pressure of each tube, (t,) [Pa]."""
+        return tuple(self.samples.g.structure.pressures[self.number].tolist())
+
+    @property
+    def stiffness(self) -> float:
+        """Return the factor on EA, EI and GA of the tubes [-]."""
+        return float(self.samples.g.structure.stiffness[self.number])
+
+    @property
+    def wrench(self) -> Array:
+        """Return the wrench on the object, fx, fy and m / arm, see `ConvexObject.arm` [N]."""
+        return self.samples.g.wrench[self.number]
+
+    @property
+    def measured(self) -> ConvexObject:
+        """Return the object at its measured pose."""
+        return self.samples.g.bodies.objects[self.number]
 
     @property
     def inputs(self) -> GraspInputs:
         """Return the inputs of which this is the equilibrium, if the contacts have not rolled."""
-        structure, wrench = self.statics.bent.structure, self.wrench * (1.0, 1.0, self.arm)
-        return GraspInputs(
-            structure.config,
-            self.statics.body,
-            self.members,
-            wrench,
-            structure.pressures,
-            structure.stiffness,
-        )
+        wrench = self.wrench * (1.0, 1.0, self.arm)
+        body = self.measured
+        return GraspInputs(self.config, body, self.members, wrench, self.pressures, self.stiffness)
 
     @property
     def contacts(self) -> PressedContacts:
         """Return the k contacts of the object."""
-        return self.origin.statics.contacts
+        return self.samples.g.contacts
 
     @property
     def shape(self) -> Shape:
         """Return the shape of the object."""
-        if self.origin is self:
-            return self.statics.body.shape
-        return self.origin.statics.body.objects[self.number].shape
+        return self.measured.shape
 
     @property
-    def number(self) -> int:
-        """Return the number of this sample in `origin`."""
-        return vars(self).get('_number', 0)
+    def unknowns(self) -> Array:
+        """Return the unknowns, (3 + 4k,), see `ContactForces`."""
+        return self.samples.iterate.unknowns[self.number]
+
+    @functools.cached_property
+    def state(self) -> ContactForces:
+        """Return pose, contacts and forces of the object."""
+        samples, i = self.samples, self.number
+        loads = samples.pushes.loads[i].reshape(-1, 3)
+        jacobian = samples.linear.jacobian[i]
+        return ContactForces(samples.iterate.unknowns[i], samples.normals[i], loads, jacobian)
+
+    def displaced(self, change: Array) -> HeldGrip:
+        """Return the grip with unknowns changed by (3 + 4k,), at which an iteration may begin."""
+        one = self.alone
+        at = one.iterate._replace(unknowns=one.iterate.unknowns + change)
+        return HeldGrip(Equilibria(one.g, at, one.tangent), motion=self.motion)
 
     @property
-    def origin(self) -> HeldGrip:
-        """Return the samples of which this is one, see `sample`; otherwise this grip."""
-        return vars(self).get('_samples', self)
+    def rolling_rows(self) -> Array:
+        """Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns."""
+        return self.samples.g.rolling_rows(self.samples.linear.radii)[self.number]
 
-    def value_among_samples(self, name: str, find: Callable[[HeldGrip], Any]) -> Any:
-        """Return the value of this sample in what `find` returns for all, found at first use."""
-        known = vars(self.origin)
-        if name not in known:
-            known[name] = find(self.origin)
-        return known[name][self.number]
+    @property
+    def anchor_rates(self) -> Array:
+        """Return the derivatives (k, r) of the rolling invariants by roller travel."""
+        return self.samples.g.anchor_rates[self.number]
+
+    @property
+    def anchors(self) -> Array:
+        """Return the rolling invariants (k,), see `Grasps.find_anchors` [m]."""
+        return self.samples.history.anchors[self.number]
+
+    @property
+    def angles(self) -> Array:
+        """Return the angles of the normals in the object, (k,), continued beyond pi [rad]."""
+        return self.samples.history.angles[self.number]
 
     @functools.cached_property
     def body(self) -> ConvexObject:
         """Return the object at its pose in equilibrium."""
-        body: Any = self.statics.body
-        poses = self.state.unknowns[..., :3]
-        if isinstance(body, ObjectSamples):
-            return body.moved_to(poses)  # type: ignore[return-value]
-        x, y, angle = poses.tolist()
-        return body.moved_to((x, y, math.remainder(angle, 2.0 * math.pi)))
+        x, y, angle = self.unknowns[:3].tolist()
+        return self.measured.moved_to((x, y, math.remainder(angle, 2.0 * math.pi)))
 
     @property
     def pose(self) -> Pose:
@@ -246,76 +359,77 @@ class HeldGrip:
         return self.body.pose
 
     @property
-    def pressures(self) -> tuple[float, ...]:
-        """Return the gauge pressure of each tube, (t,) [Pa]."""
-        return self.statics.bent.structure.pressures
-
-    @property
     def arm(self) -> float:
         """Return the characteristic radius, see `ConvexObject.arm` [m]."""
-        return self.statics.body.arm
-
-    @functools.cached_property
-    def member_names(self) -> tuple[str, ...]:
-        """Return the names of the grasping members."""
-        return tuple(self.config.robot.member_names[i] for i in self.members)
-
-    def touching(self, friction: float) -> Grip:
-        """Return the contacts of this equilibrium as a `Grip`, with the bent robot."""
-        grip = Grip(self.member_names, self.body, friction, bent=self.bent_parts)
-        return grip.touching(self.contacts.owners, self.contacts.corners)
-
-    @_OfSamples
-    def normal_forces(self) -> Array:
-        """Return the normal forces of the grasping members, (m,) [N]."""
-        return self.contacts.sum_by_member(self.state.normal_forces, axis=-1)
-
-    @_OfSamples
-    def friction_forces(self) -> Array:
-        """Return the friction force on each grasping member, (m,), counter-clockwise [N]."""
-        return self.contacts.sum_by_member(self.state.friction_forces, axis=-1)
-
-    @functools.cached_property
-    def squeeze(self) -> float:
-        """Return the mean normal force of the grasping members [N]."""
-        return plain(self.normal_forces.mean(axis=-1))
-
-    @functools.cached_property
-    def required_friction(self) -> float:
-        """Return the smallest coefficient of friction at which no member slips."""
-        return plain((np.abs(self.friction_forces) / self.normal_forces).max(axis=-1))
-
-    def hold(self, friction: float) -> HoldStatus:
-        """Return the object's hold status for a given coefficient of friction."""
-        if self.normal_forces.min() <= 0.0:
-            return HoldStatus.NO_CONTACT
-        if not self.statics.are_on_members(self.state.feet):
-            return HoldStatus.OFF_MEMBER
-        return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
-
-    def slip_margin(self, friction: float) -> float:
-        """Return the slip margin, see `SlipPlanes` [N]; zero in a neutral equilibrium."""
-        return 0.0 if self.response is None else float(slip_planes(self.response, friction).margin)
+        return self.measured.arm
 
     @functools.cached_property
     def members(self) -> Indices:
         """Return the indices (m,) of the grasping members."""
         return self.contacts.members[self.contacts.member_starts]
 
-    @_OfSamples
+    @functools.cached_property
+    def member_names(self) -> tuple[str, ...]:
+        """Return the names of the grasping members."""
+        return tuple(self.config.robot.member_names[i] for i in self.members)
+
+    @property
+    def free_corners(self) -> list[FreeCorner]:
+        """Return the corners that are near grasping members without contact."""
+        return self.samples.free_corners[self.number]
+
+    def touching(self, friction: float) -> Grip:
+        """Return the contacts of this equilibrium as a `Grip`, with the bent robot."""
+        grip = Grip(self.member_names, self.body, friction, bent=self.bent_parts)
+        return grip.touching(self.contacts.owners, self.contacts.corners)
+
+    @property
+    def normal_forces(self) -> Array:
+        """Return the normal forces of the grasping members, (m,) [N]."""
+        return self.samples.normal_forces[self.number]
+
+    @property
+    def friction_forces(self) -> Array:
+        """Return the friction force on each grasping member, (m,), counter-clockwise [N]."""
+        return self.samples.friction_forces[self.number]
+
+    @functools.cached_property
+    def squeeze(self) -> float:
+        """Return the mean normal force of the grasping members [N]."""
+        return float(self.normal_forces.mean())
+
+    @property
+    def required_friction(self) -> float:
+        """Return the smallest coefficient of friction at which no member slips."""
+        return float(self.samples.required_friction[self.number])
+
+    def hold(self, friction: float) -> HoldStatus:
+        """Return the object's hold status for a given coefficient of friction."""
+        if self.normal_forces.min() <= 0.0:
+            return HoldStatus.NO_CONTACT
+        if not self.samples.are_on_members[self.number]:
+            return HoldStatus.OFF_MEMBER
+        return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
+
+    @functools.cached_property
+    def response(self) -> GripResponse | None:
+        """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
+        response = take(self.samples.response, self.number)
+        return None if response.is_neutral else response
+
+    def slip_margin(self, friction: float) -> float:
+        """Return the slip margin, see `SlipPlanes` [N]; zero in a neutral equilibrium."""
+        return 0.0 if self.response is None else float(slip_planes(self.response, friction).margin)
+
+    @property
     def displacements(self) -> Array:
         """Return ux, uy [m] and theta [rad] of the nodes of the bent frame, (n, 3)."""
-        return self.statics.bent.displacements(self.state.loads, self.state.feet)
+        return self.samples.center_lines.displacements[self.number]
 
     def bent_lines(self, members: Indices, positions: Array) -> tuple[Points, Points]:
         """Return points (c,) of bent centre lines [m], and their rotations exp(i theta)."""
-        bent, config = self.statics.bent, self.config
-        pieces, within, _ = bent.structure.locate(members, positions)
-        moved = bent.frame.interpolate(self.displacements, pieces, within)
-        ux, uy, angles = (moved[..., i] for i in range(3))
-        starts = config.points[..., config.robot.topology.b[members]]
-        straight = starts + positions * config.member_axes[..., members]
-        return straight + (ux + 1j * uy), np.exp(1j * angles)
+        points, rotations = self.alone.center_lines.at(members, positions[None])
+        return points[0], rotations[0]
 
     @functools.cached_property
     def bent_parts(self) -> BentParts:
@@ -344,49 +458,65 @@ class HeldGrip:
         members = np.repeat(np.arange(len(positions)), LINE_POINTS)
         return positions, self.bent_lines(members, positions.ravel())[0].reshape(positions.shape)
 
-    @_OfSamples
+    @property
     def end_forces(self) -> tuple[Array, Array]:
         """Return end forces and axial forces of the tubes, see `BentTubes.end_forces`."""
-        return self.statics.bent.end_forces(self.state.loads, self.state.feet)
+        return take(self.samples.end_forces, self.number)
 
-    @_OfSamples
+    @functools.cached_property
     def sections(self) -> Utilisation:
         """Return the utilisation of the tubes under the contact forces."""
-        bent = self.statics.bent
-        return find_utilisation(bent.structure, bent.frame, *self.end_forces)
+        return take(self.samples.sections, self.number)
 
     @functools.cached_property
     def patches(self) -> ContactPatches:
         """Return the contact patches on the grasping members."""
-        skins = self.statics.dents.press(self.state.normal_forces, self.angles)
-        return find_patches(self.contacts, self.state, self.statics.bent, self.end_forces, skins)
+        return self.patches_under(self.state.normal_forces)
+
+    def patches_under(self, normal_forces: Array) -> ContactPatches:
+        """Return the contact patches on the bent tubes under normal forces (k,) on the skins."""
+        samples, i = self.samples, self.number
+        skins = samples.g.dents.take_samples(i).press(normal_forces, self.angles)
+        tubes = samples.linear.tubes
+        layout, directions = tubes.tangent.frame.layout, tubes.cuts.directions[i]
+        gauge = samples.g.structure.pressures[i]
+        return find_patches(
+            self.contacts,
+            self.state,
+            self.config,
+            gauge,
+            layout,
+            directions,
+            self.end_forces,
+            skins,
+        )
 
     @functools.cached_property
     def nonlinearity(self) -> float:
         """Return the relative increase of the contact forces by the bending of the tubes [-]."""
-        bent, loads, feet = self.statics.bent, self.state.loads, self.state.feet
-        straight = BentTubes.of(bent.structure, bent.members, feet)
+        one = self.alone
+        g, loads = one.g, one.pushes.loads
+        feet = one.iterate.unknowns[:, g.places.feet]
+        straight = BentState.straight(g.structure, feet, True)
+        none = np.zeros(loads.shape)
+        linear = BentTubes.of(g.structure, g.contacts.members, g.lines, straight, none)
         # Linear tubes would leave gaps, which changes of forces and pose close.
-        gaps = bent.respond(loads, feet) - straight.respond(loads, feet)
-        residual = np.zeros(self.state.places.size)
+        residual = np.zeros(g.places.size)
+        gaps = one.linear.tubes.respond(loads, feet) - linear.respond(loads, feet)
         residual[: gaps.size] = gaps.ravel()
-        _, _, change, singular = lapack.dgesv(self.state.jacobian, residual)
-        linear_surplus = float(change[self.state.places.normal].sum())
-        return 0.0 if singular else -linear_surplus / float(self.state.normal_forces.sum())
+        try:
+            change = np.linalg.solve(one.linear.jacobian[0], residual)
+        except np.linalg.LinAlgError:
+            return 0.0
+        surplus = float(change[g.places.normal].sum())
+        return -surplus / float(self.state.normal_forces.sum())
 
     def respond(self, residuals: Array) -> Array | None:
         """Return the unknowns' changes that cancel residuals (3 + 4k, ...); None if neutral."""
-        columns = residuals.reshape(len(residuals), -1)
-        try:
-            return respond(self.statics, self.state, columns).reshape(residuals.shape)
-        except np.linalg.LinAlgError:
-            return None
-
-    @_OfSamples
-    def response(self) -> GripResponse | None:
-        """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
-        response = find_response(self.statics, self.state, self.body)
-        return None if response.is_neutral.ndim == 0 and response.is_neutral else response
+        one = self.alone
+        columns = residuals.reshape(1, len(residuals), -1)
+        changes = respond(one.g, one.iterate.unknowns, one.linear, columns)
+        return None if np.isnan(changes).any() else changes.reshape(residuals.shape)
 
     def squeeze_stiffness(self) -> float:
         """
@@ -397,81 +527,47 @@ class HeldGrip:
         """
         if self.response is None:
             return -0.0
-        changes = self.response.by_opening[self.state.places.normal]
+        changes = self.response.by_opening[self.samples.g.places.normal]
         return float(changes.sum()) / len(self.members)
+
+    def sample_dents_ahead(self) -> None:
+        """Compute the samples of dents that contacts need when they roll on."""
+        self.samples.g.dents.take_samples(self.number).sample_ahead(self.angles)
 
     def extrapolate(self, travel: Array) -> Array:
         """Return the unknowns (3 + 4k,) predicted after additional roller travel (r,) [m]."""
         if self.motion is None:
-            return self.state.unknowns
+            return self.unknowns
         previous_travel, change = self.motion
         square = float(previous_travel @ previous_travel)
         if square == 0.0:
-            return self.state.unknowns
+            return self.unknowns
         # Multiple of the previous motion, bounded: a much shorter motion predicts nothing.
         multiple = float(travel @ previous_travel) / square
         multiple = max(-MAX_EXTRAPOLATION, min(multiple, MAX_EXTRAPOLATION))
-        return self.state.unknowns + multiple * change
+        return self.unknowns + multiple * change
 
 
-class StoredEquilibrium(NamedTuple):
-    """Numbers of an equilibrium, from which it is restored as it is."""
-
-    config: Configuration
-    pressures: tuple[float, ...]  #: gauge pressure of each tube [Pa]
-    stiffness: float  #: factor on EA, EI and GA of the tubes [-]
-    body: ConvexObject  #: the object at its measured pose
-    contacts: PressedContacts
-    #: state of the bent tubes: `places`, `state` and `received` of `BentTubes`
-    bent: tuple[Array, BentState, Array | None]
-    active: Indices  #: blocks of the frame that deform
-    forces: ContactForces  #: solution of the equations
-    wrench: Array
-    anchors: Array
-    angles: Array
-    motion: tuple[Array, Array] | None
-    found: dict[str, Any]  #: values that were found at this equilibrium, by their names
-
-    @classmethod
-    def of(cls, grip: HeldGrip) -> StoredEquilibrium:
-        """Return the numbers of an equilibrium."""
-        samples, number = grip.origin, grip.number
-        bent, structure, body = samples.statics.bent, grip.structure, samples.statics.body
-        numbers = (bent.places, bent.state, bent.received), samples.state, samples.wrench
-        if samples is not grip:
-            numbers, body = take(numbers, number), body.objects[number]
-        state, forces, wrench = numbers
-        return cls(
-            *structure,
-            body=body,
-            contacts=grip.contacts,
-            bent=state,
-            active=bent.frame.layout.active,
-            forces=replace(forces),  # without cached values
-            wrench=wrench,
-            anchors=grip.anchors,
-            angles=grip.angles,
-            motion=grip.motion,
-            found={
-                name: getattr(grip, name)
-                for name in FOUND
-                if name in vars(samples) or name in vars(grip)
-            },
-        )
-
-    def restore(self) -> HeldGrip:
-        """Return the equilibrium; its tubes are linearised when they are read."""
-        structure = structure_under(self.config, self.pressures, self.stiffness)
-        (places, state, received), members = self.bent, self.contacts.members
-        cuts = Cuts.of(structure, members, places)
-        frame = structure.frame.cut(cuts.pieces, cuts.within, self.active)
-        lines = Lines.of(structure, members)
-        bent = BentTubes(structure, members, places, cuts, lines, frame, state, received)
-        statics = statics_of(bent, self.body, self.contacts)
-        fields = self.anchors, self.angles, statics, self.forces, self.wrench, self.motion
-        grip = HeldGrip(*fields)
-        vars(grip).update(self.found)
-        return grip
+def _restore(
+    structure: tuple[Sequence[Configuration], Array, Array],
+    constants: tuple[Any, ...],
+    iterate: Iterate,
+    about: tuple[Any, ...] | None,
+    verdict: tuple[GripResponse, Utilisation] | None,
+) -> Equilibria:
+    """Return pickled equilibria, see `Equilibria.__reduce__`."""
+    (configs, pressures, stiffness), (bodies, contacts, wrench, grazing, history) = (
+        structure,
+        constants,
+    )
+    tubes = structures_under(configs, list(map(tuple, pressures.tolist())), stiffness.tolist())
+    g = Grasps.of(tubes, ObjectSamples(bodies), contacts, wrench, grazing, history)
+    tangent = None
+    if about is not None:
+        unknowns, state, loads, received = about
+        bent = BentTubes.of(tubes, contacts.members, g.lines, state, loads, received)
+        tangent = linearize_grasps(g, unknowns, bent, Pushes.of(g, unknowns))
+    return Equilibria(g, iterate, tangent, verdict)
 
 
 def scaled_wrench(wrench: Array | None, arm: float) -> Array:

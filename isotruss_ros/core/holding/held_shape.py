@@ -20,7 +20,7 @@ import math
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.statics.bent_updates import activate_tubes
+from isotruss_ros.core.numerics.samples import take
 from isotruss_ros.core.statics.tube_rates import find_load_changes
 import numpy as np
 import scipy.linalg
@@ -37,7 +37,7 @@ def region_lines(grip: HeldGrip) -> Points:
     centers = grip.bent_lines(members, positions.ravel())[0].reshape(positions.shape)
     normals = grip.contacts.sum_by_member(grip.state.normals)[:, None]
     # Points of the undented skin, then the points of the object's surface nearest to them.
-    skin = centers - grip.statics.tube_radius * normals / np.abs(normals)
+    skin = centers - grip.samples.g.structure.tube_radius * normals / np.abs(normals)
     nearest = grip.body.nearest(skin.ravel())
     return skin - (nearest.gaps * nearest.normals).reshape(positions.shape)
 
@@ -96,8 +96,9 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
 def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return the generalised mass (3, 3) of modules and tubes for unit wrenches."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
-    loads = grip.statics.pushes(grip.state.unknowns).load_rates(grip.response.change)
-    bent = activate_tubes(grip.statics.bent)
+    linear = grip.alone.linear
+    loads = linear.load_rates(grip.response.change[None])[0].reshape(-1, 3, 3)
+    bent = take(linear.tubes.activated(), 0)
     nodes = find_load_changes(bent, loads, np.zeros((len(loads), 3))).nodes
     # Motions of pinch points B and C, where the tube pieces BD and CE of the modules start.
     piece_starts = bent.structure.frame.layout.start[bent.structure.pieces]

@@ -42,6 +42,16 @@ class PressedContacts:
         return np.array([distinct.index(member) for member in members])
 
     @functools.cached_property
+    def key(self) -> tuple[bytes, bytes]:
+        """Return a hashable value that is equal for equal contacts."""
+        return self.members.tobytes(), self.corners.tobytes()
+
+    @functools.cached_property
+    def owner_key(self) -> tuple[int, ...]:
+        """Return `owners` as a hashable value."""
+        return tuple(self.owners.tolist())
+
+    @functools.cached_property
     def by_member(self) -> list[Indices]:
         """Return the contacts of each grasping member: one, or two at the ends of a face."""
         return group_by_member(self.owners)

@@ -9,31 +9,32 @@ Ends of faces lose and gain contact, and a third member may come into contact.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from isotruss_ros.core.holding.build_statics import (
-    build_statics,
-    find_dents,
-    find_feet,
-    start_unknowns,
-)
 from isotruss_ros.core.holding.contact_search import ContactSet, run_search, search_contacts
-from isotruss_ros.core.holding.contact_statics import (
-    ContactConditions,
-    ContactStatics,
-    FRICTION_COMPLIANCE,
-    object_angles,
+from isotruss_ros.core.holding.equations import (
+    begin_straight,
+    find_dents,
+    Grasps,
+    History,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench
-from isotruss_ros.core.holding.newton import Accuracy, FOLLOWED, settle
-from isotruss_ros.core.holding.pressed_contacts import Places, POSE
-from isotruss_ros.core.holding.rolling_invariants import find_anchors, rolling_rows
+from isotruss_ros.core.holding.held_grip import Equilibria, HeldGrip, scaled_wrench
+from isotruss_ros.core.holding.newton import (
+    Accuracy,
+    find_equilibria,
+    FOLLOWED,
+    Iterate,
+    linearize_at,
+    QUICK,
+    step,
+)
+from isotruss_ros.core.holding.pressed_contacts import POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.factorization import solve_each
-from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
+from isotruss_ros.core.model.object_samples import ObjectSamples
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
+from isotruss_ros.core.statics.bent_tubes import BentState, BentTubes
+from isotruss_ros.core.statics.load_points import Lines
 from isotruss_ros.core.statics.section import tube_pressures
-from isotruss_ros.core.statics.structure import structure_under
+from isotruss_ros.core.statics.structure import Structure, structures_under
 import numpy as np
 
 
@@ -42,23 +43,20 @@ def roll_grip(
     config: Configuration,
     external_wrench: Array | None = None,
     accuracy: Accuracy = FOLLOWED,
-    is_begun: bool = False,
+    tubes: BentTubes | None = None,
 ) -> HeldGrip | None:
     """
     Return a grip in a near configuration after its contacts have rolled; None: no equilibrium.
 
     The end of a face loses contact if it is in tension, and gains contact if it would penetrate
     the member. A third member is part of the grip while it is in compression. The wrench is about
-    the origin of the object's frame [N, N m].
-
-    :param is_begun: whether the grip is that of `begin_roll` in this configuration, so that the
-        tubes are linearised already.
+    the origin of the object's frame [N, N m]. `tubes` are linearised already, see `begin_roll`.
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
 
     def solve(chosen: ContactSet, before: HeldGrip | None) -> HeldGrip | None:
-        start, has_begun = (grip, is_begun) if before is None else (before, False)
-        return roll_contacts(start, config, chosen, wrench, accuracy, has_begun)
+        start, known = (grip, tubes) if before is None else (before, None)
+        return roll_contacts(start, config, chosen, wrench, accuracy, known)
 
     return run_search(search_contacts(grip.contacts, rolls=True), solve)
 
@@ -67,21 +65,17 @@ def begin_roll(grip: HeldGrip, config: Configuration) -> HeldGrip | None:
     """
     Return a grip without a load after a step of Newton's method in a near configuration.
 
-    It is not in equilibrium: `roll_grip` finds that in the same configuration in fewer steps. None
-    if the equations are singular.
+    It is not in equilibrium: `roll_grip` finds that in the same configuration in fewer steps, with
+    its tubes. None if the equations are singular.
     """
     travel = config.roller_positions - grip.config.roller_positions
-    structure = structure_under(config, grip.pressures, grip.statics.bent.structure.stiffness)
-    unknowns = grip.extrapolate(travel)
-    statics = replace(grip.statics, bent=grip.statics.bent_under(unknowns, structure))
-    conditions = rolling_conditions(grip.anchors, grip.angles, np.zeros(0, dtype=int))
-    residual, state = statics.equations(unknowns, np.zeros(3), conditions)
-    unknowns = unknowns - solve_each(state.jacobian[None], residual[None, :, None])[0, :, 0]
-    if not np.isfinite(unknowns).all():
+    g, begin = _begin(grip, config, grip.extrapolate(travel), np.zeros(3))
+    linear = linearize_at(g, begin)
+    after = step(g, linear, np.inf).iterate
+    if not np.isfinite(after.unknowns).all():
         return None
-    motion = travel, unknowns - grip.state.unknowns
-    state = replace(state, unknowns=unknowns)
-    return replace(grip, statics=statics, state=state, motion=motion)
+    motion = travel, after.unknowns[0] - grip.unknowns
+    return HeldGrip(Equilibria(g, after, linear), motion=motion)
 
 
 def roll_contacts(
@@ -90,92 +84,91 @@ def roll_contacts(
     chosen: ContactSet,
     wrench: Array,
     accuracy: Accuracy = FOLLOWED,
-    is_begun: bool = False,
+    tubes: BentTubes | None = None,
 ) -> HeldGrip | None:
     """Return the equilibrium with given rolling contacts, or None; new ones have no friction."""
     travel = config.roller_positions - grip.config.roller_positions
-    are_same_contacts = chosen.contacts is grip.contacts
-    # New contacts have the origin -1; their anchors and angles are replaced below.
-    new_contacts = np.flatnonzero(chosen.origins < 0)
-    anchors = grip.anchors[chosen.origins]
-    previous_angles = grip.angles[chosen.origins]
-    # Where Newton's method starts: at the bent tubes, or for other contacts at straight tubes.
-    stiffness = grip.statics.bent.structure.stiffness
-    structure = structure_under(config, grip.pressures, stiffness)
-    if are_same_contacts:
-        starts = [grip.extrapolate(travel), grip.state.unknowns]
-        initial = grip.statics
-        if not is_begun:
-            initial = replace(initial, bent=initial.bent_under(starts[0], structure))
+    if chosen.contacts is not grip.contacts:
+        return _solve(*_begin_with(grip, config, chosen, wrench), accuracy)
+    before = grip.unknowns
+    if tubes is not None:
+        g = grip.alone.g._replace(wrench=wrench[None])
+        rolled = _solve(g, grip.alone.iterate, accuracy, tubes)
     else:
-        feet = find_feet(structure, grip.body, chosen.contacts)
-        initial = build_statics(structure, grip.body, chosen.contacts, feet, bool(wrench.any()))
-        starts = [_start_from(grip, initial, chosen.origins)]
-        angles = np.angle(initial.straight_normals / grip.body.turn)
-        previous_angles[new_contacts] = angles[new_contacts]
+        rolled = _solve(*_begin(grip, config, grip.extrapolate(travel), wrench), accuracy)
+        if rolled is None and grip.motion is not None:
+            rolled = _solve(*_begin(grip, config, before, wrench), accuracy)
+    if rolled is None:
+        return None
+    return HeldGrip(rolled.samples, motion=(travel, rolled.unknowns - before))
 
-    conditions = rolling_conditions(anchors, previous_angles, new_contacts)
-    for start in starts:
-        solution = settle(initial, start, wrench, conditions, MAX_SEARCH_STEPS, accuracy)
-        if solution is None:
-            continue
-        statics, state = solution
-        if len(new_contacts):
-            all_anchors = find_anchors(statics, state.unknowns, state.normals, previous_angles)
-            anchors[new_contacts] = all_anchors[new_contacts]
-        angles = object_angles(state.unknowns, state.normals, previous_angles)
-        motion = (travel, state.unknowns - grip.state.unknowns) if are_same_contacts else None
-        return HeldGrip(anchors, angles, statics, state, wrench, motion)
+
+def _solve(
+    g: Grasps, begin: Iterate, accuracy: Accuracy, tubes: BentTubes | None = None
+) -> HeldGrip | None:
+    """Return the equilibrium of one sample near an iterate, or None."""
+    for found in find_equilibria(g, begin, accuracy, QUICK, tubes):
+        return HeldGrip(Equilibria(found.g, found.iterate, found.linear))
     return None
 
 
-def _start_from(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Array:
-    """Return an initial guess of the unknowns (3 + 4k,) that follows from another equilibrium."""
-    start, is_continued = start_unknowns(statics), origins >= 0
+def _begin(
+    grip: HeldGrip, config: Configuration, unknowns: Array, wrench: Array
+) -> tuple[Grasps, Iterate]:
+    """Return rolling grasps in another configuration, with tubes bent as at given unknowns."""
+    one, structure = grip.alone, _structure(grip, config)
+    lines = Lines.of(structure, one.g.contacts.members)
+    g = one.g._replace(structure=structure, wrench=wrench[None], lines=lines, history=one.history)
+    at, linear = unknowns[None], one.linear
+    loads = linear.loads_after(at - linear.unknowns)
+    bent, _ = linear.tubes.moved(loads, at[:, g.places.feet])
+    return g, Iterate(at, linear.tubes.activate(bent))
+
+
+def _begin_with(
+    grip: HeldGrip, config: Configuration, chosen: ContactSet, wrench: Array
+) -> tuple[Grasps, Iterate]:
+    """Return rolling grasps with other contacts, and straight tubes with the forces before."""
+    one, structure, origins = grip.alone, _structure(grip, config), chosen.origins
+    # New contacts have the origin -1.
+    new = np.flatnonzero(origins < 0)
+    g = Grasps.of(structure, ObjectSamples([grip.body]), chosen.contacts, wrench[None])
+    angles = one.history.angles[:, origins]
+    angles[:, new] = np.angle(g.straight_normals / grip.body.turn)[:, new]
+    history = History(one.history.anchors[:, origins], angles, tuple(new.tolist()))
+    unknowns = begin_straight(g)
     # Rows: positions, inclinations, normal forces, friction forces.
-    by_contact = start[POSE:].reshape(4, -1)
-    previous = grip.state.unknowns[POSE:].reshape(4, -1)
-    by_contact[:, is_continued] = previous[:, origins[is_continued]]
+    by_contact = unknowns[0, POSE:].reshape(4, -1)
+    previous = grip.unknowns[POSE:].reshape(4, -1)
+    by_contact[:, origins >= 0] = previous[:, origins[origins >= 0]]
     # A new contact has almost no force: the iteration must not cross zero.
-    start[statics.places.normal][~is_continued] = NEGLIGIBLE_SHARE * grip.squeeze
-    return start
+    by_contact[2, new] = NEGLIGIBLE_SHARE * grip.squeeze
+    feet = begin_straight(g)[:, g.places.feet]
+    bent = BentState.straight(structure, feet, bool(wrench.any()))
+    return g._replace(history=history), Iterate(unknowns, bent)
 
 
-def rolling_conditions(anchors: Array, angles: Array, frictionless: Indices) -> ContactConditions:
+def _structure(grip: HeldGrip, config: Configuration) -> Structure:
+    """Return the structural model with the tubes of a grip, as that of one sample."""
+    return structures_under([config], [grip.pressures], [grip.stiffness])
+
+
+def with_tubes(
+    grip: HeldGrip, pressures: tuple[float, ...] | None, stiffness: float | None = None
+) -> HeldGrip:
     """
-    Return the conditions of rolling without slip, which are the integral of (17) over time.
-
-    The rolling invariants `find_anchors` are constant. The friction of `frictionless`
-    contacts is zero instead.
-    """
-    friction = Places.of(len(anchors)).friction
-
-    def conditions(
-        statics: ContactStatics, unknowns: Array, normals: Points
-    ) -> tuple[Array, Array]:
-        derivative = rolling_rows(statics, unknowns, normals)
-        residual = find_anchors(statics, unknowns, normals, angles) - anchors
-        if len(frictionless):
-            forces = unknowns[..., friction.start + frictionless]
-            residual[..., frictionless] = FRICTION_COMPLIANCE * forces
-            derivative[..., frictionless, :] = 0.0
-            derivative[..., frictionless, friction.start + frictionless] = FRICTION_COMPLIANCE
-        return residual, derivative
-
-    return conditions
-
-
-def with_pressures(grip: HeldGrip, pressures: tuple[float, ...] | None) -> HeldGrip:
-    """
-    Return a held grip with other tube pressures; its equilibrium must be found by `roll_grip`.
+    Return a held grip with other tubes; its equilibrium must be found by `roll_grip`.
 
     Computing tables of dents for a pressure takes longer than a control cycle, so a control loop
-    ignores small changes, see `steady_pressures`.
+    ignores small changes, see `steady_pressures`. Without `stiffness` it is that of the grip.
     """
     pressures = pressures or tube_pressures(grip.config.robot.description)
-    if pressures == grip.pressures:
+    stiffness = grip.stiffness if stiffness is None else stiffness
+    if pressures == grip.pressures and stiffness == grip.stiffness:
         return grip
-    structure = structure_under(grip.config, pressures, grip.statics.bent.structure.stiffness)
-    dents = find_dents(structure, grip.body, grip.contacts)
-    bent = grip.statics.bent_under(grip.state.unknowns, structure)
-    return replace(grip, statics=replace(grip.statics, bent=bent, dents=dents))
+    one = grip.alone
+    structure = structures_under([grip.config], [pressures], [stiffness])
+    g = one.g._replace(structure=structure, history=one.history)
+    if pressures != grip.pressures:
+        g = g._replace(dents=find_dents(structure, g.bodies, g.contacts))
+    return HeldGrip(Equilibria(g, one.iterate), motion=grip.motion)

@@ -9,15 +9,14 @@ from collections.abc import Sequence
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.holding.attach_grip import attach_grips
-from isotruss_ros.core.holding.contact_search import depths_in_others
-from isotruss_ros.core.holding.free_corners import skin_tolerance
 from isotruss_ros.core.holding.held_grip import (
+    Equilibria,
     GraspInputs,
     HeldGrip,
     HoldStatus,
-    MAX_DISPLACEMENT,
     NotHeldError,
 )
+from isotruss_ros.core.holding.overlaps import MAX_DISPLACEMENT, SKIN_TOLERANCE
 from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
@@ -51,7 +50,7 @@ def settle_grasp(
     The object is free, friction acts on the tubes, and the contact history (how the contacts
     rolled before) is unknown. For a disc between two members, statics determines the friction
     forces and the position across the members' bisector. The measured position along the bisector
-    determines the squeeze. For other shapes and for three members see `least_friction_conditions`.
+    determines the squeeze. For other shapes and for three members see `least_friction`.
 
     :param config: configuration of the robot, with rollers at rest.
     :param body: the object at its measured pose.
@@ -103,9 +102,7 @@ def settle_inputs(inputs: GraspInputs, friction: float) -> SettledGrasp:
         raise grip
     if isinstance(grip, NotHeldError):
         return lose_grasp(inputs, grip, friction)
-    given = inputs.body.pose
-    ((hold, reason),) = judge(grip.origin, [given], np.array([friction]))  # the only sample
-    return conclude(given, grip, friction, hold, reason)
+    return assess_equilibrium(inputs.body.pose, grip, friction)
 
 
 def lose_grasp(inputs: GraspInputs, error: NotHeldError, friction: float) -> SettledGrasp:
@@ -121,44 +118,34 @@ def lose_grasp(inputs: GraspInputs, error: NotHeldError, friction: float) -> Set
 
 
 def assess_equilibrium(given: Pose, grip: HeldGrip, friction: float) -> SettledGrasp:
-    """Return the settled grasp at an equilibrium, with its hold status."""
-    ((hold, reason),) = judge(grip, [given], np.array([friction]))
-    return conclude(given, grip, friction, hold, reason)
-
-
-def conclude(
-    given: Pose, grip: HeldGrip, friction: float, hold: HoldStatus, reason: str
-) -> SettledGrasp:
-    """Return the settled grasp at an equilibrium with a given hold status."""
+    """Return the settled grasp at an equilibrium, with its hold status; `given` is its pose."""
+    ((hold, reason),) = judge(grip.alone, [given], np.array([friction]))
     if hold not in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
         return SettledGrasp(hold, reason, given, friction, grip)
     lost = LostContact.of(grip.inputs._replace(body=grip.body.moved_to(given)))
     return SettledGrasp(hold, reason, given, friction, lost=lost)
 
 
-def judge(grip: HeldGrip, given: Sequence[Pose], friction: Array) -> list[tuple[HoldStatus, str]]:
+def judge(at: Equilibria, given: Sequence[Pose], friction: Array) -> list[tuple[HoldStatus, str]]:
     """
     Return the hold statuses of n equilibria, and the reasons in words; empty for a held object.
 
     The poses `given` and the coefficients of friction (n,) are those of the samples.
     """
-    robot, state = grip.config.robot, grip.state
+    structure, used = at.g.structure, at.sections.used
+    names, diameter = structure.config.robot.member_names, 2.0 * structure.tube_radius
     x, y, angles = np.array(given).T
-    turned = np.exp(1j * angles) * grip.statics.body.shape.centroid
-    shifts = np.abs(np.atleast_1d(grip.body.middle) - (x + 1j * y + turned))
-    others, depths = depths_in_others(grip)
-    depths = depths.reshape(len(given), -1)
-    with np.errstate(divide='ignore', invalid='ignore'):
-        required = np.atleast_1d(grip.required_friction)
-    response, used = grip.response, np.atleast_2d(grip.sections.used)
-    stable = np.zeros(1, dtype=bool) if response is None else response.stable
+    turned = np.exp(1j * angles) * at.g.bodies.shape.centroid
+    shifts = np.abs(at.bodies.middle - (x + 1j * y + turned))
+    others, depths = at.depths_in_others
     violations = {
-        HoldStatus.NO_CONTACT: grip.normal_forces.min(axis=-1) <= 0.0,
-        HoldStatus.OFF_MEMBER: ~grip.statics.are_on_members(state.feet),
-        HoldStatus.FAR: shifts > MAX_DISPLACEMENT * robot.description.tube_diameter,
-        HoldStatus.OTHER_CONTACT: depths.max(axis=1, initial=0.0) > skin_tolerance(grip),
-        HoldStatus.SLIPS: required > friction,
-        HoldStatus.UNSTABLE: ~stable,
+        HoldStatus.NO_CONTACT: at.normal_forces.min(axis=-1) <= 0.0,
+        HoldStatus.OFF_MEMBER: ~at.are_on_members,
+        HoldStatus.FAR: shifts > MAX_DISPLACEMENT * diameter,
+        HoldStatus.OTHER_CONTACT: depths.max(axis=1, initial=0.0)
+        > SKIN_TOLERANCE * structure.tube_radius,
+        HoldStatus.SLIPS: at.required_friction > friction,
+        HoldStatus.UNSTABLE: ~at.response.stable,
         HoldStatus.WRINKLES: used.max(axis=1) > 1.0,
     }
 
@@ -167,20 +154,17 @@ def judge(grip: HeldGrip, given: Sequence[Pose], friction: Array) -> list[tuple[
         if hold is HoldStatus.FAR:
             return f'{1e3 * shifts[i]:.3g} mm'
         if hold is HoldStatus.OTHER_CONTACT:
-            return robot.member_names[others[depths[i].argmax()]]
+            return names[others[depths[i].argmax()]]
         if hold is HoldStatus.SLIPS:
-            return f'coefficient {required[i]:.3g} against {friction[i]:.3g}'
+            return f'coefficient {at.required_friction[i]:.3g} against {friction[i]:.3g}'
         if hold is HoldStatus.WRINKLES:
             worst = int(used[i].argmax())
-            return (
-                f'{robot.member_names[worst]} has {used[i, worst]:.3g} times its wrinkling moment'
-            )
+            return f'{names[worst]} has {used[i, worst]:.3g} times its wrinkling moment'
         return ''
 
     verdicts = []
     # Columns: conditions in the order in which they are stated.
-    columns = [rows.ravel().tolist() for rows in violations.values()]
-    for i, row in enumerate(zip(*columns, strict=True)):
+    for i, row in enumerate(zip(*(flags.tolist() for flags in violations.values()), strict=True)):
         hold = next((hold for hold, wrong in zip(violations, row, strict=True) if wrong), None)
         reason = '' if hold is None else ': '.join(filter(None, (hold.value, detail(hold, i))))
         verdicts.append((hold or HoldStatus.HELD, reason))

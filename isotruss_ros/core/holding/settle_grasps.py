@@ -18,15 +18,14 @@ from isotruss_ros.core.holding.grasp_samples import (
     Objects,
     Pressures,
 )
-from isotruss_ros.core.holding.grip_response import find_slip_planes, idle_contacts
+from isotruss_ros.core.holding.grip_response import find_slip_planes
 from isotruss_ros.core.holding.held_grip import (
+    Equilibria,
     GraspInputs,
     HeldGrip,
     HoldStatus,
     NotHeldError,
-    StoredEquilibrium,
 )
-from isotruss_ros.core.holding.newton import Accuracy, SETTLED
 from isotruss_ros.core.holding.settle_grasp import judge, lose_grasp
 from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.holding.settled_grasps import SettledGrasps
@@ -34,7 +33,6 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.numerics.samples import take
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -97,14 +95,11 @@ def settle_inputs_together(
     coefficients: Array,
     executor: Executor | None = None,
     on_progress: Callable[[float], None] | None = None,
-    accuracy: Accuracy = SETTLED,
 ) -> SettledGrasps:
     """Return the settled grasps of n checked inputs, see `settle_grasps`."""
     count = len(inputs)
     slices = [slice(begin, begin + GROUP_SIZE) for begin in range(0, count, GROUP_SIZE)]
-    # Numbers only are sent between processes.
-    kind = HeldGrip if executor is None else StoredEquilibrium
-    groups = [(inputs[chosen], coefficients[chosen], accuracy, kind) for chosen in slices]
+    groups = [(inputs[chosen], coefficients[chosen]) for chosen in slices]
     compute = map if executor is None else executor.map
     parts: list[_GroupResult] = []
     for part in compute(_settle_group, *zip(*groups, strict=True)):
@@ -141,9 +136,7 @@ class _GroupResult(NamedTuple):
     #: (n, 9 + 3 m) slip margin, squeeze, required friction, pose, displacement; then normal
     #: forces, friction forces and utilisation of the members
     values: Array
-    equilibria: list[
-        HeldGrip | StoredEquilibrium | LostContact | None
-    ]  #: (n,) see `SettledGrasps`
+    equilibria: list[HeldGrip | LostContact | None]  #: (n,) see `SettledGrasps`
 
     def set_lost(self, number: int, settled: SettledGrasp) -> None:
         """Set the values of a grasp without contact."""
@@ -153,66 +146,48 @@ class _GroupResult(NamedTuple):
         row[:] = 0.0
         row[0], row[2], row[3:6] = settled.slip_margin, np.inf, settled.pose
 
-    def set_grips(
-        self, numbers: Sequence[int], grips: HeldGrip, given: Sequence[Pose], friction: Array
+    def set_held(
+        self, numbers: Sequence[int], at: Equilibria, given: Sequence[Pose], friction: Array
     ) -> None:
         """Set the values of grasps with equilibria."""
-        rows, members = np.zeros((len(numbers), self.values.shape[1])), grips.members
-        margins = find_slip_planes(grips.response, friction).margin
-        rows[:, 0] = np.where(grips.response.is_neutral, 0.0, margins)
-        rows[:, 1], rows[:, 2] = grips.squeeze, grips.required_friction
-        rows[:, 3], rows[:, 4] = grips.body.center.real, grips.body.center.imag
-        rows[:, 5] = grips.body.angle
+        rows, contacts = np.zeros((len(numbers), self.values.shape[1])), at.g.contacts
+        members = contacts.members[contacts.member_starts]
+        margins = find_slip_planes(at.response, friction).margin
+        rows[:, 0] = np.where(at.response.is_neutral, 0.0, margins)
+        rows[:, 1], rows[:, 2] = at.normal_forces.mean(axis=-1), at.required_friction
+        rows[:, 3], rows[:, 4] = at.bodies.center.real, at.bodies.center.imag
+        rows[:, 5] = at.bodies.angle
         rows[:, 6:9] = rows[:, 3:6] - np.array(given)
         rows[:, 8] -= 2.0 * np.pi * np.round(rows[:, 8] / (2.0 * np.pi))
         normal, friction_forces, used = rows[:, 9:].reshape(len(rows), 3, -1).swapaxes(0, 1)
-        normal[:, members], friction_forces[:, members] = (
-            grips.normal_forces,
-            -grips.friction_forces,
-        )
-        used[:] = grips.sections.used
+        normal[:, members], friction_forces[:, members] = at.normal_forces, -at.friction_forces
+        used[:] = at.sections.used
         self.values[numbers] = rows
 
 
-def _settle_group(
-    inputs: Sequence[GraspInputs],
-    friction: Array,
-    accuracy: Accuracy,
-    kind: type[HeldGrip | StoredEquilibrium],
-) -> _GroupResult:
-    """
-    Return the values of settled grasps, each with its inputs and coefficient of friction.
-
-    The equilibria are of the given kind.
-    """
+def _settle_group(inputs: Sequence[GraspInputs], friction: Array) -> _GroupResult:
+    """Return the values of settled grasps, each with its inputs and coefficient of friction."""
     count, members = len(inputs), len(inputs[0].config.robot.member_names)
     values = np.full((count, 9 + 3 * members), np.nan)
     result = _GroupResult([None] * count, [''] * count, values, [None] * count)
-    groups: dict[tuple[int, bytes], list[int]] = {}
-    held: dict[int, HeldGrip] = {}
-    for i, grip in enumerate(attach_grips(inputs, accuracy=accuracy, samples=True)):
+    groups: dict[int, tuple[Equilibria, list[int]]] = {}
+    for i, grip in enumerate(attach_grips(inputs)):
         if isinstance(grip, StructureError):
             result.reason[i] = str(grip)
         elif isinstance(grip, NotHeldError):
             result.set_lost(i, lose_grasp(inputs[i], grip, float(friction[i])))
         else:
-            held[i] = grip
-            idle = idle_contacts(grip.origin.state)[grip.number].tobytes()
-            groups.setdefault((id(grip.origin), idle), []).append(i)
-    for numbers in groups.values():
-        samples, rows = held[numbers[0]].origin, [held[i].number for i in numbers]
-        if rows != list(range(len(samples.wrench))):
-            samples = take(samples, rows)
-        given = [inputs[i].body.pose for i in numbers]
-        coefficients = friction[numbers]
-        verdicts = judge(samples, given, coefficients)
-        result.set_grips(numbers, samples, given, coefficients)
-        light = samples.without_tangents()
-        for k, (i, (hold, reason)) in enumerate(zip(numbers, verdicts, strict=True)):
+            groups.setdefault(id(grip.samples), (grip.samples, []))[1].append(i)
+    for at, numbers in groups.values():  # the numbers are in the order of the samples
+        given, contacts = [inputs[i].body.pose for i in numbers], at.g.contacts
+        result.set_held(numbers, at, given, friction[numbers])
+        verdicts, light = judge(at, given, friction[numbers]), at.judged(False)
+        grasping = contacts.members[contacts.member_starts]
+        for row, (i, (hold, reason)) in enumerate(zip(numbers, verdicts, strict=True)):
             result.hold[i], result.reason[i] = hold, reason
-            grip = HeldGrip.sample(light, k)
-            result.equilibria[i] = grip if kind is HeldGrip else StoredEquilibrium.of(grip)
+            result.equilibria[i] = HeldGrip(light, row)
             if hold in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
-                lost = LostContact.of(inputs[i]._replace(members=samples.members))
-                result.set_lost(i, SettledGrasp(hold, reason, given[k], friction[i], lost=lost))
+                lost = LostContact.of(inputs[i]._replace(members=grasping))
+                of_one = SettledGrasp(hold, reason, given[row], friction[i], lost=lost)
+                result.set_lost(i, of_one)
     return result

@@ -98,6 +98,13 @@ class SettledGrasp(
     #: gaps of the members to the object; None with an equilibrium
     lost: LostContact | None = field(default=None, repr=False)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields for pickling, with the equilibrium of this grasp only."""
+        state = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        if self.equilibrium is not None:
+            state['equilibrium'] = HeldGrip(self.equilibrium.alone.judged(True))
+        return state
+
     @property
     def held(self) -> bool:
         """Return whether the object is held; if not, `hold` names the violated condition."""

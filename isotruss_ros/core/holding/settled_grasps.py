@@ -10,12 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from isotruss_ros.core.errors import StructureError
-from isotruss_ros.core.holding.held_grip import (
-    GraspInputs,
-    HeldGrip,
-    HoldStatus,
-    StoredEquilibrium,
-)
+from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus
 from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array, Flags
 from isotruss_ros.core.numerics.records import as_plain, Record
@@ -57,9 +52,9 @@ class SettledGrasps(
     #: (n,) ratios of bending moment to wrinkling moment for the name of each member [-]
     utilisation: dict[str, Array]
     inputs: Sequence[GraspInputs] = field(repr=False)  #: (n,) inputs of the grasps
-    #: (n,) equilibria, the numbers of which another process has sent; or the gaps of the members
-    #: to an object without equilibrium; None without a structural model
-    equilibria: Sequence[HeldGrip | StoredEquilibrium | LostContact | None] = field(repr=False)
+    #: (n,) equilibria, or the gaps of the members to an object without equilibrium; None without a
+    #: structural model
+    equilibria: Sequence[HeldGrip | LostContact | None] = field(repr=False)
 
     @property
     def held(self) -> Flags:
@@ -116,6 +111,4 @@ class SettledGrasps(
         grasp = hold, self.reason[number], given, friction
         if isinstance(found, LostContact):
             return SettledGrasp(*grasp, lost=found)
-        return SettledGrasp(
-            *grasp, found.restore() if isinstance(found, StoredEquilibrium) else found
-        )
+        return SettledGrasp(*grasp, found)

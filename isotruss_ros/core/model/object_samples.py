@@ -158,8 +158,3 @@ class ObjectSamples(SampledValues):
         if self._objects is not None:
             taken._objects = [self._objects[i] for i in chosen.tolist()]
         return taken
-
-    @staticmethod
-    def join_samples(values: Sequence[ObjectSamples]) -> ObjectSamples:
-        """Return the objects of several samples, see `samples.join`."""
-        return ObjectSamples([body for value in values for body in value.objects])

@@ -5,14 +5,13 @@
 Records of arrays over n samples, which have one more axis, the first one.
 
 Named tuples have arrays over samples in all fields. A class with the attribute `shared`, a tuple
-of names, has them in all fields but these; a class with `take_samples` and `join_samples` is taken
-and joined by these methods. Formulas are valid for one sample without this axis, and for n samples
-with it.
+of names, has them in all fields but these; a class with `take_samples` is taken by
+it. Formulas are valid for one sample without this axis, and for n samples with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import copy
 from typing import Any, ClassVar, TypeVar
 
@@ -46,9 +45,9 @@ class SampledValues:
 
 def sum_at(places: Indices, values: Array, size: int) -> Array:
     """Return the sums (..., size) of values (..., q) that have the same places (q,)."""
-    if values.ndim == 1:
-        return np.bincount(places, values, size)
     lead = values.shape[:-1]
+    if values.size == len(places):
+        return np.bincount(places, values.ravel(), size).reshape(*lead, size)
     count = values.size // len(places)
     indices = places + size * np.arange(count)[:, None]
     return np.bincount(indices.ravel(), values.ravel(), size * count).reshape(*lead, size)
@@ -72,58 +71,34 @@ def column(values: Any) -> Any:
     return np.asarray(values)[..., None]
 
 
-def first_sample(values: Array | Indices) -> Any:
-    """Return values (k,) of the first sample, or of the only one."""
-    return values if values.ndim == 1 else values[0]
-
-
-def plain(values: Any) -> Any:
-    """Return the value of one sample as a Python number, which messages need; else the array."""
-    return values.item() if values.ndim == 0 else values
-
-
 def take(value: T, index: Any) -> T:
     """
     Return samples of a record, chosen by an index of the first axis of its arrays.
 
-    An integer returns one sample without this axis. None adds this axis to one sample.
+    An integer returns one sample without this axis.
     """
-    return _map_arrays(  # type: ignore[no-any-return]
-        [value], lambda arrays: arrays[0][index], lambda items: items[0].take_samples(index)
-    )
+    kind: Any = type(value)
+    given: Any = value
+    if kind is np.ndarray:
+        return given[index]  # type: ignore[no-any-return]
+    if hasattr(kind, 'take_samples'):
+        return given.take_samples(index)  # type: ignore[no-any-return]
+    if kind is list or kind is tuple or hasattr(kind, '_fields'):
+        fields = [take(item, index) for item in given]
+        return kind(*fields) if hasattr(kind, '_fields') else kind(fields)
+    if not hasattr(kind, 'shared'):
+        return value
+    taken: Any = object.__new__(kind)
+    # Cached properties are fields of the copy, too.
+    for name, item in vars(given).items():
+        vars(taken)[name] = item if name in kind.shared else take(item, index)
+    return taken  # type: ignore[no-any-return]
 
 
 def join(values: Sequence[T]) -> T:
-    """Return the samples of several records; cached properties that some lack are left out."""
-    if len(values) == 1:
-        return values[0]
-    return _map_arrays(  # type: ignore[no-any-return]
-        values, np.concatenate, lambda items: items[0].join_samples(items)
-    )
-
-
-def _map_arrays(
-    values: Sequence[Any], of_arrays: Callable[..., Any], of_others: Callable[..., Any]
-) -> Any:
-    """Return a record of what a function returns of the arrays of several records."""
-    first, kind = values[0], type(values[0])
-    if kind is np.ndarray:
-        return of_arrays(values)
-    if hasattr(kind, 'take_samples'):
-        return of_others(values)
-    if kind is list or kind is tuple or hasattr(kind, '_fields'):
-        fields = [_map_arrays(items, of_arrays, of_others) for items in zip(*values, strict=True)]
-        return kind(*fields) if hasattr(kind, '_fields') else kind(fields)
-    if not hasattr(kind, 'shared'):
-        return first
-    mapped: Any = object.__new__(kind)
-    records, copied = list(map(vars, values)), vars(mapped)
-    in_all = set(records[0]).intersection(*records[1:])
-    # Cached properties are fields of the copy, too.
-    for name, value in records[0].items():
-        if name in kind.shared:
-            copied[name] = value
-        elif name in in_all:
-            items = [record[name] for record in records]
-            copied[name] = _map_arrays(items, of_arrays, of_others)
-    return mapped
+    """Return the samples of several arrays, or of tuples of arrays."""
+    first: Any = values[0]
+    if isinstance(first, np.ndarray):
+        return np.concatenate(values)  # type: ignore
+    fields = [join(items) for items in zip(*values, strict=True)]  # type: ignore
+    return type(first)(*fields) if hasattr(first, '_fields') else type(first)(fields)

@@ -2,80 +2,114 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Tubes with k load points, linearised about a bent state, and their linear prediction.
+Bent tubes of n samples with k load points, linearised about a state and condensed to the points.
 
-Tubes without loads are kept undeformed, see `UnloadedBlocks`.
+The state does not depend on the pieces of the frame in which the load points are, and the
+linearised tubes are a function of it. Tubes without loads are kept undeformed, see
+`UnloadedBlocks`, until loads deform them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
-from isotruss_ros.core.errors import StructureError
-from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.numerics.samples import apply, first_sample
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.samples import apply
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.frame import Frame, largest_motion
 from isotruss_ros.core.statics.load_points import Cuts, Lines
 from isotruss_ros.core.statics.load_responses import find_responses, LoadResponses
 from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import linearize, Tangent
-from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
 import numpy as np
 
-#: Tubes are linearised again if a node has moved farther than this from the linearised state [m]:
-#: for a moving robot, and for a single equilibrium. The error of predicted displacements is
-#: `TUBE_CURVATURE` times the square of the motion; the relative error of a stiffness is
-#: `TUBE_CURVATURE` times the motion. With ten times the second value, stiffnesses have errors of
-#: 4e-9 if a contact is 0.5 mm from a guide ring, so that their differences err by 2e-6.
-FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-11
+#: Largest force on a hinge of a tube that is kept undeformed [N]; it displaces nodes by about
+#: 1e-11 m, and rounding errors are below 1e-10. It grows by 1e5 N/m^2 times the square of the
+#: motion of nodes, as the forces that a linearisation leaves. With a thirtieth of this growth,
+#: the tubes of nine_member are deformed in every grasp; with a tenth of it, in some.
+KEPT_FORCE = 1e-8
 #: The square of a load point's motion, divided by the length of the shorter part beside it and
-#: multiplied by this length, counts as the square of a node's motion in `BentTubes.distance` [m].
+#: multiplied by this length, counts as the square of a node's motion [m].
 PLACE_LENGTH = 0.02
+#: Largest motion of a load point across a guide ring, for which the tubes may be linearised at the
+#: ring, in tube radii [-]. With a third of it, 400 random grasps have the same equilibria; with
+#: three times of it, one that is far from the start is not found.
+RING_REACH = 0.1
 
 
 class BentState(NamedTuple):
-    """State of a bent frame about which tubes are linearised."""
+    """Bent frames of n samples with k load points; it does not know the pieces of the points."""
 
-    unknowns: Array  #: (u,) unknowns of the frame, see `Tangent`
-    loads: Array  #: (k, 3) loads at the load points, see `BentTubes` [N, N m]
-    axial: Array  #: (p,) axial forces of the frame's parts [N]
+    nodes: Array  #: (n, u) unknowns of the frame without load points, see `Tangent`
+    points: Array  #: (n, k, 3) displacements of the load points [m, rad]
+    axial: Array  #: (n, p + k) axial forces of the members, and of the parts behind the points [N]
+    places: Array  #: (n, k) distances of the load points from the starts of their members [m]
+    crossings: Array  #: (n, k) number of times that a point near a guide ring crossed it
+    deformed: Flags  #: (n, b) blocks of the frame that loads deform
+
+    @classmethod
+    def straight(cls, structure: Structure, places: Array, deforms: bool) -> BentState:
+        """Return tubes without loads; all of them deform from the start if `deforms` is true."""
+        frame, (n, k) = structure.frame, places.shape
+        return cls(
+            np.zeros(frame.scale.shape),
+            np.zeros((n, k, 3)),
+            np.zeros((n, frame.length.shape[-1] + k)),
+            places.copy(),
+            np.zeros((n, k)),
+            np.full((n, len(frame.layout.numbering.blocks)), deforms),
+        )
+
+    def joined(self, structure: Structure) -> BentState:
+        """Return the state in which the blocks that deform in any sample deform in all."""
+        deforms = self.deformed.any(axis=0)
+        lacking = deforms & ~self.deformed
+        if not lacking.any():
+            return self
+        nodes = self.nodes.copy()
+        for blocks in filter(None, structure.blocks):
+            (chosen,) = np.nonzero(lacking[:, blocks.ids].any(axis=0))
+            some, completed = blocks.chosen(chosen), self.nodes.copy()
+            some.complete(completed)
+            rows = lacking[:, some.ids, None]
+            nodes[:, some.inner] = np.where(rows, completed[:, some.inner], nodes[:, some.inner])
+        return self._replace(nodes=nodes, deformed=np.broadcast_to(deforms, lacking.shape).copy())
+
+    def unknowns(self) -> Array:
+        """Return the unknowns of a frame with nodes at the load points, (n, u + 3k)."""
+        return np.concatenate([self.nodes, self.points.reshape(len(self.points), -1)], axis=-1)
 
 
-class Prediction(NamedTuple):
-    """State of the tubes under loads at k load points, predicted by `LoadResponses`."""
+class Motion(NamedTuple):
+    """Change of tubes since their linearisation."""
 
-    loads: Array  #: (k, 3) loads [N, N m]
-    positions: Array  #: (k,) positions of the load points [m]
-    cuts: Cuts  #: nodes at these positions
-    factors: Array  #: (4k + 1,) factors of the responses
-    relative: Array  #: (u,) changes of the unknowns relative to the moving load points
-    absolute: Array  #: (u,) changes of the unknowns
+    unknowns: Array  #: (n, u + 3k) changes of the unknowns
+    forces: Array  #: (n, p, 3) changes of the `EndForces` of the parts
+    chords: Array  #: (n, p) elongations of the parts [m]
 
 
 @dataclass(frozen=True, eq=False)
 class BentTubes:
     """
-    Tubes of a robot with k load points, linearised about a bent state.
+    Tubes of n samples with k load points in one layout, linearised about a state under loads.
 
     A load is (f_along, f_across, m): forces along and across the straight member, and a moment [N,
     N m]. A response is the displacement along and across the straight member [m], and the
     inclination of the bent centre line [rad], see `InclinationWeights`.
-
-    Of n samples with one layout, all arrays but `members` have the samples as their first axis.
     """
 
     shared: ClassVar[tuple[str, ...]] = ('members', 'length_by_motions')
     structure: Structure  #: structural model of the robot
     members: Indices  #: (k,) index of the member of each load point in `Robot.member_names`
-    places: Array  #: (k,) distances of the load points from the members' starts [m]
-    cuts: Cuts  #: nodes at the load points
     lines: Lines  #: members of the load points
-    frame: Frame  #: the structure's frame with these nodes
+    cuts: Cuts  #: nodes at the load points
     state: BentState  #: state about which the tubes are linearised
-    #: (k, 3, 4k + 1) `at_points` from another process, if `state` is in equilibrium; else None
+    loads: Array  #: (n, 3k) loads in this state [N, N m]
+    length_by_motions: Array  #: (p, k) changes of the parts' lengths by motions of the points
+    tangent: Tangent  #: linearised frame
+    #: (n, k, 3, 4k + 1) `at_points` from another process; None: found at first use
     received: Array | None = None
 
     @classmethod
@@ -83,157 +117,187 @@ class BentTubes:
         cls,
         structure: Structure,
         members: Indices,
-        positions: Array,
-        values: Array | None = None,
+        lines: Lines,
+        state: BentState,
+        loads: Array,
         received: Array | None = None,
-        deforms: bool = False,
     ) -> BentTubes:
-        """
-        Return the tubes linearised about the state `values`; None: without loads.
-
-        Without loads, tubes without load points are kept undeformed unless `deforms` is true.
-        """
-        cuts = Cuts.of(structure, members, positions)
-        if values is None:
-            numbering, active = structure.frame.layout.numbering, None  # all blocks
-            if not deforms:
-                active = np.union1d(numbering.owner[first_sample(cuts.pieces)], numbering.hinged)
-            return cls.straight(structure, members, positions, cuts, active)
-        frame = structure.frame.cut(cuts.pieces, cuts.within)
-        sizes = len(frame.layout.scaled_as), 3 * len(members), len(frame.length)
-        loads_begin, axial_begin, size = np.cumsum(sizes)
-        if values.shape != (size,):
-            raise StructureError(f'bent tubes with {values.size} values: must be {size}')
-        unknowns, loads, axial = np.split(values, [loads_begin, axial_begin])
-        state = BentState(unknowns, loads.reshape(-1, 3), axial)
-        lines = Lines.of(structure, members)
-        return cls(structure, members, positions, cuts, lines, frame, state, received)
-
-    @classmethod
-    def straight(
-        cls,
-        structure: Structure,
-        members: Indices,
-        positions: Array,
-        cuts: Cuts,
-        active: Indices | None,
-    ) -> BentTubes:
-        """Return the tubes without loads, of which the blocks `active` deform; None: all."""
-        frame, lead = (
-            structure.frame.cut(first_sample(cuts.pieces), cuts.within, active),
-            positions.shape,
+        """Return the tubes linearised about a state in one layout."""
+        cuts = Cuts.of(structure, members, state.places)
+        frame = frame_of(structure, cuts, state)
+        layout, k = frame.layout, len(members)
+        axial = np.concatenate(
+            [state.axial.take(layout.whole[:-k], axis=-1), state.axial[:, -k:]], axis=-1
         )
-        state = BentState(
-            np.zeros(frame.scale.shape), np.zeros((*lead, 3)), np.zeros(frame.length.shape)
-        )
-        lines = Lines.of(structure, members)
-        return cls(structure, members, positions, cuts, lines, frame, state)
-
-    @cached_property
-    def length_by_motions(self) -> Array:
-        """Return the changes (p, k) of the parts' lengths by unit motions of the load points."""
-        return self.frame.layout.length_by_motions * first_sample(self.cuts.directions)
-
-    @property
-    def shorter_parts(self) -> Array:
-        """Return the lengths (k,) of the shorter parts beside the load points [m]."""
-        length, layout = self.frame.length, self.frame.layout
-        return np.minimum(length.take(layout.before, axis=-1), length.take(layout.behind, axis=-1))
-
-    @cached_property
-    def kept(self) -> list[UnloadedBlocks]:
-        """Return the tubes that are kept undeformed."""
-        groups = self.structure.blocks if self.frame.layout.kept else []
-        return [groups[group].chosen(blocks) for group, blocks in self.frame.layout.kept]
-
-    @cached_property
-    def tangent(self) -> Tangent:
-        """Return the frame linearised about `state`."""
-        return linearize(self.frame, self.state.unknowns, self.state.axial, self.kept)
+        kept = structure.kept_blocks(layout)
+        tangent = linearize(frame, state.unknowns(), axial, kept)
+        by_motions = layout.length_by_motions * cuts.directions[0]
+        fields = structure, members, lines, cuts, state, loads, by_motions, tangent
+        return cls(*fields, received)
 
     @cached_property
     def responses(self) -> LoadResponses:
         """Return the responses to loads and to motions of the load points."""
-        turns, loads = self.lines.turns, self.state.loads
-        return find_responses(self.structure, self.tangent, turns, loads, self.length_by_motions)
+        at_points = self.loads.reshape(*self.state.places.shape, 3)
+        return find_responses(
+            self.structure, self.tangent, self.lines.turns, at_points, self.length_by_motions
+        )
 
     @property
     def at_points(self) -> Array:
-        """Return the responses at the load points, see `LoadResponses`."""
+        """Return the responses (n, k, 3, 4k + 1) at the load points, see `LoadResponses`."""
         return self.responses.at_points if self.received is None else self.received
 
-    @property
-    def motion_columns(self) -> slice:
-        """Return the columns of `LoadResponses` for unit motions of the load points."""
-        return slice(3 * len(self.members), 4 * len(self.members))
-
     def respond(self, loads: Array, positions: Array) -> Array:
-        """Return displacements and inclinations (k, 3) by loads (k, 3) at positions (k,)."""
-        factors = self.factors(loads, positions)
-        return apply(self.at_points, factors[..., None, :])
+        """Return displacements and inclinations (n, 3k) under loads (n, 3k) at positions."""
+        at_points = self.at_points.reshape(*loads.shape, -1)
+        return apply(at_points, self._factors(loads, positions))
 
-    def predict(self, loads: Array, positions: Array) -> Prediction:
-        """Return the linear prediction of the state under loads (k, 3) at positions (k,)."""
-        cuts = Cuts.of(self.structure, self.members, positions)
-        factors = self.factors(loads, cuts.places)
-        return Prediction(loads, positions, cuts, factors, *self.displace(factors))
-
-    def distance(self, predicted: Prediction) -> Array:
-        """Return the largest motion of a node to a predicted state [m]."""
-        largest = largest_motion(self.frame.displacements(predicted.relative))
-        factors = predicted.factors[..., self.motion_columns]
-        weighted = np.abs(factors) * np.sqrt(PLACE_LENGTH / self.shorter_parts)
-        return np.maximum(largest, weighted.max(axis=-1))
-
-    def displace(self, factors: Array) -> tuple[Array, Array]:
-        """Return the unknowns' changes (u,) relative to the moving load points, and absolute."""
-        if self.received is not None and not factors[:-1].any():  # in the state itself
-            absolute = np.zeros(self.state.unknowns.shape)
+    def move(self, loads: Array, positions: Array) -> Motion:
+        """Return the changes of the tubes under loads (n, 3k) with points at positions (n, k)."""
+        factors, motions = self._factors(loads, positions), positions - self.cuts.places
+        if self.received is not None and not factors[:, :-1].any():  # in the state itself
+            unknowns = np.zeros(self.tangent.unknowns.shape)
         else:
-            absolute = apply(self.responses.unknowns, factors)
-        relative = absolute.copy()
-        # The displacement is relative to the place, which moves along its member.
-        motions = self.lines.axis * factors[..., self.motion_columns]
-        last_nodes = slice(-len(self.members), None)
-        at_points = self.frame.displacements(relative)[..., last_nodes, :]
-        at_points[..., 0] -= motions.real
-        at_points[..., 1] -= motions.imag
-        return relative, absolute
+            unknowns = apply(self.responses.unknowns, factors)
+        by_nodes, chords = self.tangent.force_changes(
+            self.tangent.frame.displacements(unknowns)[..., None]
+        )
+        lengths = apply(self.length_by_motions, motions)
+        forces = by_nodes[..., 0] + self.tangent.length_rates * lengths[..., None]
+        return Motion(unknowns, forces, chords[..., 0])
 
-    def factors(self, loads: Array, positions: Array) -> Array:
-        """Return the weights (4k + 1,) of the columns of `LoadResponses` by loads at positions."""
-        added_loads, motions = _flat(loads - self.state.loads), positions - self.cuts.places
-        return np.concatenate([added_loads, motions, np.ones((*motions.shape[:-1], 1))], axis=-1)
+    def moved(self, loads: Array, positions: Array) -> tuple[BentState, Array]:
+        """Return the state under loads (n, 3k) with points at positions, and motions (n,) [m]."""
+        state, structure, k = self.state, self.structure, len(self.members)
+        frame, layout = self.tangent.frame, self.tangent.frame.layout
+        # A point that crosses a guide ring and returns is placed at the ring.
+        near = np.abs(positions - self.cuts.places) < RING_REACH * structure.tube_radius
+        cuts = Cuts.of(structure, self.members, positions)
+        crossings = state.crossings + (near & (cuts.pieces != self.cuts.pieces))
+        if (crossings > 1.0).any():
+            rings = structure.nearest_rings(self.members, positions)
+            positions = np.where(crossings > 1.0, rings, positions)
+            crossings = np.where(crossings > 1.0, 0.0, crossings)
+            cuts = Cuts.of(structure, self.members, positions)
+        shifts = cuts.places - self.cuts.places
+        # Points that move far beside short parts are interpolated on the bent tube instead.
+        shorter = np.minimum(
+            frame.length.take(layout.before, axis=-1), frame.length.take(layout.behind, axis=-1)
+        )
+        weighted = (np.abs(shifts) * np.sqrt(PLACE_LENGTH / shorter)).max(axis=-1)
+        is_far = (np.abs(shifts) > 0.5 * shorter).any(axis=-1)
+        if is_far.any():
+            shifts = np.where(is_far[:, None], 0.0, shifts)
+        change = self.move(loads, self.cuts.places + shifts)
+        relative = change.unknowns.copy()
+        first = relative.shape[-1] - 3 * k  # unknown of the load points
+        points = relative[:, first:].reshape(-1, k, 3)
+        # The displacement of a point is relative to its place, which moves along the member.
+        along = self.lines.axis * shifts
+        points[..., 0] -= along.real
+        points[..., 1] -= along.imag
+        motion = np.maximum(largest_motion(frame.displacements(relative)), weighted)
+        whole = self.tangent.unknowns + relative
+        nodes, points = whole[:, :first], whole[:, first:].reshape(-1, k, 3)
+        if is_far.any():
+            displaced = frame.displacements(self.complete(whole))
+            at = frame.interpolate(displaced, cuts.pieces, cuts.within)
+            points = np.where(is_far[:, None, None], at, points)
+        axial = state.axial.copy()
+        forces = self.tangent.forces.values[..., 0] + change.forces[..., 0]
+        axial[:, layout.whole[:-k]] = forces[:, :-k]
+        # Parts behind points that have changed their piece have the axial force of this piece.
+        changes = cuts.pieces != self.cuts.pieces
+        axial[:, -k:] = forces[:, -k:]
+        if changes.any():
+            of_pieces = np.take_along_axis(axial, cuts.pieces, -1)
+            axial[:, -k:] = np.where(changes, of_pieces, axial[:, -k:])
+        deformed = state.deformed
+        if layout.kept:
+            loaded = self._find_loaded(change.unknowns)
+            if loaded.any():
+                deformed = deformed.copy()
+                deformed[:, layout.kept_ids] |= loaded.any(axis=0)
+                nodes = self.complete(whole)[:, :first]
+        return BentState(nodes, points, axial, positions, crossings, deformed), motion
 
     def complete(self, unknowns: Array) -> Array:
-        """Return unknowns (u,) with those of undeformed tubes, which turn with their hinges."""
+        """Return unknowns (n, .) with those of undeformed tubes, which turn with their hinges."""
+        kept, _, _ = self.tangent.kept
+        if not kept:
+            return unknowns
         completed = unknowns.copy()
-        for blocks in self.kept:
+        for blocks in kept:
             blocks.complete(completed)
         return completed
 
-    def displacements(self, loads: Array, positions: Array) -> Array:
-        """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
-        relative, _ = self.displace(self.factors(loads, positions))
-        return self.frame.displacements(self.complete(self.state.unknowns + relative))
+    def activated(self) -> BentTubes:
+        """Return these tubes with the tubes that carry no loads deformable, too."""
+        if not self.tangent.frame.layout.kept:
+            return self
+        state = self.activate(self.state)
+        return BentTubes.of(self.structure, self.members, self.lines, state, self.loads)
 
-    def end_forces(self, loads: Array, positions: Array) -> tuple[Array, Array]:
-        """Return linear predictions of end forces (p, 6), and of unscaled axial forces (p,)."""
-        tangent, factors = self.tangent, self.factors(loads, positions)
-        _, absolute = self.displace(factors)
-        force_changes, chord_changes = self.force_changes(factors, absolute)
-        forces = tangent.forces.values + force_changes
-        ends = end_forces(forces, tangent.length + chord_changes)
-        return ends, forces[..., 0]
+    def activate(self, state: BentState) -> BentState:
+        """Return a state that these tubes predict, with all tubes deformable."""
+        if state.deformed.all():
+            return state
+        nodes = self.complete(state.unknowns())[:, : state.nodes.shape[-1]]
+        return state._replace(nodes=nodes, deformed=np.ones_like(state.deformed))
 
-    def force_changes(self, factors: Array, unknowns: Array) -> tuple[Array, Array]:
-        """Return changes of end forces (p, 3) and elongations (p,) since the linearisation."""
-        moved = self.frame.displacements(unknowns)[..., None]
-        by_nodes, chords = self.tangent.force_changes(moved)
-        lengths = apply(self.length_by_motions, factors[..., self.motion_columns])
-        return by_nodes[..., 0] + self.tangent.length_rates * lengths[..., None], chords[..., 0]
+    def end_forces(self, change: Motion) -> tuple[Array, Array]:
+        """Return end forces (n, p, 6), and unscaled axial forces (n, p)."""
+        forces = self.tangent.forces.values + change.forces
+        return end_forces(forces, self.tangent.length + change.chords), forces[..., 0]
+
+    def _factors(self, loads: Array, positions: Array) -> Array:
+        """Return the weights (n, 4k + 1) of the columns of `LoadResponses`."""
+        motions = positions - self.cuts.places
+        return np.concatenate([loads - self.loads, motions, np.ones((len(loads), 1))], axis=-1)
+
+    def _find_loaded(self, changes: Array) -> Flags:
+        """Return which of the kept blocks (n, b) loads deform, see `UnloadedBlocks`."""
+        motion = largest_motion(self.tangent.frame.displacements(changes))
+        bound = KEPT_FORCE * (1.0 + 1e13 * motion**2)
+        are_loaded = []
+        for blocks, forces, stiffness in zip(*self.tangent.kept, strict=True):
+            hinge_forces = forces + apply(stiffness, changes[:, blocks.outer])
+            are_loaded.append(np.abs(hinge_forces).max(axis=-1) > bound[:, None])
+        return np.concatenate(are_loaded, axis=-1)
 
 
-def _flat(loads: Array) -> Array:
-    """Return loads (..., k, 3) as vectors (..., 3k)."""
-    return loads.reshape(*loads.shape[:-2], -1)
+def frame_of(structure: Structure, cuts: Cuts, state: BentState) -> Frame:
+    """Return the frame with nodes at the load points, of the blocks that deform in any sample."""
+    numbering = structure.frame.layout.numbering
+    if state.deformed.all():
+        active = structure.frame.layout.active
+    else:
+        deforms = state.deformed.any(axis=0)
+        deforms[numbering.owner[cuts.pieces[0]]] = True
+        deforms[numbering.hinged] = True
+        active = np.flatnonzero(deforms)
+    return structure.frame.cut(cuts.pieces[0], cuts.within, active)
+
+
+class CenterLines(NamedTuple):
+    """Bent centre lines of the tubes of n samples in one layout."""
+
+    structure: Structure
+    frame: Frame
+    displacements: Array  #: (n, nodes, 3)
+
+    @classmethod
+    def of(cls, tubes: BentTubes, change: Motion) -> CenterLines:
+        """Return the bent centre lines after a change since the linearisation."""
+        frame, unknowns = tubes.tangent.frame, tubes.tangent.unknowns + change.unknowns
+        return cls(tubes.structure, frame, frame.displacements(tubes.complete(unknowns)))
+
+    def at(self, members: Indices, positions: Array) -> tuple[Points, Points]:
+        """Return points (n, c) of the lines, and their rotations exp(i theta)."""
+        config: Any = self.structure.config
+        pieces, within, _ = self.structure.locate(members, positions)
+        moved = self.frame.interpolate(self.displacements, pieces, within)
+        starts = config.points[..., config.robot.topology.b[members]]
+        straight = starts + positions * config.member_axes[..., members]
+        return straight + (moved[..., 0] + 1j * moved[..., 1]), np.exp(1j * moved[..., 2])

@@ -22,9 +22,9 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.samples import join, SampledValues, take
+from isotruss_ros.core.numerics.samples import SampledValues, take
 from isotruss_ros.core.statics.bisection import Bisections
-from isotruss_ros.core.statics.blocks import Condensed, Numbering
+from isotruss_ros.core.statics.blocks import Condensed, Layout, Numbering
 from isotruss_ros.core.statics.equilibrium import solve_unloaded
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
@@ -110,10 +110,6 @@ class Structure:
         stiffness: Any = 1.0,
     ) -> None:
         self.config, self.pressures, self.stiffness = config, pressures, stiffness
-        #: structures of the samples; empty if they have been joined from arrays
-        self._samples: list[Structure] = []
-        #: structures with equal keys are equal, whether or not one has been pickled
-        self.key = config, pressures, stiffness
         self.tube, numbering, self.pieces, self.owners = frame_layout(config.robot)
         self.node_names = numbering.names
         topology, module = config.robot.topology, config.robot.description.module
@@ -140,62 +136,16 @@ class Structure:
             sections[..., quantity, 3:, :] = values[..., self.owners]
         self.frame = Frame.of(points, sections.reshape(*lead, 3, -1), numbering)
 
-    @functools.cached_property
-    def samples(self) -> Structure:
-        """Return this structure as that of one sample."""
-        return take(self, None)
-
     def take_samples(self, index: Any) -> Structure:
         """Return the structures of chosen samples, or of one, see `samples.take`."""
-        frame, blocks = take((self.frame, vars(self).get('blocks')), index)
-        if index is None:
-            joined = ConfigurationSamples([self.config])
-            values = np.array([self.pressures]), np.array([self.stiffness])
-            return self._replace([self], joined, *values, frame, blocks)
-        configs, samples = self.config.configs, self._samples
-        chosen = np.arange(len(configs))[index]
+        changed, chosen = copy.copy(self), np.arange(len(self.stiffness))[index]
+        changed.frame, blocks = take((self.frame, vars(self).get('blocks')), index)
+        changed.pressures, changed.stiffness = self.pressures[index], self.stiffness[index]
         if chosen.ndim:
-            joined = self.config.chosen(chosen)
-            samples = [samples[i] for i in chosen.tolist()] if samples else []
-            values = self.pressures[chosen], self.stiffness[chosen]
-            return self._replace(samples, joined, *values, frame, blocks)
-        if samples:
-            return samples[chosen]
-        values = tuple(self.pressures[chosen].tolist()), float(self.stiffness[chosen])
-        return self._replace([], configs[chosen], *values, frame, blocks)
-
-    def join_samples(self, structures: Sequence[Structure]) -> Structure:
-        """Return the structures of the samples of several, see `samples.join`."""
-        blocks = [vars(structure).get('blocks') for structure in structures]
-        return self._replace(
-            [one for structure in structures for one in structure._samples],
-            ConfigurationSamples(
-                [c for structure in structures for c in structure.config.configs]
-            ),
-            np.concatenate([structure.pressures for structure in structures]),
-            np.concatenate([structure.stiffness for structure in structures]),
-            join([structure.frame for structure in structures]),
-            None if None in blocks else join(blocks),
-        )
-
-    def _replace(
-        self,
-        samples: list[Structure],
-        config: Any,
-        pressures: Any,
-        stiffness: Any,
-        frame: Frame,
-        blocks: list[UnloadedBlocks | None] | None,
-    ) -> Structure:
-        """Return a copy with other samples."""
-        changed = copy.copy(self)
-        changed.config, changed.pressures, changed.stiffness = config, pressures, stiffness
-        changed.key, changed.frame, changed._samples = (
-            (config, pressures, stiffness),
-            frame,
-            samples,
-        )
-        for name in ('straight', 'unloaded', 'blocks', 'samples'):
+            changed.config = self.config.chosen(chosen)
+        else:
+            changed.config = self.config.configs[chosen]
+        for name in ('straight', 'unloaded', 'blocks', '_kept'):
             changed.__dict__.pop(name, None)
         if blocks is not None:
             changed.__dict__['blocks'] = blocks
@@ -222,6 +172,20 @@ class Structure:
             UnloadedBlocks.of(self.frame, group, schur, spread) if spread.size else None
             for group, schur, spread in zip(*groups, strict=True)
         ]
+
+    def kept_blocks(self, layout: Layout) -> list[UnloadedBlocks]:
+        """Return the unloaded blocks that a layout keeps undeformed."""
+        if not layout.kept:
+            return []
+        known = self.__dict__.setdefault('_kept', {})
+        if layout.key not in known:
+            known[layout.key] = [self.blocks[i].chosen(blocks) for i, blocks in layout.kept]
+        return known[layout.key]
+
+    @property
+    def tube_radius(self) -> float:
+        """Return the radius of the tubes [m]."""
+        return 0.5 * self.config.robot.description.tube_diameter
 
     @property
     def ring_nodes(self) -> Indices:
@@ -272,18 +236,28 @@ def structures_under(
     configs: Sequence[Configuration],
     pressures: Sequence[tuple[float, ...]],
     stiffness: Sequence[float],
-    deforms: bool,
+    deforms: bool = True,
 ) -> Structure:
-    """Return the structural models of samples; `deforms` as in `BentTubes.of`."""
+    """Return the structural models of samples; `deforms` as in `BentState.straight`."""
     first = configs[0], pressures[0], stiffness[0]
     others = zip(configs[1:], pressures[1:], stiffness[1:], strict=True)
-    if all(c is first[0] and p == first[1] and k == first[2] for c, p, k in others):
-        structure = structure_under(*first)
-        if not deforms:
-            _ = structure.samples.blocks  # computed once, not for each sample
-        joined = structure.samples
-        return joined if len(configs) == 1 else take(joined, np.zeros(len(configs), dtype=int))
-    return Structure(ConfigurationSamples(configs), np.array(pressures), np.array(stiffness))
+    if not all(c is first[0] and p == first[1] and k == first[2] for c, p, k in others):
+        return Structure(ConfigurationSamples(configs), np.array(pressures), np.array(stiffness))
+    one = _sample_under(*first)
+    if len(configs) == 1:
+        return one
+    if not deforms:
+        _ = one.blocks  # computed once, not for each sample
+    return take(one, np.zeros(len(configs), dtype=int))
+
+
+@functools.lru_cache(maxsize=8)
+def _sample_under(
+    config: Configuration, pressures: tuple[float, ...], stiffness: float
+) -> Structure:
+    """Return the structural model of one sample, cached."""
+    values = np.array([pressures]), np.array([stiffness])
+    return Structure(ConfigurationSamples([config]), *values)
 
 
 #: Returns the structural model for a configuration, tube pressures (t,) [Pa], and a factor on the

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Derivatives of bent tubes by changes of loads, of load points, and of sections."""
+"""Derivatives of the bent tubes of one sample by loads, load points, and sections."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class TubeRates(NamedTuple):
 def find_load_changes(bent: BentTubes, loads: Array, motions: Array) -> TubeRates:
     """Return the tubes' changes by p changes of loads (k, 3, p) and of positions (k, p)."""
     factors = np.concatenate([loads.reshape(-1, loads.shape[2]), motions])
-    nodes = bent.frame.motions(bent.responses.unknowns[:, :-1] @ factors)
+    nodes = bent.tangent.frame.motions(bent.responses.unknowns[:, :-1] @ factors)
     inclinations = bent.at_points[:, 2, :-1] @ factors
     lengths = (bent.length_by_motions @ motions)[:, None]
     return TubeRates(nodes, inclinations, bent.tangent.length_rates[..., None] * lengths)
@@ -38,7 +38,7 @@ def find_section_changes(bent: BentTubes, changes: Array, nodes: Points) -> Tube
     The nodes of the undeformed robot move by `nodes` (n, p), x + iy. Tubes that are kept
     undeformed move alike, in axes that turn with them.
     """
-    frame, tangent = bent.frame, bent.tangent
+    frame, tangent = bent.tangent.frame, bent.tangent
     ends, slopes = find_slopes(bent.structure, tangent)
     # Forces of the changed parts between fixed nodes, then the unknowns in equilibrium.
     parts = np.flatnonzero(changes.any(axis=(0, 2)))

@@ -45,16 +45,9 @@ def find_utilisation(
     """Return the utilisation of members; for `end_forces` and `pulls` see `FrameState`."""
     config, topology = structure.config, structure.config.robot.topology
     parts, member = structure.tube_parts(frame)
-    radius = 0.5 * config.robot.description.tube_diameter
-    by_pressure = np.pi * radius**2 * np.asarray(structure.pressures)[..., topology.tube[member]]
-    ends, pull = end_forces.take(parts, axis=-2), pulls.take(parts, axis=-1)
-    length, section = frame.length.take(parts, axis=-1), frame.section.take(parts, axis=-1)
-    # First axis: loads and then sections of `evaluate_utilisation`.
-    begin, wall = -ends[..., 2], by_pressure + ends[..., 3]
-    inputs = np.array(
-        [begin, ends[..., 5], wall, pull, length, section[..., 1, :], section[..., 2, :]]
-    )
-    used, inner_positions = evaluate_utilisation(inputs[:4], inputs[4:], radius)
+    inputs = _loads_and_sections(structure, frame, end_forces, pulls, parts, member)
+    used, inner_positions = evaluate_utilisation(inputs[:4], inputs[4:], structure.tube_radius)
+    length = inputs[4]
     # Positions (3, ..., p) of the points along their members: at start, end and inner maximum.
     start = config.points.take(topology.b[member], axis=-1)
     to_member = config.member_axes.take(member, axis=-1).conj()
@@ -77,6 +70,40 @@ def find_utilisation(
     loads, sections = filled[4:8].swapaxes(0, -2), filled[8:].swapaxes(0, -2)
     indices = piece.astype(np.intp), kind.astype(np.intp)
     return Utilisation(used, place, *indices, loads, sections)
+
+
+def utilise_at(
+    structure: Structure, frame: Frame, end_forces: Array, pulls: Array, at: Utilisation
+) -> Array:
+    """
+    Return the utilisations (n, m) of n samples at the places of those of one sample.
+
+    They are negative where the moment at the start or end of a part has the other sign, so that
+    they have no kink at zero.
+    """
+    parts, member = structure.tube_parts(frame)
+    inputs = _loads_and_sections(structure, frame, end_forces, pulls, parts, member)
+    inputs = inputs[..., np.searchsorted(parts, at.piece)]
+    used, _ = evaluate_utilisation(inputs[:4], inputs[4:], structure.tube_radius)
+    used[:2] *= np.sign(inputs[:2]) * np.sign(at.loads[:2, None])
+    return used[at.kind, :, np.arange(len(at.kind))].T
+
+
+def _loads_and_sections(
+    structure: Structure,
+    frame: Frame,
+    end_forces: Array,
+    pulls: Array,
+    parts: Indices,
+    member: Indices,
+) -> Array:
+    """Return loads and then sections (7, ..., p) of parts, see `evaluate_utilisation`."""
+    tube, area = structure.config.robot.topology.tube[member], np.pi * structure.tube_radius**2
+    ends, pull = end_forces.take(parts, axis=-2), pulls.take(parts, axis=-1)
+    length, section = frame.length.take(parts, axis=-1), frame.section.take(parts, axis=-1)
+    wall = area * np.asarray(structure.pressures)[..., tube] + ends[..., 3]
+    flexural, shear = section[..., 1, :], section[..., 2, :]
+    return np.array([-ends[..., 2], ends[..., 5], wall, pull, length, flexural, shear])
 
 
 @functools.lru_cache(maxsize=64)

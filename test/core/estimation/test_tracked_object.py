@@ -207,7 +207,7 @@ def test_the_slip_margin_is_that_of_contacts_before_they_slid():
 
 def test_a_jump_is_in_part_a_shift_of_the_contacts_which_changes_the_squeeze():
     shifts = np.array([12e-3, -12e-3])
-    slid = roll_grip(replace(MODEL, anchors=MODEL.anchors + shifts), CONFIG)
+    slid = roll_grip(MODEL.with_anchors(MODEL.anchors + shifts), CONFIG)
     belief = GripBelief.of(MODEL, GRIP.moved_to(MODEL.pose), EstimatorSettings())
     jumped = belief.observed(Pose(*slid.pose), 0.0)
     assert jumped.state.jump > 0.0
@@ -271,7 +271,7 @@ def test_a_box_tilted_off_its_face_has_the_squeeze_of_its_contacts(shifts):
     tilted = attach_model(home, grip)
     for _ in range(4):
         moved = 0.25 * np.array(shifts)[tilted.contacts.owners]
-        tilted = roll_grip(replace(tilted, anchors=tilted.anchors + moved), home)
+        tilted = roll_grip(tilted.with_anchors(tilted.anchors + moved), home)
     found = start(grip=grip, config=home, pose=tilted.pose).estimate()
     assert found.squeeze == pytest.approx(tilted.squeeze, rel=0.01)
 

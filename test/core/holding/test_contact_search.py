@@ -8,7 +8,6 @@ from functools import cache
 from held_grips import APART, BOX, CORNER, held, HOME, NINE
 from isotruss_ros import core
 from isotruss_ros.core.estimation.grip_model import attach_model
-from isotruss_ros.core.holding.contact_patches import find_patches
 from isotruss_ros.core.holding.contact_search import measure_gaps
 from nightly import some_now
 import numpy as np
@@ -151,8 +150,7 @@ def test_a_section_is_flat_where_the_contact_is_as_wide_as_half_of_the_circumfer
     grasp = settled(core.Disc(0.4))
     assert not grasp.flattened
     grip = grasp.equilibrium
-    skins = grip.statics.dents.press(300.0 * grip.state.normal_forces, grip.angles)
-    deep = find_patches(grip.contacts, grip.state, grip.statics.bent, grip.end_forces, skins)
+    deep = grip.patches_under(300.0 * grip.state.normal_forces)
     assert deep.flattened.all()
     assert deep.widths == pytest.approx(np.pi * RADIUS)
     assert deep.pressures.min() > GAUGE

@@ -164,7 +164,7 @@ def test_slip_margin_vanishes_under_its_wrench_along_the_slip_direction(away):
     shape, center = sampled(DISC.shape, 48, 0.1, away), DISC.center - away
     body = replace(DISC, shape=shape, pose=(center.real, center.imag, 0.0))
     grasp = settle_grasp(HOME, body)
-    margin, body = grasp.slip_margin, grasp.equilibrium.statics.body
+    margin, body = grasp.slip_margin, grasp.equilibrium.measured
     fx, fy, m = SHARE * margin * grasp.slip_direction
     pulled = settle_grasp(HOME, body, external_wrench=(fx, fy, m * body.arm))
     assert pulled.slip_margin == pytest.approx((1.0 - SHARE) * margin, rel=0.05)

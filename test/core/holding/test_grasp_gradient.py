@@ -232,11 +232,11 @@ STEP = 2e-5  # [m], of travel and anchors
 def move(grip, coordinates):
     """Return a grip under a load with other travel and anchors."""
     config = ROBOT.home.moved_to(coordinates[:6])
-    rolled = replace(grip, anchors=coordinates[6:])
+    rolled = grip.with_anchors(coordinates[6:])
     contacts, load = ContactSet.of(grip.contacts), np.array([0.4, -0.3, 0.2])
     grip = roll_contacts(rolled, config, contacts, load)
     # Once more, until the tubes have bent.
-    return roll_contacts(replace(grip, anchors=coordinates[6:]), config, contacts, load)
+    return roll_contacts(grip.with_anchors(coordinates[6:]), config, contacts, load)
 
 
 # First contacts at two members and at three, of the largest box and the smallest disc.

@@ -15,7 +15,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureEr
 from isotruss_ros.core.holding import held_shape
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
+from isotruss_ros.core.holding.roll_grip import roll_grip, with_tubes
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.kinematics.robot import Robot
 from nightly import some_now
@@ -152,7 +152,7 @@ PRESSURES = (30e3, 31e3, 32e3)
     [(core.Disc(0.3), 0.4, None), (BOX, 0.2, None), (BOX, 0.0, None), (BOX, 0.2, PRESSURES)],
 )
 def test_restored_grip_has_the_margins_of_the_original_and_rolls_as_it(shape, angle, pressures):
-    grip = with_pressures(held(shape, angle, APART), pressures)
+    grip = with_tubes(held(shape, angle, APART), pressures)
     for _ in range(4):  # so that its friction is not that of unknown history
         there = grip.config.roller_positions + TRAVEL
         grip = roll_grip(grip, grip.config.moved_to(there))
@@ -173,7 +173,7 @@ def test_restored_grip_has_the_margins_of_the_original_and_rolls_as_it(shape, an
 def test_record_of_another_structure_or_object_is_refused():
     grip = held(BOX, 0.2, APART)
     record = GripRecord.of(grip)
-    with pytest.raises(StructureError, match='must be 203'):
+    with pytest.raises(StructureError, match='must be 197'):
         record._replace(bent=record.bent[1:]).restore(HOME, grip.body)
     record.contacts.corners[:] = 7
     with pytest.raises(GraspError, match='no such corners'):

@@ -13,7 +13,7 @@ from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, place_between, Polygon, settle_grasp
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_shape import held_joints
-from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
+from isotruss_ros.core.holding.roll_grip import roll_grip, with_tubes
 from isotruss_ros.core.kinematics.depths import member_depths, push_out
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from nightly import some_now
@@ -188,7 +188,7 @@ def test_equilibria_of_other_histories_use_the_necessary_friction_or_more(member
     grip, rng = settled.equilibrium, np.random.default_rng(0)
     used = []
     for slips in rng.uniform(-1e-4, 1e-4, (20, len(grip.anchors))):
-        other = roll_grip(replace(grip, anchors=grip.anchors + slips), grip.config)
+        other = roll_grip(grip.with_anchors(grip.anchors + slips), grip.config)
         used.append(np.abs(other.state.friction_forces / other.state.normal_forces).max())
     assert min(used) > 0.995 * settled.friction_range.necessary
     assert max(used) > 1.005 * settled.friction_range.necessary
@@ -227,11 +227,11 @@ CASES = [
 
 def touched_points(grip):
     """Return where the forces act: the dented skins of the tubes, bent as by `deform`."""
-    state, statics, points = grip.state, grip.statics, []
+    state, g, points = grip.state, grip.alone.g, []
     for number, foot in zip(grip.contacts.members.tolist(), state.feet.tolist(), strict=True):
         name = grip.config.robot.member_names[number]
         points.append(bent_line(grip, name, [foot])[0])
-    skin = statics.tube_radius - statics.dents(state.normal_forces, grip.angles)[0]
+    skin = g.structure.tube_radius - g.dents(state.normal_forces[None], grip.angles[None])[0][0]
     return np.array(points) - skin * state.normals
 
 
@@ -335,7 +335,7 @@ def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction, direct
 def test_with_pressures_agrees_with_attaching_at_these_pressures(share):
     filed = held(core.Ellipse((0.25, 0.2)), 0.0)
     pressures = tuple(share * each for each in NINE.description.pressures.values())
-    changed = roll_grip(with_pressures(filed, pressures), HOME)
+    changed = roll_grip(with_tubes(filed, pressures), HOME)
     anew = attach_grip(HOME, changed.body, filed.members, pressure=pressures)
     # With the dents that there were it would be off by 2 to 4 %.
     assert changed.squeeze == pytest.approx(anew.squeeze, rel=1e-3)
@@ -374,7 +374,9 @@ def test_a_third_member_touches_where_its_bent_line_does(diameter, hold):
     assert (LOOP[2] in settled.reason) == (hold is core.HoldStatus.OTHER_CONTACT)
     grip, places = settled.equilibrium, np.linspace(0.3, 0.9, 61)
     gaps = grip.body.nearest(bent_line(grip, LOOP[2], places.tolist())).gaps
-    assert (gaps.min() < grip.statics.tube_radius) == (hold is core.HoldStatus.OTHER_CONTACT)
+    assert (gaps.min() < 0.5 * HOME.robot.description.tube_diameter) == (
+        hold is core.HoldStatus.OTHER_CONTACT
+    )
 
 
 def test_third_member_comes_into_contact_by_bending():
@@ -395,7 +397,7 @@ def test_third_member_comes_into_contact_by_bending():
         assert set(grip.member_names) == set(LOOP)
         assert grip.normal_forces.min() > 0.0
         states.append(grip.state.unknowns)
-    # Rolling linearises tubes within `FOLLOWED_MOTION`, so forces err by about 1e-4 N.
+    # Rolling linearises tubes within the motion of `FOLLOWED`, so forces err by about 1e-4 N.
     for there, back in zip(states[:2], states[:2:-1], strict=True):
         assert back == pytest.approx(there, rel=1e-6, abs=1e-7)
     for travel in (2e-3, 4e-3, 6e-3):

@@ -81,7 +81,7 @@ def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():
     assert len(grip.contacts.members) == 3
     # A face that has rubbed along a member uses more friction than one of unknown history.
     rubbed = grip.anchors + np.array([0.004, -0.004])[grip.contacts.owners]
-    grip = roll_grip(replace(grip, anchors=rubbed), grip.config)
+    grip = roll_grip(grip.with_anchors(rubbed), grip.config)
     poses = np.array([grip.pose, np.add(grip.pose, (0.005, 0.0, 0.0))])
     expected = foresee_path(grip, 1.2, poses)
     foresight, anew = (

@@ -101,7 +101,7 @@ ROBOT = core.load_robot('nine_member')
 ANGLES = np.arange(6) * math.pi / 3
 #: Hexagon with a face almost along a member: the search for its contacts needs many dents.
 HEXAGON = core.Polygon(0.15 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)]), 0.02)
-GRIP = core.place_between(ROBOT.home, members_at(ROBOT, 'north/Z'), HEXAGON, 0.1, 0.02)
+GRIP = core.place_between(ROBOT.home, members_at(ROBOT, 'north/Z'), HEXAGON, 0.04, 0.02)
 
 
 class Loop:

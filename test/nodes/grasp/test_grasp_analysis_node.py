@@ -358,7 +358,7 @@ def monitor(query=None, **changes):
 
 def test_forces_are_those_of_the_grip_that_the_loop_has():
     grip = attach_grip(ROBOT.home, core.ConvexObject.disc(CENTER, DIAMETER))
-    grip = roll_grip(replace(grip, anchors=grip.anchors - np.array([0.002, -0.002])), ROBOT.home)
+    grip = roll_grip(grip.with_anchors(grip.anchors - np.array([0.002, -0.002])), ROBOT.home)
     displaced = np.zeros(12), np.zeros((12, 6))
     estimate = GripEstimate(np.array(POSE), np.eye(3), 20.0, 3.0, 0.0, *displaced)
     record = StampedInput(GripRecord.of(grip, estimate, is_assumed=True), NOW)
