@@ -35,6 +35,7 @@ PRINTED = {
     'grasp_map': 'held with a slip margin of up to 4.4 N: see map.png',
     'grasps_in_processes': '200 of 200 hold the disc',
     'learning_loop': 'to the goal: 0.6 mm from the goal at the end',
+    'learn_to_carry': 'generation  lost  distance of the others from the goal',
     'limits': 'too fast: slowed roller speed scale 0.476',
     'optimise_grasp': 'slip margin 4.11 N, utilisation 0.60, held: True',
     'own_optimiser': 'slip margin 1.21 N, then 3.17 N',
@@ -47,7 +48,14 @@ PRINTED = {
     'tube_calibration': '    membrane_modulus: 5.00000000e+04',
 }
 #: Each takes a second or more, or has processes of its own.
-SLOW = {'chance_map', 'fit_slip_margin', 'grasp_map', 'grasps_in_processes', 'learning_loop'}
+SLOW = {
+    'chance_map',
+    'fit_slip_margin',
+    'grasp_map',
+    'grasps_in_processes',
+    'learn_to_carry',
+    'learning_loop',
+}
 SLOW |= {'optimise_grasp', 'own_optimiser', 'pick_box', 'plan_path'}
 
 
@@ -55,7 +63,7 @@ SLOW |= {'optimise_grasp', 'own_optimiser', 'pick_box', 'plan_path'}
     'name', some_now(sorted(CORE_EXAMPLES, key=SLOW.__contains__), len(CORE_EXAMPLES) - len(SLOW))
 )
 def test_example_runs(name, capsys, monkeypatch, tmp_path):
-    if name == 'learning_loop':
+    if name in {'learn_to_carry', 'learning_loop'}:
         pytest.importorskip('gymnasium', reason='needs the extra learning')
     monkeypatch.chdir(tmp_path)  # where some write a picture
     runpy.run_path(str(EXAMPLES / f'{name}.py'), run_name='__main__')
