@@ -15,6 +15,7 @@ import argparse
 from collections.abc import Iterator, Sequence
 import contextlib
 import csv
+import importlib
 import itertools
 from pathlib import Path
 import sys
@@ -116,6 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
+    importlib.import_module('distributed')  # named as missing before the progress bar
     from isotruss_ros.core.model.robot_file import read_robot_file
     from rich.console import Console
     from rich.progress import Progress

@@ -336,8 +336,9 @@ class GraspSequences:
 
         def progress(feedback: Any) -> float:
             time = read_duration(feedback.desired.time_from_start)
-            self.stage = before if time < change else after
-            begin, over = (0.0, change) if time < change else (change, end)
+            is_before = time < change + 1e-9  # times in messages are whole nanoseconds
+            self.stage = before if is_before else after
+            begin, over = (0.0, change) if is_before else (change, end)
             return min(1.0, (time - begin) / max(over - begin, 1e-9))
 
         self.stage = before
