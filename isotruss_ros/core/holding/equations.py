@@ -230,7 +230,7 @@ def linearize_grasps(g: Grasps, unknowns: Array, tubes: BentTubes, pushes: Pushe
     # Responses of the tubes, and balance without the external wrench.
     at_points = tubes.at_points
     by_loads = np.zeros((n, affine.stop, k, 3))
-    by_loads[:, :-3] = at_points[..., : 3 * k].reshape(n, 3 * k, k, 3)
+    by_loads[:, :-3] = at_points[:, :, :3, : 3 * k].reshape(n, 3 * k, k, 3)
     # The forces on the object are opposite to those on the tubes.
     by_loads[:, -3:-1] = -turns[..., :2, :].swapaxes(1, 2)
     by_loads[:, -1, :, 0], by_loads[:, -1, :, 1] = to_contacts.imag / arm, -to_contacts.real / arm
@@ -252,7 +252,7 @@ def linearize_grasps(g: Grasps, unknowns: Array, tubes: BentTubes, pushes: Pushe
     center = unknowns[:, 0, None] + 1j * unknowns[:, 1, None]
     to_starts = axis.conj() * (g.lines.start - center)
     gaps = to_starts - to_contacts + feet - pushes.skin * normals
-    residual[:, : 3 * k] = tubes.respond(pushes.loads, feet)
+    touch[...] = tubes.respond(pushes.loads, feet)[..., :3]
     touch[..., 0] += gaps.real
     touch[..., 1] += gaps.imag
     touch[..., 2] -= unknowns[:, indices.inclinations]
@@ -262,7 +262,7 @@ def linearize_grasps(g: Grasps, unknowns: Array, tubes: BentTubes, pushes: Pushe
     gaps_by_angle = contacts_by_angle + dents_by_angle
     touch_rows[..., 0, ANGLE] -= gaps_by_angle.real
     touch_rows[..., 1, ANGLE] -= gaps_by_angle.imag
-    touch_rows[..., indices.feet] = at_points[..., slice(3 * k, 4 * k)]
+    touch_rows[..., indices.feet] = at_points[:, :, :3, slice(3 * k, 4 * k)]
     # Derivatives by position, inclination and normal force of the same contact. Axes: contact k,
     # equation a of touch, and kind n of unknown: position, inclination, normal, friction.
     by_kind = touch_rows[..., POSE:].reshape(n, k, 3, 4, k)
@@ -331,6 +331,39 @@ def roll(g: Grasps, unknowns: Array, normals: Points, radii: Array) -> tuple[Arr
         derivative[:, new] = 0.0
         derivative[:, new, friction] = FRICTION_COMPLIANCE
     return residual, derivative
+
+
+def sticking_rows(g: Grasps, linear: Linear) -> Array:
+    """
+    Return the derivatives (n, k, 3 + 4k) of the conditions that contacts stick.
+
+    The moment of friction works on the rotation of a section, and contacts roll by the inclination
+    of the centre line. Where shear changes the angle between them, the skin moves along the tube.
+    With this motion the stiffness is symmetric, as Maxwell's theorem says. It depends on the path:
+    the section at another position along the tube has another rotation. So it is neglected where
+    contacts roll over a distance, see `roll`.
+    """
+    (n, k), indices, pushes, tubes = g.sides.shape, g.places, linear.pushes, linear.tubes
+    rotations, points = tubes.at_points[:, :, 3], np.arange(k)
+    feet = linear.unknowns[:, indices.feet]
+    of_sections = tubes.respond(pushes.loads, feet)[..., 3]
+    by_loads = rotations[..., : 3 * k].reshape(n, k, k, 3)
+    # Axes: contact, cause as in `Pushes.rates`, contact of the cause.
+    by_cause = np.einsum('nkcl,nclq->nkqc', by_loads, pushes.rates)
+    shear = np.zeros((n, k, indices.size))
+    shear[..., indices.causes] = -by_cause[:, :, :3].reshape(n, k, -1)
+    shear[..., ANGLE] = -by_cause[:, :, 3].sum(axis=-1)
+    shear[..., indices.feet] = -rotations[..., slice(3 * k, 4 * k)]
+    shear[:, points, indices.feet.start + points] += tubes.curvatures
+    shear[:, points, indices.inclinations.start + points] += 1.0
+    rows = g.rolling_rows(linear.radii) - pushes.skin[..., None] * shear
+    # Where the skin comes nearer to the centre line.
+    inclined = linear.unknowns[:, indices.inclinations] - of_sections
+    by_angle = inclined * pushes.depth_by_angle
+    rows[:, points, indices.normal.start + points] += inclined * pushes.depth_by_force
+    rows[:, points, indices.inclinations.start + points] += by_angle
+    rows[..., ANGLE] -= by_angle
+    return rows
 
 
 class _FrictionRows(NamedTuple):

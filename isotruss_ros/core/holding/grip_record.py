@@ -41,7 +41,7 @@ class GripRecord(NamedTuple):
     contacts: PressedContacts  #: the k contacts
     unknowns: Array  #: (3 + 4k,) unknowns, see `ContactForces`
     bent: Array  #: (s,) state of the bent tubes, nodes, points and axial forces of `BentState`
-    responses: Array  #: (k, 3, 4k + 1) responses at the contacts, see `BentTubes.at_points`
+    responses: Array  #: (k, 4, 4k + 1) responses at the contacts, see `BentTubes.at_points`
     #: (t,) gauge pressure of each tube [Pa]; None: as in the robot file
     pressures: tuple[float, ...] | None = None
     estimate: GripEstimate | None = None  #: estimate of the control loop that holds the object
@@ -54,10 +54,10 @@ class GripRecord(NamedTuple):
         """Return the record of a grip whose tubes are bent."""
         one, tubes = grip.alone, grip.alone.linear.tubes
         bent = tubes.activate(one.iterate.bent)
-        responses, size = tubes.at_points[0].copy(), tubes.loads.shape[-1]
+        responses = tubes.at_points[0].copy()
         # The last column has the values in this state.
-        at_state = tubes.respond(one.pushes.loads, one.iterate.unknowns[:, one.g.places.feet])
-        responses[..., -1] = at_state.reshape(size // 3, 3)
+        feet = one.iterate.unknowns[:, one.g.places.feet]
+        responses[..., -1] = tubes.respond(one.pushes.loads, feet)[0]
         measured = grip.pressures != tube_pressures(grip.config.robot.description)
         return cls(
             grip.config.roller_positions,

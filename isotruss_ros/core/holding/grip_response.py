@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import functools
 from typing import ClassVar, NamedTuple
 
-from isotruss_ros.core.holding.equations import Grasps, Linear
+from isotruss_ros.core.holding.equations import Grasps, Linear, sticking_rows
 from isotruss_ros.core.holding.pressed_contacts import Places, POSE
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Flags, identity, Indices, Points
@@ -37,7 +37,6 @@ class GripResponse:
     unknown_forces: Array  #: (2k,) normal and then friction forces at the contacts [N]
     owners: Indices  #: (k,) grasping member of each contact, numbered within the grip
     change: Array  #: (3 + 4k, 3) response to the wrench [N]
-    by_opening: Array  #: (3 + 4k,) response to the opening, see `HeldGrip.squeeze_stiffness`
     ends: Indices  #: (e,) indices of the contacts that are an end of a face
     are_ends: Flags  #: (e,) whether these press, as the other ends of their faces do
     by_gap: Array  #: (3 + 4k, e) responses to a gap at each of these ends
@@ -90,11 +89,17 @@ class GripResponse:
         return ~self.is_neutral & (np.linalg.eigvalsh(symmetric)[..., 0] > 0.0)
 
 
-def respond(g: Grasps, unknowns: Array, linear: Linear, residuals: Array) -> Array:
-    """Return the changes (n, 3 + 4k, c) that cancel residuals; NaN if neutral."""
+def respond(
+    g: Grasps, unknowns: Array, linear: Linear, conditions: Array, residuals: Array
+) -> Array:
+    """
+    Return the changes (n, 3 + 4k, c) that cancel residuals; NaN if neutral.
+
+    The `conditions` are the rows of the contacts in the Jacobian.
+    """
     indices = g.places
     jacobian, right = linear.jacobian.copy(), -residuals
-    jacobian[:, indices.conditions] = g.rolling_rows(linear.radii)
+    jacobian[:, indices.conditions] = conditions
     # A dent is infinitely soft at zero force. So to first order, the force of such a contact stays
     # zero: this takes the place of touching across the member, and of sticking.
     samples, idle = np.nonzero(idle_contacts(unknowns[:, indices.normal]))
@@ -127,17 +132,15 @@ def find_response(
         [np.flatnonzero((owners == owners[e]) & (np.arange(k) != e))[0] for e in ends]
     )
     are_ends = is_pressed[:, ends] & is_pressed[:, others.astype(int)]
-    # Columns: 0 to 2 the wrench, 3 the opening of the grip, then a gap at each end of a face.
-    residuals = np.zeros((n, indices.size, 4 + len(ends)))
+    # Columns: the wrench, then a gap at each end of a face.
+    residuals = np.zeros((n, indices.size, 3 + len(ends)))
     residuals[:, indices.balance, :3] = identity(3)
     # Axes: contact; touch along the member, across it and in inclination; column.
     touch = residuals[:, : 3 * k].reshape(n, k, 3, -1)
-    opening = axes.conj() * _opening(g, unknowns, normals)
-    touch[..., 0, 3], touch[..., 1, 3] = opening.real, opening.imag
     gaps = -axes[:, ends].conj() * normals[:, ends]
-    columns = np.arange(4, 4 + len(ends))
+    columns = np.arange(3, 3 + len(ends))
     touch[:, ends, 0, columns], touch[:, ends, 1, columns] = gaps.real, gaps.imag
-    change = respond(g, unknowns, linear, residuals)
+    change = respond(g, unknowns, linear, sticking_rows(g, linear), residuals)
     determinant = np.linalg.det(change[:, :3, :3])
     middle = (bodies.middle - bodies.center) / bodies.arm
     about_middle = np.zeros((n, 3, 3))
@@ -147,25 +150,28 @@ def find_response(
         unknown_forces=unknowns[:, indices.forces],
         owners=owners,
         change=change[..., :3],
-        by_opening=change[..., 3],
         ends=ends,
         are_ends=are_ends,
-        by_gap=change[..., 4:],
+        by_gap=change[..., 3:],
         arm=bodies.arm,
         about_middle=about_middle,
         is_neutral=~(np.abs(determinant) > 0.0),
     )
 
 
-def _opening(g: Grasps, unknowns: Array, normals: Points) -> Points:
-    """Return the motion (n, k) of the contacts, x + iy, per unit of opening of the grip [-]."""
-    owners = g.contacts.owners
-    if owners[-1] > 1:
-        return 0.5 * normals
-    feet = unknowns[:, g.places.feet]
-    skins = g.lines.start + g.lines.axis * feet - g.structure.tube_radius * normals
-    chord = skins[:, owners == 1].mean(axis=-1) - skins[:, owners == 0].mean(axis=-1)
-    return np.where(owners == 1, 0.5, -0.5) * (chord / np.abs(chord))[:, None]
+def open_grips(g: Grasps, unknowns: Array, normals: Points) -> Array:
+    """Return the residuals (n, 3 + 4k) of grips that open by 1 m, see `squeeze_stiffness`."""
+    owners, (n, k) = g.contacts.owners, g.sides.shape
+    motions = 0.5 * normals
+    if owners[-1] == 1:
+        feet = unknowns[:, g.places.feet]
+        skins = g.lines.start + g.lines.axis * feet - g.structure.tube_radius * normals
+        chord = skins[:, owners == 1].mean(axis=-1) - skins[:, owners == 0].mean(axis=-1)
+        motions = np.where(owners == 1, 0.5, -0.5) * (chord / np.abs(chord))[:, None]
+    residuals, opening = np.zeros((n, g.places.size)), g.lines.axis.conj() * motions
+    touch = residuals[:, : 3 * k].reshape(n, k, 3)
+    touch[..., 0], touch[..., 1] = opening.real, opening.imag
+    return residuals
 
 
 class SlipPlanes(NamedTuple):

@@ -24,6 +24,7 @@ from isotruss_ros.core.holding.equations import (
 from isotruss_ros.core.holding.grip_response import (
     find_response,
     GripResponse,
+    open_grips,
     respond,
     slip_planes,
 )
@@ -502,7 +503,8 @@ class HeldGrip:
         linear = BentTubes.of(g.structure, g.contacts.members, g.lines, straight, none)
         # Linear tubes would leave gaps, which changes of forces and pose close.
         residual = np.zeros(g.places.size)
-        gaps = one.linear.tubes.respond(loads, feet) - linear.respond(loads, feet)
+        both = one.linear.tubes.respond(loads, feet), linear.respond(loads, feet)
+        gaps = (both[0] - both[1])[..., :3]
         residual[: gaps.size] = gaps.ravel()
         try:
             change = np.linalg.solve(one.linear.jacobian[0], residual)
@@ -515,7 +517,8 @@ class HeldGrip:
         """Return the unknowns' changes that cancel residuals (3 + 4k, ...); None if neutral."""
         one = self.alone
         columns = residuals.reshape(1, len(residuals), -1)
-        changes = respond(one.g, one.iterate.unknowns, one.linear, columns)
+        rows = one.g.rolling_rows(one.linear.radii)
+        changes = respond(one.g, one.iterate.unknowns, one.linear, rows, columns)
         return None if np.isnan(changes).any() else changes.reshape(residuals.shape)
 
     def squeeze_stiffness(self) -> float:
@@ -527,8 +530,9 @@ class HeldGrip:
         """
         if self.response is None:
             return -0.0
-        changes = self.response.by_opening[self.samples.g.places.normal]
-        return float(changes.sum()) / len(self.members)
+        one = self.alone
+        changes = self.respond(open_grips(one.g, one.iterate.unknowns, one.normals)[0])
+        return float(changes[one.g.places.normal].sum()) / len(self.members)
 
     def sample_dents_ahead(self) -> None:
         """Compute the samples of dents that contacts need when they roll on."""

@@ -96,8 +96,8 @@ class BentTubes:
     Tubes of n samples with k load points in one layout, linearised about a state under loads.
 
     A load is (f_along, f_across, m): forces along and across the straight member, and a moment [N,
-    N m]. A response is the displacement along and across the straight member [m], and the
-    inclination of the bent centre line [rad], see `InclinationWeights`.
+    N m]. A response is the displacement along and across the straight member [m], the inclination
+    of the bent centre line, see `InclinationWeights`, and the rotation of the section [rad].
     """
 
     shared: ClassVar[tuple[str, ...]] = ('members', 'length_by_motions')
@@ -109,7 +109,7 @@ class BentTubes:
     loads: Array  #: (n, 3k) loads in this state [N, N m]
     length_by_motions: Array  #: (p, k) changes of the parts' lengths by motions of the points
     tangent: Tangent  #: linearised frame
-    #: (n, k, 3, 4k + 1) `at_points` from another process; None: found at first use
+    #: (n, k, 4, 4k + 1) `at_points` from another process; None: found at first use
     received: Array | None = None
 
     @classmethod
@@ -145,13 +145,22 @@ class BentTubes:
 
     @property
     def at_points(self) -> Array:
-        """Return the responses (n, k, 3, 4k + 1) at the load points, see `LoadResponses`."""
+        """Return the responses (n, k, 4, 4k + 1) at the load points, see `LoadResponses`."""
         return self.responses.at_points if self.received is None else self.received
 
     def respond(self, loads: Array, positions: Array) -> Array:
-        """Return displacements and inclinations (n, 3k) under loads (n, 3k) at positions."""
-        at_points = self.at_points.reshape(*loads.shape, -1)
-        return apply(at_points, self._factors(loads, positions))
+        """Return the responses (n, k, 4) under loads (n, 3k) at positions (n, k)."""
+        return apply(self.at_points, self._factors(loads, positions)[:, None])
+
+    @cached_property
+    def curvatures(self) -> Array:
+        """Return the means (n, k) of the rotations' slopes on both sides of the points [1/m]."""
+        layout, forces = self.tangent.frame.layout, self.tangent.forces.values
+        ends = end_forces(forces, self.tangent.length)
+        flexural = self.tangent.frame.section[..., 1, :]
+        before, behind = layout.before, layout.behind
+        bent = ends[:, before, 5] / flexural[:, before], ends[:, behind, 2] / flexural[:, behind]
+        return 0.5 * self.cuts.directions * (bent[0] - bent[1])
 
     def move(self, loads: Array, positions: Array) -> Motion:
         """Return the changes of the tubes under loads (n, 3k) with points at positions (n, k)."""

@@ -32,7 +32,7 @@ class LoadResponses(NamedTuple):
     """
 
     unknowns: Array  #: (u, 4k + 1) changes of the frame's unknowns
-    #: (k, 3, 4k + 1) changes of the responses, see `BentTubes`; the last column is their value
+    #: (k, 4, 4k + 1) changes of the responses, see `BentTubes`; the last column is their value
     at_points: Array
 
 
@@ -73,10 +73,12 @@ def find_responses(
     *lead, size, columns = unknowns.shape
     last_rows = slice(size - 3 * count, None)
     of_nodes = unknowns[..., last_rows, :].reshape(*lead, count, 3, columns)
-    at_points = to_member @ of_nodes
+    at_points = np.empty((*lead, count, 4, columns))
+    at_points[..., :3, :] = to_member @ of_nodes
     at_points[..., points, 0, motions.start + points] -= 1.0
     # The last column includes the responses in the linearised state.
-    at_points[..., -1] += apply(to_member, tangent.displacements[..., -count:, :])
+    at_points[..., :3, -1] += apply(to_member, tangent.displacements[..., -count:, :])
+    at_points[..., 3, :] = at_points[..., 2, :]  # rotations of the sections
     # Inclinations. The length of a part between two load points depends on both.
     ends, slopes = find_slopes(structure, tangent)
     at_ends = unknowns.take(layout.places[ends.parts], axis=-2)

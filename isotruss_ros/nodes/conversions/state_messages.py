@@ -133,7 +133,7 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
         'pressures': len(robot.description.pressures) if message.pressures else 0,
         'corners': count,
         'unknowns': Places.of(count).size,
-        'responses': 3 * count * (4 * count + 1),
+        'responses': 4 * count * (4 * count + 1),
         'bent': len(message.bent),  # see `GripRecord.restore`
         'pose': 3,
         'squeeze': 1,
@@ -174,7 +174,7 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
         contacts,
         numbers['unknowns'],
         numbers['bent'],
-        numbers['responses'].reshape(count, 3, -1),
+        numbers['responses'].reshape(count, 4, -1),
         tuple(message.pressures) or None,
         estimate,
         message.squeeze_assumed,

@@ -404,3 +404,17 @@ def test_third_member_comes_into_contact_by_bending():
         grip = roll_grip(grip, HOME.moved_to([travel, *5 * [0.0]]))
         assert grip.normal_forces.min() > 0.0
     assert grip.member_names == LOOP[:2]  # the third one has opened
+
+
+@pytest.mark.parametrize('shear_rigidity', [300.0, 1e3, 1e4, 1e6])
+def test_stiffness_without_a_load_is_symmetric_although_tubes_shear(shear_rigidity):
+    section = {
+        'model': 'section',
+        'axial_rigidity': 4e3,
+        'flexural_rigidity': 25.0,
+        'shear_rigidity': shear_rigidity,
+    }
+    config = core.Robot(replace(HOME.robot.description, stiffness=section)).home
+    body = core.ConvexObject.disc(core.tangent_center(config, 'north/Z', 0.28, 0.002), 0.28)
+    stiffness = core.settle_grasp(config, body, 0.8).stiffness
+    assert stiffness == pytest.approx(stiffness.T, rel=1e-4)
