@@ -8,7 +8,7 @@ import tempfile
 
 from isotruss_ros.calibration.beam_fit import end_stiffness
 from isotruss_ros.cli.fit_tube_stiffness import main
-from isotruss_ros.core.statics.section import InflatableBeam
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
 from isotruss_ros.extras import explained_imports
 import numpy as np
 

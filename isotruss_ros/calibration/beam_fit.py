@@ -18,8 +18,8 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 from isotruss_ros.calibration.law import half_widths
 from isotruss_ros.calibration.measurements import MeasurementError, MODES
 from isotruss_ros.core.numerics.arrays import Array, Indices, MAX_MAGNITUDE
-from isotruss_ros.core.statics.beam_column import local_stiffness
-from isotruss_ros.core.statics.section import InflatableBeam, TubeStiffness
+from isotruss_ros.core.statics.frame import local_stiffness
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, TubeStiffness
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -17,7 +17,7 @@ import functools
 from isotruss_ros.calibration.measurements import MeasurementError, Presses
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.section import InflatableBeam
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
 import numpy as np
 
 #: Largest factor, in either direction, between the local stiffness and its theoretical value in

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.contact.flattening import Flattening
+from isotruss_ros.core.contact.pressed_skin import Flattening
 from isotruss_ros.core.fixed_object.contact import ContactState, solve_contact
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints, Surface
 from isotruss_ros.core.fixed_object.straight_compliance import clamped_pieces
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.beam_column import local_stiffness
-from isotruss_ros.core.statics.section import TubeStiffness
+from isotruss_ros.core.statics.frame import local_stiffness
+from isotruss_ros.core.statics.tube_stiffness import TubeStiffness
 import numpy as np
 
 #: Spacing of the contact points [m].

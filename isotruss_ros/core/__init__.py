@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from isotruss_ros.core.fixed_object.analyze_grasp import analyze_grasp
     from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
     from isotruss_ros.core.holding.held_grip import HoldStatus
-    from isotruss_ros.core.holding.settle_grasp import settle_grasp
-    from isotruss_ros.core.holding.settle_grasps import settle_grasps
+    from isotruss_ros.core.holding.settle_grasp import settle_grasp, settle_grasps
     from isotruss_ros.core.kinematics.configuration import Configuration
     from isotruss_ros.core.kinematics.robot import load_robot, Robot
     from isotruss_ros.core.manipulation.grip import Grip
@@ -139,7 +138,7 @@ _MODULES = {
     'read_object': 'model.object_file',
     'read_obstacles': 'model.obstacle_file',
     'settle_grasp': 'holding.settle_grasp',
-    'settle_grasps': 'holding.settle_grasps',
+    'settle_grasps': 'holding.settle_grasp',
     'solve_joint_velocity': 'manipulation.solve_twist',
     'solve_twist': 'manipulation.solve_twist',
     'solve_twist_ahead': 'manipulation.solve_twist',

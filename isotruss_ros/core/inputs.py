@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.frozen import replace
+from isotruss_ros.core.numerics.records import replace
 import numpy as np
 from numpy.typing import ArrayLike
 

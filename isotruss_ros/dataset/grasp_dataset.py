@@ -19,7 +19,7 @@ import shutil
 from typing import Any
 
 from isotruss_ros.core import ConvexObject, Robot
-from isotruss_ros.core.holding.settle_grasps import GROUP_SIZE
+from isotruss_ros.core.holding.settle_grasp import GROUP_SIZE
 from isotruss_ros.core.numerics.arrays import check_count
 from isotruss_ros.core.recording.recorded_servo import find_versions
 from isotruss_ros.dataset.columns import check_columns, COLUMNS, compute_columns, corner_count

@@ -16,7 +16,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_tubes
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.core.statics.tube_stiffness import tube_pressures
 from isotruss_ros.identification.measured_run import MeasuredRun, RunError
 import numpy as np
 

@@ -32,7 +32,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.chance.probability import find_chance
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_gradient import GraspParameters
+from isotruss_ros.core.holding.grasp_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.model.shapes import Shape

@@ -9,8 +9,7 @@ from isotruss_ros.calibration.beam_fit import end_stiffness
 from isotruss_ros.calibration.measurements import MODES
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.section import TubeStiffness
-from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
+from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeStiffness
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -11,7 +11,7 @@ from isotruss_ros.calibration.beam_fit import end_stiffness
 from isotruss_ros.calibration.linear_range import Slope
 from isotruss_ros.calibration.measurements import MODES
 from isotruss_ros.core.model.stiffness_law import Law
-from isotruss_ros.core.statics.section import InflatableBeam
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D

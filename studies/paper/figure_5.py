@@ -12,12 +12,17 @@ import math
 from isotruss_ros.core import Configuration, load_robot, Robot
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.blocks import Numbering
-from isotruss_ros.core.statics.equilibrium import bend, follow_loads, LoadPath, solve, unloaded
-from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.frame import end_forces, Frame
 from isotruss_ros.core.statics.structure import Structure, structure_of
-from isotruss_ros.core.statics.tangent import Tangent
+from isotruss_ros.core.statics.tangent import (
+    bend,
+    follow_loads,
+    LoadPath,
+    solve,
+    Tangent,
+    unloaded,
+)
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 from isotruss_ros.core.statics.wrinkling import find_utilisation
 import numpy as np

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from isotruss_ros.calibration.beam_fit import end_stiffness
 from isotruss_ros.calibration.measurements import COLUMNS, MODES, TRIAL
-from isotruss_ros.core.statics.section import TubeStiffness
+from isotruss_ros.core.statics.tube_stiffness import TubeStiffness
 import numpy as np
 from studies.paper.default_tube import wrinkling_moment
 from studies.paper.parameters import LENGTHS, PRESSURES, TRIALS, TUBE_DIAMETER

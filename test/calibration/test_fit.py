@@ -16,12 +16,11 @@ from isotruss_ros.calibration.law import fit_law
 from isotruss_ros.calibration.local_fit import fit_local_stiffness
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.cli.fit_tube_stiffness import main
-from isotruss_ros.core.contact.flattening import Flattening, flattening_of
+from isotruss_ros.core.contact.pressed_skin import Flattening, flattening_of
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import Law
-from isotruss_ros.core.statics.section import InflatableBeam
-from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, tube_stiffness
 from nightly import some_now
 import numpy as np
 import pytest

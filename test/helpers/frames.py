@@ -5,8 +5,7 @@
 
 from typing import NamedTuple
 
-from isotruss_ros.core.statics.bisection import Bisections
-from isotruss_ros.core.statics.blocks import Numbering
+from isotruss_ros.core.statics.blocks import Bisections, Numbering
 from isotruss_ros.core.statics.frame import Frame
 import numpy as np
 from scipy.linalg import null_space

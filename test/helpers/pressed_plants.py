@@ -13,8 +13,8 @@ from isotruss_ros.core import Configuration, ConvexObject, load_robot, tangent_c
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.tube_stiffness import tube_pressures
 from isotruss_ros.mujoco_plant.options import PlantOptions, RIGID_SECTION_STIFFNESS
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np

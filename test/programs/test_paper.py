@@ -13,10 +13,10 @@ import sys
 
 from isotruss_ros.calibration.measurements import MODES
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
-from isotruss_ros.core.statics.beam_column import end_forces
-from isotruss_ros.core.statics.equilibrium import bend, solve, unloaded
-from isotruss_ros.core.statics.section import InflatableBeam
+from isotruss_ros.core.statics.frame import end_forces
 from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.tangent import bend, solve, unloaded
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
 from isotruss_ros.core.statics.wrinkling import find_utilisation
 from mujoco_worlds import needs_mujoco
 from nightly import some_now

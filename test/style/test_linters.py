@@ -16,7 +16,7 @@ from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.safety.barrier_law import Barrier
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
-from isotruss_ros.core.statics.section import TubeStiffness
+from isotruss_ros.core.statics.tube_stiffness import TubeStiffness
 import pytest
 
 ROOT = Path(__file__).parents[2]

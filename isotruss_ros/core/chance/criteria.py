@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
+from isotruss_ros.core.holding.contacts import ANGLE, POSE
+from isotruss_ros.core.holding.grasp_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.overlaps import MAX_DISPLACEMENT
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np

@@ -16,10 +16,10 @@ import math
 
 from isotruss_ros.core.chance.criteria import find_criteria
 from isotruss_ros.core.chance.random_inputs import changed_inputs
-from isotruss_ros.core.holding.held_gradient import GraspParameters
+from isotruss_ros.core.holding.grasp_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip, HoldStatus
-from isotruss_ros.core.holding.settle_grasps import settle_inputs_together
-from isotruss_ros.core.holding.settled_grasps import SettledGrasps
+from isotruss_ros.core.holding.settle_grasp import settle_inputs_together
+from isotruss_ros.core.holding.settled_grasp import SettledGrasps
 from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD
 from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np

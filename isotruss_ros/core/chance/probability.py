@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import math
 
 from isotruss_ros.core.chance.criteria import find_criteria
-from isotruss_ros.core.holding.held_gradient import GraspParameters
+from isotruss_ros.core.holding.grasp_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.model.parameter_deviations import Chance
 from isotruss_ros.core.numerics.arrays import Array

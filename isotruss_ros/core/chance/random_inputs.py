@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_gradient import GraspParameters
+from isotruss_ros.core.holding.grasp_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import GraspInputs, HeldGrip
-from isotruss_ros.core.holding.settle_grasps import settle_inputs_together
+from isotruss_ros.core.holding.settle_grasp import settle_inputs_together
 from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD
 import numpy as np
 

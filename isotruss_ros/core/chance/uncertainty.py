@@ -13,8 +13,7 @@ from isotruss_ros.core.chance.first_order_error import first_order_error
 from isotruss_ros.core.chance.probability import find_chance, standard_error
 from isotruss_ros.core.chance.random_inputs import changed_grip, sample_friction
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.grasp_gradient import GraspGradient
-from isotruss_ros.core.holding.held_gradient import GraspParameters
+from isotruss_ros.core.holding.grasp_gradient import GraspGradient, GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.kinematics.mechanism import Mechanism

@@ -1,20 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Last equilibrium of the held object, with the changes of pose and squeeze since then.
-
-- `predicted` is the change by roller travel, because computing an equilibrium in each cycle would
-  take too long. The next one is due if the error of the prediction may exceed a bound, see
-  `travel_limit`.
-- `drift` is the rate of the part of this change that (19) neglects, because commands that follow
-  from (19) must compensate it: the bending that (19) neglects is up to a tenth of the motion.
-- The work of an equilibrium is spread over cycles if no bound is exceeded thereby: a step of
-  Newton's method before it is due (`begun`), then the equilibrium in the configuration of this
-  step, then its utilisation, then the derivatives by offsets (`prepared`).
-- `outputs` contain the linear change by corrections of the contacts, because an estimate must
-  contain a measured pose at once, and the next equilibrium follows later.
-"""
+"""Last equilibrium of a grip, and its prediction."""
 
 from __future__ import annotations
 
@@ -23,29 +10,210 @@ from functools import cached_property
 import math
 from typing import Any, NamedTuple
 
-from isotruss_ros.core.estimation.grip_model import (
-    OffsetRates,
-    output_change,
-    output_scale,
-    Pressures,
-    shift_rates,
-    SHIFTS,
-    state_rates,
-    TRACKED,
-)
-from isotruss_ros.core.estimation.travel_prediction import TravelPrediction
+from isotruss_ros.core.holding.attach_grip import attach_grip, lay_faces
 from isotruss_ros.core.holding.contact_search import measure_gaps
+from isotruss_ros.core.holding.grasp_gradient import held_gradient
 from isotruss_ros.core.holding.grip_response import slip_planes
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.holding.held_shape import lowest_frequency
+from isotruss_ros.core.holding.newton import Accuracy
 from isotruss_ros.core.holding.roll_grip import begin_roll, roll_grip, with_tubes
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
-from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.frozen import replace
+from isotruss_ros.core.numerics.records import replace
 from isotruss_ros.core.numerics.work_limit import WorkLimitError
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
+
+# Model of a held object: its equilibrium, and the linearisation of pose and squeeze.
+#
+# The state is (load, unexplained pose, delay, shifts of the contacts along the members); the
+# parameters are the roller offsets, see `grip_belief`. The outputs are the object's pose and the
+# squeeze.
+
+#: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
+#: shifts.
+LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
+#: Largest utilisation of an equilibrium that is searched near a measured or estimated pose [-].
+#: There, the moment in the model exceeds that of a wrinkled tube by 5 % (Comer and Levy, see
+#: `core.statics.wrinkling`); at 1.5 it exceeds it by 15 %.
+MAX_UTILISATION = 1.2
+#: Accuracy of a tracked equilibrium. In 121 equilibria of 6 runs with discs and boxes, with loads,
+#: noise and wrong offsets, poses err by at most 1.3 um (median 0.1 um), squeezes and slip margins
+#: by at most 2 mN, and the squeeze's derivative by opening by at most 0.4 %.
+TRACKED = Accuracy(2e-4, 1e7)
+#: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
+Pressures = tuple[float, ...] | None
+
+
+def attach_model(
+    config: Configuration, grip: Grip, pressures: Pressures = None, zero_deviation: float = 0.0
+) -> HeldGrip:
+    """
+    Return the object's equilibrium near its measured pose, with a `response` to wrenches.
+
+    For the deviation of the roller offsets [m] see `lay_faces`.
+    """
+    members = find_members(config.robot.topology, grip.members).members
+    held = attach_grip(config, grip.body, members, pressure=pressures, quick=True)
+    held = lay_faces(held, grip.friction, zero_deviation)
+    if held.response is None:
+        raise NotHeldError(HoldStatus.UNSTABLE)
+    return held
+
+
+def shift_deviations(held: HeldGrip, by_shifts: Array, friction: float) -> Array:
+    """
+    Return the prior deviations (m,) of the contacts' shifts along the members [m].
+
+    A deviation is twice the shift that causes slip, at most the object's characteristic radius.
+    For `by_shifts` see `shift_rates`.
+    """
+    reserve = friction * held.normal_forces - np.abs(held.friction_forces)
+    reserve = np.maximum(reserve, 0.1 * friction * held.squeeze)
+    # Derivatives (m, m) of the members' friction forces by the members' shifts.
+    friction_rates = held.contacts.sum_by_member(by_shifts[held.state.places.friction])
+    stiffness = np.abs(np.diag(friction_rates))
+    smallest_stiffness = 2.0 * reserve / held.arm
+    return 2.0 * reserve / np.maximum(stiffness, smallest_stiffness)
+
+
+def output_scale(held: HeldGrip) -> Array:
+    """Return the scale factors (4,) of pose and squeeze: the arm [m] for rotation, else 1."""
+    return np.array([1.0, 1.0, held.arm, 1.0])
+
+
+def output_change(held: HeldGrip, unknowns: Array) -> Array:
+    """Return changes (4, ...) of pose and squeeze by those of the unknowns (3 + 4k, ...)."""
+    squeeze = unknowns[held.state.places.normal].sum(axis=0) / len(held.members)
+    return np.concatenate([unknowns[:3], squeeze[None]])
+
+
+def shift_rates(held: HeldGrip) -> Array:
+    """Return derivatives (3 + 4k, m) of pose, contact points and forces by the members' shifts."""
+    places, owners = held.state.places, held.contacts.owners
+    # A shift of a member's contacts changes the rolling condition of each of them.
+    changes = np.zeros((places.size, len(held.members)))
+    changes[places.conditions] = -np.eye(len(held.members))[owners]
+    return held.respond(changes)
+
+
+def state_rates(held: HeldGrip, by_shifts: Array) -> Array:
+    """Return derivatives (4, n) of scaled pose and squeeze by the state; see `shift_rates`."""
+    # Columns: derivatives of pose and contact forces by the load, and by the members' shifts.
+    unknowns = np.hstack([held.response.change, by_shifts])
+    outputs = output_scale(held)[:, None] * output_change(held, unknowns)
+    # Columns: derivatives by load, unexplained pose, delay, and shifts.
+    return np.column_stack([outputs[:, :3], np.eye(4, 3), np.zeros(4), outputs[:, 3:]])
+
+
+@dataclass(frozen=True, eq=False)
+class OffsetRates:
+    """Derivatives by r roller offsets, whose contacts rest on members, and natural frequency."""
+
+    held: HeldGrip  #: equilibrium of the object
+    outputs: Array  #: (4, r) derivatives of the scaled outputs
+    by_travel: Array  #: (3 + 4k, r) derivatives of the unknowns by travel of rolling contacts
+    joints: Array  #: (2j, r) derivatives of the joint positions (x0, y0, x1, y1, ...)
+    joints_by_shifts: Array  #: (2j, m) derivatives of the joint positions by the members' shifts
+
+    @classmethod
+    def of(cls, held: HeldGrip) -> OffsetRates:
+        """Return the derivatives by roller offsets at an equilibrium."""
+        gradient, rollers = held_gradient(held), len(held.config.roller_positions)
+        outputs = np.vstack([gradient.pose, gradient.normal_forces.mean(axis=0)])
+        rates = np.vstack([output_scale(held)[:, None] * outputs, gradient.joints])
+        by_rollers, by_anchors = np.split(rates, [rollers], axis=1)
+        by_offsets = by_rollers + by_anchors @ held.anchor_rates
+        shifts_of_contacts = np.eye(len(held.members))[held.contacts.owners]
+        return cls(
+            held,
+            by_offsets[:4],
+            gradient.unknowns[:, :rollers],
+            by_offsets[4:],
+            by_anchors[4:] @ shifts_of_contacts,
+        )
+
+    @cached_property
+    def frequency(self) -> float | None:
+        """Return the lowest natural frequency [rad/s], see `lowest_frequency`."""
+        return lowest_frequency(self.held)
+
+
+# Change of an equilibrium by roller travel, to second order along the last travel.
+
+#: Travel between two equilibria below which their difference gives no derivatives [m]: unknowns
+#: with errors of 0.1 um then have derivatives with errors of 0.1 %.
+MIN_SECANT_TRAVEL = 2e-4
+
+
+@dataclass(frozen=True, eq=False)
+class TravelPrediction:
+    """
+    Prediction of the n unknowns of an equilibrium by the travel of r rollers since then.
+
+    The derivatives at the equilibrium take long to compute. So they are those at an equilibrium
+    nearby, and along the travel between two equilibria they are the secant, which holds halfway.
+    The difference of two secants gives the second derivatives along the travel.
+
+    :ivar rates: (n, r) derivatives by roller travel.
+    :ivar direction: (r,) unit vector of the last travel between two equilibria.
+    :ivar behind: travel in this direction from where the rates hold to the equilibrium [m].
+    :ivar curvature: (n,) second derivatives in this direction.
+    """
+
+    rates: Array
+    direction: Array
+    behind: float
+    curvature: Array
+
+    @classmethod
+    def of(cls, rates: Array) -> TravelPrediction:
+        """Return the prediction of first order by the rates (n, r) at the equilibrium."""
+        return cls(rates, np.zeros(rates.shape[1]), 0.0, np.zeros(len(rates)))
+
+    def with_rates(self, rates: Array) -> TravelPrediction:
+        """Return the prediction with the rates (n, r) at the equilibrium."""
+        return replace(self, rates=rates, behind=0.0)
+
+    def change(self, travel: Array) -> Array:
+        """Return the changes (n,) of the unknowns by roller travel (r,) [m]."""
+        along = float(self.direction @ travel)
+        by_curvature = along * (self.behind + 0.5 * along) * self.curvature
+        return self.rates @ travel + by_curvature
+
+    def continued(self, travel: Array, change: Array) -> TravelPrediction:
+        """Return the prediction at the equilibrium after a travel (r,) and a change (n,)."""
+        length = math.hypot(*travel)
+        behind = self.behind + float(self.direction @ travel)
+        if length < MIN_SECANT_TRAVEL:
+            return replace(self, behind=behind)
+        direction = travel / length
+        secant_change = change / length - self.rates @ direction
+        rates = self.rates + np.outer(secant_change, direction)
+        # The secant holds in the middle of the travel; after a turn back, the rates may as well.
+        from_rates = self.behind * float(self.direction @ direction) + 0.5 * length
+        curvature = np.zeros(len(rates))
+        if from_rates >= 0.5 * length:
+            curvature = secant_change / from_rates
+        return TravelPrediction(rates, direction, 0.5 * length, curvature)
+
+
+# Last equilibrium of the held object, with the changes of pose and squeeze since then.
+#
+# - `predicted` is the change by roller travel, because computing an equilibrium in each cycle
+#   would
+#   take too long. The next one is due if the error of the prediction may exceed a bound, see
+#   `travel_limit`.
+# - `drift` is the rate of the part of this change that (19) neglects, because commands that follow
+#   from (19) must compensate it: the bending that (19) neglects is up to a tenth of the motion.
+# - The work of an equilibrium is spread over cycles if no bound is exceeded thereby: a step of
+#   Newton's method before it is due (`begun`), then the equilibrium in the configuration of this
+#   step, then its utilisation, then the derivatives by offsets (`prepared`).
+# - `outputs` contain the linear change by corrections of the contacts, because an estimate must
+#   contain a measured pose at once, and the next equilibrium follows later.
 
 #: Largest errors of the prediction of pose [m] and squeeze [N] between two equilibria.
 MAX_ERRORS = np.array([5e-5, 0.1])

@@ -15,9 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.estimation.contact_walk import PRIOR_DEVIATIONS
-from isotruss_ros.core.estimation.grip_belief import GripBelief, Readings
-from isotruss_ros.core.estimation.grip_model import attach_model, Pressures
+from isotruss_ros.core.estimation.equilibrium_cache import attach_model, Pressures
+from isotruss_ros.core.estimation.grip_belief import GripBelief, PRIOR_DEVIATIONS, Readings
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.held_grip import HoldStatus, NotHeldError
 from isotruss_ros.core.inputs import StampedInput, steady_pressures, UsedReadings
@@ -25,7 +24,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.frozen import replace
+from isotruss_ros.core.numerics.records import replace
 from isotruss_ros.core.numerics.work_limit import WorkLimitError
 import numpy as np
 

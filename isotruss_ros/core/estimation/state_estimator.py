@@ -17,11 +17,14 @@ from functools import partial
 import math
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
-from isotruss_ros.core.estimation.fault_thresholds import JUMP_LENGTH
-from isotruss_ros.core.estimation.grip_model import Pressures
+from isotruss_ros.core.estimation.equilibrium_cache import Pressures
 from isotruss_ros.core.estimation.grip_tracker import GripTracker
 from isotruss_ros.core.estimation.offset_filter import Markers, OffsetFilter
-from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
+from isotruss_ros.core.estimation.state_estimate import (
+    EstimatorSettings,
+    JUMP_LENGTH,
+    StateEstimate,
+)
 from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.inputs import HISTORY_DURATION, StampedInput, Timeline, UsedReadings
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
@@ -31,7 +34,7 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.core.statics.tube_stiffness import tube_pressures
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -29,8 +29,8 @@ from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.tube_stiffness import Pressure
 import numpy as np
 from numpy.typing import ArrayLike
 

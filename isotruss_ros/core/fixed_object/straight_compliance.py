@@ -21,9 +21,9 @@ import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
-from isotruss_ros.core.statics.beam_column import end_forces
-from isotruss_ros.core.statics.equilibrium import solve_unloaded
+from isotruss_ros.core.statics.frame import end_forces
 from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.tangent import solve_unloaded
 import numpy as np
 
 

@@ -22,6 +22,7 @@ from isotruss_ros.core.holding.contact_search import (
     run_search,
     search_contacts,
 )
+from isotruss_ros.core.holding.contacts import find_pressed
 from isotruss_ros.core.holding.equations import Grasps, measure_overlaps
 from isotruss_ros.core.holding.held_grip import (
     Equilibria,
@@ -40,7 +41,6 @@ from isotruss_ros.core.holding.newton import (
     QUICK,
     USUAL,
 )
-from isotruss_ros.core.holding.pressed_contacts import find_pressed
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
@@ -49,8 +49,8 @@ from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.numerics.samples import join, take
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
-from isotruss_ros.core.statics.section import Pressure, tube_pressures
 from isotruss_ros.core.statics.structure import Structure, structures_under
+from isotruss_ros.core.statics.tube_stiffness import Pressure, tube_pressures
 import numpy as np
 
 #: Largest number of sets of contacts in a quick search [-]. It finds 315 of the 318 equilibria of

@@ -15,9 +15,9 @@ from collections.abc import Callable, Generator
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
+from isotruss_ros.core.holding.contacts import ANGLE, facing_lines, PressedContacts
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.overlaps import FreeCorner, SKIN_TOLERANCE
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, facing_lines, PressedContacts
 from isotruss_ros.core.manipulation.grip import CornerGap, Grip, GRIP_SIZES
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, ROUNDING

@@ -26,9 +26,8 @@ from collections.abc import Sequence
 import functools
 from typing import Any, NamedTuple
 
-from isotruss_ros.core.contact.dent_interpolation import find_table
-from isotruss_ros.core.contact.dents import Dents
-from isotruss_ros.core.holding.pressed_contacts import (
+from isotruss_ros.core.contact.dents import Dents, find_table
+from isotruss_ros.core.holding.contacts import (
     ANGLE,
     group_by_member,
     Places,
@@ -41,8 +40,7 @@ from isotruss_ros.core.model.shapes import PLANNED_DEPTH
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.samples import apply
 from isotruss_ros.core.statics.bent_tubes import BentTubes
-from isotruss_ros.core.statics.load_points import Lines
-from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.structure import Lines, Structure
 import numpy as np
 
 #: Compliance that scales friction forces to lengths, so that one tolerance bounds both [m/N].

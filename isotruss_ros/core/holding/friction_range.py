@@ -34,10 +34,10 @@ import itertools
 import math
 from typing import Literal, NamedTuple
 
+from isotruss_ros.core.holding.contacts import ANGLE, POSE
 from isotruss_ros.core.holding.grip_response import idle_contacts
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.overlaps import MAX_DISPLACEMENT
-from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.numerics.arrays import Array, Flags
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np

@@ -8,17 +8,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError, StructureError
+from isotruss_ros.core.holding.contacts import Places, POSE, PressedContacts
 from isotruss_ros.core.holding.equations import Grasps, linearize_grasps, Pushes
 from isotruss_ros.core.holding.held_grip import Equilibria, HeldGrip
 from isotruss_ros.core.holding.newton import Iterate
-from isotruss_ros.core.holding.pressed_contacts import Places, POSE, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.bent_tubes import BentState, BentTubes
-from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.core.statics.structure import structures_under
+from isotruss_ros.core.statics.tube_stiffness import tube_pressures
 import numpy as np
 
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import functools
 from typing import ClassVar, NamedTuple
 
+from isotruss_ros.core.holding.contacts import Places, POSE
 from isotruss_ros.core.holding.equations import Grasps, Linear, sticking_rows
-from isotruss_ros.core.holding.pressed_contacts import Places, POSE
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array, Flags, identity, Indices, Points
 from isotruss_ros.core.numerics.factorization import solve_each

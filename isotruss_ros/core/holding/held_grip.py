@@ -13,7 +13,12 @@ import math
 from typing import Any, ClassVar, NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
+from isotruss_ros.core.holding.contacts import (
+    ContactForces,
+    ContactPatches,
+    find_patches,
+    PressedContacts,
+)
 from isotruss_ros.core.holding.equations import (
     Grasps,
     History,
@@ -35,7 +40,6 @@ from isotruss_ros.core.holding.overlaps import (
     FreeCorner,
     HeldObjects,
 )
-from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import BentParts
 from isotruss_ros.core.manipulation.grip import Grip

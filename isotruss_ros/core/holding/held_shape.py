@@ -21,7 +21,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.samples import take
-from isotruss_ros.core.statics.tube_rates import find_load_changes
+from isotruss_ros.core.statics.bent_tubes import find_load_changes
 import numpy as np
 import scipy.linalg
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple, TypeVar
 
+from isotruss_ros.core.holding.contacts import ANGLE
 from isotruss_ros.core.holding.equations import (
     begin_straight,
     Grasps,
@@ -16,14 +17,13 @@ from isotruss_ros.core.holding.equations import (
     linearize_grasps,
     Pushes,
 )
-from isotruss_ros.core.holding.pressed_contacts import ANGLE
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, MAX_LOAD
 from isotruss_ros.core.numerics.factorization import solve_each
 from isotruss_ros.core.numerics.samples import join, take
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 from isotruss_ros.core.numerics.work_limit import count_work
 from isotruss_ros.core.statics.bent_tubes import BentState, BentTubes
-from isotruss_ros.core.statics.load_points import Cuts, group_samples
+from isotruss_ros.core.statics.structure import Cuts, group_samples
 import numpy as np
 
 #: Tolerances of the balance, relative to the sum of normal forces [-], and of the gaps [m].

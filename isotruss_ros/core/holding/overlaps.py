@@ -13,8 +13,8 @@ from collections.abc import Callable
 import functools
 from typing import Any, NamedTuple
 
+from isotruss_ros.core.holding.contacts import facing_lines
 from isotruss_ros.core.holding.equations import Grasps
-from isotruss_ros.core.holding.pressed_contacts import facing_lines
 from isotruss_ros.core.kinematics.depths import circle_depths, member_lines
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.object_samples import ObjectSamples

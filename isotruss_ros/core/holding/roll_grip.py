@@ -10,6 +10,7 @@ Ends of faces lose and gain contact, and a third member may come into contact.
 from __future__ import annotations
 
 from isotruss_ros.core.holding.contact_search import ContactSet, run_search, search_contacts
+from isotruss_ros.core.holding.contacts import POSE
 from isotruss_ros.core.holding.equations import (
     begin_straight,
     find_dents,
@@ -26,15 +27,13 @@ from isotruss_ros.core.holding.newton import (
     QUICK,
     step,
 )
-from isotruss_ros.core.holding.pressed_contacts import POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.object_samples import ObjectSamples
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.statics.bent_tubes import BentState, BentTubes
-from isotruss_ros.core.statics.load_points import Lines
-from isotruss_ros.core.statics.section import tube_pressures
-from isotruss_ros.core.statics.structure import Structure, structures_under
+from isotruss_ros.core.statics.structure import Lines, Structure, structures_under
+from isotruss_ros.core.statics.tube_stiffness import tube_pressures
 import numpy as np
 
 

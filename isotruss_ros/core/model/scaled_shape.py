@@ -20,7 +20,7 @@ class ScaledShape(Shape):
     :ivar base: shape of the factor 1.
     :ivar factor: ratio of lengths to those of `base` [-].
     :ivar interpolated: whether depths of dents are interpolated between those of other sizes and
-        pressures, see `core.contact.dent_interpolation`.
+        pressures, see `core.contact.dents`.
     """
 
     base: Shape

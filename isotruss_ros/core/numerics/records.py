@@ -1,20 +1,23 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Base class of results, with a short `repr`, a table for notebooks, and equality by value."""
+"""Results and frozen records."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 import dataclasses
 import enum
+import functools
 from functools import cached_property
 import html
 import itertools
 import math
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+
+# Base class of results, with a short `repr`, a table for notebooks, and equality by value.
 
 #: Longest text shown in full, also of an array [characters].
 MAX_SHOWN_CHARACTERS = 90
@@ -162,3 +165,36 @@ def _show(value: Any) -> str:
         text = str(value)
     line = text.replace('\n', ' ')
     return line if len(line) <= MAX_SHOWN_CHARACTERS else f'{line[:MAX_SHOWN_CHARACTERS]}…'
+
+
+# Changes of frozen records in a control cycle, much faster than `dataclasses.replace`.
+
+T = TypeVar('T')
+
+
+def replace(record: T, **changes: Any) -> T:
+    """
+    Return a frozen dataclass with other values of some fields, like `dataclasses.replace`.
+
+    No `__post_init__` checks the values again. Cached properties are left out.
+    """
+    kind: Any = type(record)
+    before, names = vars(record), _field_names(kind)
+    changed: T = object.__new__(kind)
+    fields = vars(changed)
+    if len(before) == len(names):
+        fields.update(before)
+    else:  # without cached properties
+        for name in names:
+            fields[name] = before[name]
+    fields.update(changes)
+    if len(fields) > len(names):
+        unknown = ', '.join(sorted(changes.keys() - set(names)))
+        raise TypeError(f'{kind.__name__} has no field {unknown}')
+    return changed
+
+
+@functools.cache
+def _field_names(kind: Any) -> tuple[str, ...]:
+    """Return the names of the fields of a dataclass."""
+    return tuple(field.name for field in dataclasses.fields(kind))

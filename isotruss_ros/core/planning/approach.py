@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.holding.pressed_contacts import facing_lines
+from isotruss_ros.core.holding.contacts import facing_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index

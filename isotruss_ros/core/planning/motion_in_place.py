@@ -20,7 +20,7 @@ from isotruss_ros.core.chance.probability import find_chance
 from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_gradient import held_gradient
+from isotruss_ros.core.holding.grasp_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration

@@ -16,7 +16,7 @@ import math
 
 from isotruss_ros.core.model.topology import check_names
 from isotruss_ros.core.numerics.arrays import Array, Flags
-from isotruss_ros.core.numerics.frozen import replace
+from isotruss_ros.core.numerics.records import replace
 import numpy as np
 
 #: A commanded roller that does not move for this time has failed [s].

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.frozen import replace
+from isotruss_ros.core.numerics.records import replace
 import numpy as np
 
 #: Largest decay rates of the distance of the utilisation from its bound, and of the slip margin

@@ -20,7 +20,7 @@ from isotruss_ros.core.manipulation.solve_twist import solve_joint_velocity, sol
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.obstacle import Obstacle
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.frozen import replace
+from isotruss_ros.core.numerics.records import replace
 from isotruss_ros.core.servo.decision import HaltError
 from isotruss_ros.core.servo.obstacle_evasion import evade
 from isotruss_ros.core.servo.servo_memory import ServoMemory, ServoSetup

@@ -29,7 +29,7 @@ from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.numerics.frozen import replace
+from isotruss_ros.core.numerics.records import replace
 from isotruss_ros.core.numerics.work_limit import limited_work
 from isotruss_ros.core.servo.cycle_motion import predict, PredictedState, solve, time_since_command
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError

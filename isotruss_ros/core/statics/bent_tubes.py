@@ -1,13 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Bent tubes of n samples with k load points, linearised about a state and condensed to the points.
-
-The state does not depend on the pieces of the frame in which the load points are, and the
-linearised tubes are a function of it. Tubes without loads are kept undeformed, see
-`UnloadedBlocks`, until loads deform them.
-"""
+"""Bent tubes with load points, linearised about a state and condensed to the points."""
 
 from __future__ import annotations
 
@@ -15,15 +9,114 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
+from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.samples import apply
-from isotruss_ros.core.statics.beam_column import end_forces
-from isotruss_ros.core.statics.frame import Frame, largest_motion
-from isotruss_ros.core.statics.load_points import Cuts, Lines
-from isotruss_ros.core.statics.load_responses import find_responses, LoadResponses
-from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.tangent import linearize, Tangent
+from isotruss_ros.core.numerics.tolerances import MAX_CONDITION
+from isotruss_ros.core.statics.frame import end_forces, Frame, largest_motion
+from isotruss_ros.core.statics.structure import Cuts, InclinationWeights, Lines, Structure
+from isotruss_ros.core.statics.tangent import irregular_loads, linearize, Slopes, Tangent
 import numpy as np
+
+# Responses of bent tubes to unit loads and to unit motions of k load points.
+#
+# If a load point moves along its member, the part before it becomes longer and the part behind it
+# shorter.
+
+
+class LoadResponses(NamedTuple):
+    """
+    Changes of bent tubes by unit loads and by unit motions of k load points along their members.
+
+    The columns are 3k loads, k motions, and a last one for the loads that the linearised state
+    lacks for equilibrium.
+    """
+
+    unknowns: Array  #: (u, 4k + 1) changes of the frame's unknowns
+    #: (k, 4, 4k + 1) changes of the responses, see `BentTubes`; the last column is their value
+    at_points: Array
+
+
+def find_slopes(structure: Structure, tangent: Tangent) -> tuple[InclinationWeights, Slopes]:
+    """Return the weights of the inclinations, and the inclinations that they weight."""
+    ends = InclinationWeights.of(structure, tangent.frame)
+    return ends, tangent.slopes(ends.parts, ends.signs)
+
+
+def find_responses(
+    structure: Structure, tangent: Tangent, turns: Array, loads: Array, length_by_motions: Array
+) -> LoadResponses:
+    """
+    Return the responses about a linearised state under loads (k, 3).
+
+    For `turns` see `Lines`. The lengths of the frame's parts change by `length_by_motions` (p, k)
+    for unit motions of the load points.
+    """
+    frame, layout, count = tangent.frame, tangent.frame.layout, turns.shape[-3]
+    motions, points = slice(3 * count, 4 * count), np.arange(count)
+    right = _right_sides(tangent, turns, loads, length_by_motions)
+    # Straight tubes lack no loads for equilibrium, so the last column is free for a probe.
+    is_probed = not layout.kept and not tangent.unknowns.any()
+    if is_probed:
+        right[..., -1] = irregular_loads(frame)
+    try:
+        _, unknowns = tangent.solve(right)
+    except StructureError:  # as of one of several samples
+        unknowns = np.full(right.shape, np.nan)
+    if is_probed:
+        condition = np.abs(unknowns[..., -1] / frame.scale).max()
+        if not condition < MAX_CONDITION:
+            _ = structure.unloaded  # raises an error that names the moving parts
+        unknowns[..., -1] = 0.0
+    # Displacements of the nodes in axes of the members, relative to their places, which move along
+    # the members. The nodes are the last ones.
+    to_member = turns.swapaxes(-1, -2)
+    *lead, size, columns = unknowns.shape
+    last_rows = slice(size - 3 * count, None)
+    of_nodes = unknowns[..., last_rows, :].reshape(*lead, count, 3, columns)
+    at_points = np.empty((*lead, count, 4, columns))
+    at_points[..., :3, :] = to_member @ of_nodes
+    at_points[..., points, 0, motions.start + points] -= 1.0
+    # The last column includes the responses in the linearised state.
+    at_points[..., :3, -1] += apply(to_member, tangent.displacements[..., -count:, :])
+    at_points[..., 3, :] = at_points[..., 2, :]  # rotations of the sections
+    # Inclinations. The length of a part between two load points depends on both.
+    ends, slopes = find_slopes(structure, tangent)
+    at_ends = unknowns.take(layout.places[ends.parts], axis=-2)
+    of_ends = (slopes.by_ends @ at_ends)[..., 0, :]
+    rates = slopes.by_forces * tangent.length_rates.take(ends.parts, axis=-2)
+    of_ends[..., motions] += rates.sum(axis=-1)[..., None] * length_by_motions[ends.parts]
+    of_ends[..., -1] += slopes.values
+    at_points[..., 2, :] = ends.weights @ of_ends
+    if ends.is_at_ring:
+        weight_rates = ends.by_length @ of_ends[..., -1, None]
+        at_points[..., 2, motions] += weight_rates * length_by_motions[ends.between]
+    return LoadResponses(unknowns, at_points)
+
+
+def _right_sides(tangent: Tangent, turns: Array, loads: Array, length_by_motions: Array) -> Array:
+    """Return the loads (u, 4k + 1) to which the columns of `LoadResponses` respond."""
+    parts, count = tangent.frame.layout.parts, turns.shape[-3]
+    right = np.zeros((*tangent.unknowns.shape, 4 * count + 1))
+    # Unit loads on the nodes at the load points, which are the last ones; from member axes.
+    node_rows, load_columns = tangent.frame.layout.unit_loads
+    right[..., node_rows, load_columns] = turns
+    # Forces of lengthened parts.
+    by_motions = length_by_motions[parts, None]
+    forces = tangent.length_rates.take(parts, axis=-2)[..., None] * by_motions
+    right[..., slice(3 * count, 4 * count)] = -tangent.sum_forces(parts, forces)
+    # Loads without equilibrium in the linearised state: unit loads are on the last nodes only.
+    right[..., -1] = -tangent.assembled.carried
+    on_nodes = right[..., slice(-3 * count, None), -1].reshape(loads.shape)
+    on_nodes += apply(turns, loads)
+    return right
+
+
+# Bent tubes of n samples with k load points, linearised about a state and condensed to the points.
+#
+# The state does not depend on the pieces of the frame in which the load points are, and the
+# linearised tubes are a function of it. Tubes without loads are kept undeformed, see
+# `UnloadedBlocks`, until loads deform them.
 
 #: Largest force on a hinge of a tube that is kept undeformed [N]; it displaces nodes by about
 #: 1e-11 m, and rounding errors are below 1e-10. It grows by 1e5 N/m^2 times the square of the
@@ -310,3 +403,53 @@ class CenterLines(NamedTuple):
         starts = config.points[..., config.robot.topology.b[members]]
         straight = starts + positions * config.member_axes[..., members]
         return straight + (moved[..., 0] + 1j * moved[..., 1]), np.exp(1j * moved[..., 2])
+
+
+# Derivatives of the bent tubes of one sample by loads, load points, and sections.
+
+
+class TubeRates(NamedTuple):
+    """Derivatives of the tubes' displacements and forces with respect to p parameters."""
+
+    #: (n, 3, p) of the displacements of the frame's nodes [m, rad]; zero inside of kept tubes
+    nodes: Array
+    inclinations: Array  #: (k, p) of the bent centre lines at the load points [rad]
+    forces: Array  #: (c, 3, p) of the `EndForces` of the frame's parts with fixed nodes
+
+
+def find_load_changes(bent: BentTubes, loads: Array, motions: Array) -> TubeRates:
+    """Return the tubes' changes by p changes of loads (k, 3, p) and of positions (k, p)."""
+    factors = np.concatenate([loads.reshape(-1, loads.shape[2]), motions])
+    nodes = bent.tangent.frame.motions(bent.responses.unknowns[:, :-1] @ factors)
+    inclinations = bent.at_points[:, 2, :-1] @ factors
+    lengths = (bent.length_by_motions @ motions)[:, None]
+    return TubeRates(nodes, inclinations, bent.tangent.length_rates[..., None] * lengths)
+
+
+def find_section_changes(bent: BentTubes, changes: Array, nodes: Points) -> TubeRates:
+    """
+    Return the tubes' changes by p changes of sections (4, c, p) of the frame's parts.
+
+    The nodes of the undeformed robot move by `nodes` (n, p), x + iy. Tubes that are kept
+    undeformed move alike, in axes that turn with them.
+    """
+    frame, tangent = bent.tangent.frame, bent.tangent
+    ends, slopes = find_slopes(bent.structure, tangent)
+    # Forces of the changed parts between fixed nodes, then the unknowns in equilibrium.
+    parts = np.flatnonzero(changes.any(axis=(0, 2)))
+    forces = np.zeros((len(frame.length), 3, changes.shape[2]))
+    forces[parts] = tangent.force_rates(parts) @ changes[:, parts].swapaxes(0, 1)
+    right = -tangent.sum_forces(parts, forces[parts])
+    for blocks, _, stiffness in zip(*tangent.kept, strict=True):
+        hinges = nodes[(blocks.outer[:, ::2] - frame.layout.numbering.rows) // 3]
+        moved = blocks.turn_motions(tangent.unknowns, hinges)
+        np.add.at(right, blocks.outer, stiffness @ moved)
+    _, unknowns = tangent.solve(right)
+    at_ends = unknowns[frame.layout.places[ends.parts]]
+    by_bending = slopes.by_forces[:, None] @ forces[ends.parts] + slopes.by_ends @ at_ends
+    by_shear = (slopes.by_shear / frame.section[2, ends.parts])[:, None]
+    inclinations = ends.weights @ (by_bending[:, 0] + by_shear * changes[3, ends.parts])
+    # A guide ring moves toward or away from a load point.
+    by_length = (ends.by_length @ slopes.values)[:, None]
+    inclinations += by_length * changes[0, ends.between]
+    return TubeRates(frame.motions(unknowns), inclinations, forces)

@@ -17,17 +17,18 @@ from isotruss_ros.core.numerics.argument_kinds import check_kinds
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_LOAD
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.statics.equilibrium import (
+from isotruss_ros.core.statics.frame import Frame, keep_apart, largest_motion
+from isotruss_ros.core.statics.structure import Structure, structure_of
+from isotruss_ros.core.statics.tangent import (
     bend,
     follow_loads,
     FrameState,
+    linearize,
     solve,
     state_under,
+    Tangent,
 )
-from isotruss_ros.core.statics.frame import Frame, keep_apart, largest_motion
-from isotruss_ros.core.statics.section import Pressure
-from isotruss_ros.core.statics.structure import Structure, structure_of
-from isotruss_ros.core.statics.tangent import linearize, Tangent
+from isotruss_ros.core.statics.tube_stiffness import Pressure
 from isotruss_ros.core.statics.wrinkling import find_utilisation
 import numpy as np
 from numpy.typing import ArrayLike

@@ -1,17 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Frame of the robot: members of each module (Fig. 1b), tubes, and bisection constraints (3).
-
-A module's triangle ABC is rigid. The tube leaves the module from C through the guide ring E, and
-from B through the guide ring D. The rings are on arms that rotate about B and C and are coupled by
-(3). A ring holds the tube in the transverse direction only. Constraints have multipliers, so the
-matrix of (4) is symmetric.
-"""
+"""Frame of a robot, and points on its tubes."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 import copy
 from dataclasses import replace
@@ -21,17 +15,26 @@ from typing import Any, NamedTuple
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.samples import SampledValues, take
-from isotruss_ros.core.statics.bisection import Bisections
-from isotruss_ros.core.statics.blocks import Condensed, Layout, Numbering
-from isotruss_ros.core.statics.equilibrium import solve_unloaded
-from isotruss_ros.core.statics.frame import Frame
-from isotruss_ros.core.statics.section import Pressure, tube_pressures
-from isotruss_ros.core.statics.tangent import linearize, Tangent
-from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeSections
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.samples import pick, SampledValues, take
+from isotruss_ros.core.statics.blocks import Bisections, Condensed, Layout, Numbering
+from isotruss_ros.core.statics.frame import Frame, keep_apart
+from isotruss_ros.core.statics.tangent import linearize, solve_unloaded, Tangent
+from isotruss_ros.core.statics.tube_stiffness import (
+    Pressure,
+    tube_pressures,
+    tube_stiffness,
+    TubeSections,
+)
 from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
 import numpy as np
+
+# Frame of the robot: members of each module (Fig. 1b), tubes, and bisection constraints (3).
+#
+# A module's triangle ABC is rigid. The tube leaves the module from C through the guide ring E, and
+# from B through the guide ring D. The rings are on arms that rotate about B and C and are coupled
+# by (3). A ring holds the tube in the transverse direction only. Constraints have multipliers, so
+# the matrix of (4) is symmetric.
 
 
 class FrameLayout(NamedTuple):
@@ -301,3 +304,134 @@ def section_rates(
     relative_shifts = shifts[layout.end[parts]] - shifts[layout.start[parts]]
     rates[0, parts] = directions[:, None] * relative_shifts
     return rates
+
+
+# Inclinations of bent centre lines at k load points.
+#
+# A centre line has a kink at a transverse force; at a load point, the mean of the inclinations on
+# both sides is used. A guide ring exerts a transverse force, too, so this mean changes by the kink
+# of the ring when a load point crosses it. The change is distributed over the width of the ring.
+# With a jump there may be no equilibrium: a contact before the ring rolls forward, behind it back.
+
+#: Half of the width of a guide ring [m]. Nearer contacts have other inclinations: those at both
+#: ends of the width differ by up to 0.01 rad. With a third and with three times of it, two
+#: families of grasps that had holes have an equilibrium at each of 51 stiffnesses.
+RING_HALF_WIDTH = 1e-4
+
+
+class InclinationWeights(NamedTuple):
+    """
+    Inclinations at k load points as weighted sums of those at q ends of a frame's parts.
+
+    Of several samples, weights that are not equal have the samples as their first axis.
+    """
+
+    parts: Indices  #: (q,) parts of the frame
+    signs: Array  #: (q,) 1 for the start of the part, -1 for its end
+    weights: Array  #: (k, q) weights [-]
+    #: (k, q) derivatives of the weights by the length of the part between load point and ring
+    by_length: Array
+    between: Indices  #: (k,) this part; any part where `by_length` is zero
+
+    @property
+    def is_at_ring(self) -> bool:
+        """Return whether a load point is within the width of a ring."""
+        return len(self.parts) > 2 * len(self.between)
+
+    @classmethod
+    def of(cls, structure: Structure, frame: Frame) -> InclinationWeights:
+        """Return the weights at the cuts of a frame; all samples have the same cuts at rings."""
+        layout, lead = frame.layout, frame.length.shape[:-1]
+        parts, signs, count = layout.beside, layout.signs, len(layout.before)
+        weights, by_length, between = layout.mean_weights, layout.no_weights, layout.before
+        lengths = frame.length.reshape(-1, frame.length.shape[-1])[0, parts]
+        if lengths.min(initial=np.inf) >= RING_HALF_WIDTH:
+            return cls(parts, signs, weights, by_length, between)
+        shape = (*lead, *weights.shape)
+        weights, by_length = np.broadcast_to(weights, shape), np.broadcast_to(by_length, shape)
+        between = between.copy()
+        for near in np.flatnonzero(lengths < RING_HALF_WIDTH).tolist():
+            part, point = int(parts[near]), near % count
+            node = (layout.start if near < count else layout.end)[part]
+            if node not in structure.ring_nodes:
+                continue
+            # The kink is the inclination beyond the ring minus that between ring and load point.
+            at_node = np.flatnonzero((layout.start == node) | (layout.end == node))
+            at_ends = np.append(at_node[at_node != part], part)
+            parts = np.append(parts, at_ends)
+            signs = np.append(signs, np.where(layout.start[at_ends] == node, 1.0, -1.0))
+            kink = np.zeros((*lead, count, 2))
+            kink[..., point, :] = 1.0, -1.0
+            share = 0.5 * (1.0 - frame.length[..., part] / RING_HALF_WIDTH)
+            weights = np.concatenate([weights, share[..., None, None] * kink], axis=-1)
+            by_length = np.concatenate([by_length, -0.5 / RING_HALF_WIDTH * kink], axis=-1)
+            between[point] = part
+        return cls(parts, signs, weights, by_length, between)
+
+
+# Load points on tubes: members, nodes at the load points, and samples divided alike.
+#
+# Each load point is a node that divides its member into parts; its place is its distance from the
+# start of the member.
+
+
+class Lines(NamedTuple):
+    """Members of k load points: start x + iy [m], unit vector to the end x + iy, length [m]."""
+
+    start: Points
+    axis: Points
+    length: Array
+    turns: Array  #: (k, 3, 3) unit loads and displacements of the member's axes as (fx, fy, m)
+
+    @classmethod
+    def of(cls, structure: Structure, members: Indices) -> Lines:
+        """Return the members with given indices (k,), from pinch point to pinch point."""
+        config, topology = structure.config, structure.config.robot.topology
+        start, axis = config.points[..., topology.b[members]], config.member_axes[..., members]
+        turns = np.zeros((*axis.shape, 3, 3))
+        turns[..., 0, 0] = turns[..., 1, 1] = axis.real
+        turns[..., 1, 0], turns[..., 0, 1], turns[..., 2, 2] = axis.imag, -axis.imag, 1.0
+        return cls(start, axis, config.member_lengths[..., members], turns)
+
+
+class Cuts(NamedTuple):
+    """Nodes of a frame at k load points, no two of them nearer than the shortest part."""
+
+    pieces: Indices  #: (k,) members of the frame that the nodes divide
+    within: Array  #: (k,) distances of the nodes from the starts of these members [m]
+    directions: Array  #: (k,) 1 for a piece that runs along its member of the robot, else -1
+    places: Array  #: (k,) distances of the nodes from the starts of the robot's members [m]
+
+    @classmethod
+    def of(cls, structure: Structure, members: Indices, positions: Array) -> Cuts:
+        """Return the nodes at positions (k,) on members (k,) of the robot."""
+        pieces, within, directions = structure.locate(members, positions)
+        lengths = pick(structure.frame.length, pieces)
+        inside = keep_apart(pieces, within, lengths)
+        return cls(pieces, inside, directions, positions + directions * (inside - within))
+
+
+def group_samples(
+    structure: Structure, cuts: Cuts, chosen: Flags | None = None
+) -> Sequence[Indices | None]:
+    """
+    Return the chosen samples, or all, in groups with equal layouts of cuts.
+
+    None are all samples, or the only one.
+    """
+    if cuts.pieces.ndim == 1 or len(cuts.pieces) == 1:
+        return [None]
+    order = np.lexsort((cuts.within, cuts.pieces), axis=-1)
+    rows = np.concatenate([cuts.pieces, order, are_at_rings(structure, cuts)], axis=-1)
+    numbers = range(len(rows)) if chosen is None else np.flatnonzero(chosen).tolist()
+    groups = defaultdict[bytes, list[int]](list)
+    for i in numbers:
+        groups[rows[i].tobytes()].append(i)
+    return [None if len(group) == len(rows) else np.array(group) for group in groups.values()]
+
+
+def are_at_rings(structure: Structure, cuts: Cuts) -> Flags:
+    """Return whether cuts are at the start and at the end (..., 2k) of their piece."""
+    lengths = pick(structure.frame.length, cuts.pieces)
+    ends = np.concatenate([cuts.within, lengths - cuts.within], axis=-1)
+    return ends < RING_HALF_WIDTH

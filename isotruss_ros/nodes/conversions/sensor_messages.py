@@ -11,7 +11,7 @@ import math
 from geometry_msgs.msg import Transform
 from isotruss_ros.core import Robot
 from isotruss_ros.core.errors import format_numbers, quote, StructureError
-from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.core.statics.tube_stiffness import tube_pressures
 from isotruss_ros.nodes.conversions.messages import (
     check_place,
     ForeignMessageError,

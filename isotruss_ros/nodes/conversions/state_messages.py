@@ -11,10 +11,10 @@ from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.errors import format_numbers, StructureError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, StateEstimate
+from isotruss_ros.core.holding.contacts import Places, PressedContacts
 from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
-from isotruss_ros.core.holding.pressed_contacts import Places, PressedContacts
 from isotruss_ros.core.numerics.arrays import covariance_matrix
-from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.core.statics.tube_stiffness import tube_pressures
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     HELD_VALUES,

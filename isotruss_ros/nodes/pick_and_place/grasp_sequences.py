@@ -22,7 +22,7 @@ from isotruss_msgs.action import (
 )
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError, Pose, Robot
-from isotruss_ros.core.estimation.fault_thresholds import MAX_DEVIATIONS
+from isotruss_ros.core.estimation.state_estimate import MAX_DEVIATIONS
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import find_fresh, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference

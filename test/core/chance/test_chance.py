@@ -17,7 +17,7 @@ from isotruss_ros.core.chance.probability import failure_probability, find_chanc
 from isotruss_ros.core.chance.random_inputs import changed_grip, sample_friction
 from isotruss_ros.core.errors import GraspError, ObjectFileError, RobotFileError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_gradient import GraspParameters
+from isotruss_ros.core.holding.grasp_gradient import GraspParameters
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.core.planning.grasp_plan import export_figures, plan_in_words

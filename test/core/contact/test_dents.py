@@ -10,13 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros import core
 from isotruss_ros.core import Disc, Ellipse, load_robot, Polygon, Robot
-from isotruss_ros.core.contact.dent_angles import ANGLE_STEP
-from isotruss_ros.core.contact.dent_interpolation import find_table
-from isotruss_ros.core.contact.dent_table import dent_table, DentTable
-from isotruss_ros.core.contact.dents import Dents
-from isotruss_ros.core.contact.flattening import Flattening, flattening_of
+from isotruss_ros.core.contact.dents import ANGLE_STEP, dent_table, Dents, DentTable, find_table
 from isotruss_ros.core.contact.pressed_skin import (
     CHORD_POINTS,
+    Flattening,
+    flattening_of,
     press_skin,
     solve_convex_contacts,
 )
@@ -27,7 +25,7 @@ from isotruss_ros.core.fixed_object.contact_points import ContactPoints
 from isotruss_ros.core.model.scaled_shape import ScaledShape
 from isotruss_ros.core.numerics.qp import solve_complementarity
 from isotruss_ros.core.numerics.work_limit import limited_work, WorkLimitError
-from isotruss_ros.core.statics.section import Fabric
+from isotruss_ros.core.statics.tube_stiffness import Fabric
 from isotruss_ros.dataset.random_grasps import draw_shape
 import numpy as np
 import pytest

@@ -3,8 +3,8 @@
 
 """Wrong markers and slipping rollers, and covariances after updates."""
 
-from isotruss_ros.core.estimation.marker_gate import FALSE_ALARM_PROBABILITY, judge_markers
-from isotruss_ros.core.estimation.schmidt_filter import condition, SchmidtFilter
+from isotruss_ros.core.estimation.grip_belief import condition, SchmidtFilter
+from isotruss_ros.core.estimation.offset_filter import FALSE_ALARM_PROBABILITY, judge_markers
 import numpy as np
 import pytest
 import scipy

@@ -11,8 +11,12 @@ from functools import cache
 from carries import FRICTION, make_robot, place
 from isotruss_ros.core import deform, place_between, Pose
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
-from isotruss_ros.core.estimation.marker_gate import FALSE_ALARM_PROBABILITY, SlipWatch
-from isotruss_ros.core.estimation.offset_filter import IMPROBABLE, MAX_OFFSET_DEVIATION
+from isotruss_ros.core.estimation.offset_filter import (
+    FALSE_ALARM_PROBABILITY,
+    IMPROBABLE,
+    MAX_OFFSET_DEVIATION,
+    SlipWatch,
+)
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, is_squeeze_known
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -20,7 +24,7 @@ from isotruss_ros.core.holding.contact_search import ContactSet
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.core.statics.tube_stiffness import tube_pressures
 from nightly import some_now
 import numpy as np
 import pytest

@@ -10,13 +10,14 @@ import math
 from carries import make_robot
 from grips import gripped, MASSLESS
 from isotruss_ros.core import Grip, place_between, Polygon, Pose, Status
-from isotruss_ros.core.estimation.contact_walk import ContactWalk, PoseNoise
-from isotruss_ros.core.estimation.equilibrium_cache import MAX_ERRORS
-from isotruss_ros.core.estimation.grip_belief import GripBelief
-from isotruss_ros.core.estimation.grip_model import attach_model
+from isotruss_ros.core.estimation.equilibrium_cache import (
+    attach_model,
+    MAX_ERRORS,
+    TravelPrediction,
+)
+from isotruss_ros.core.estimation.grip_belief import ContactWalk, GripBelief, PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
-from isotruss_ros.core.estimation.travel_prediction import TravelPrediction
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.held_shape import held_joints

@@ -22,8 +22,8 @@ from isotruss_ros.core.fixed_object.friction_closure import balance_by_friction
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
 from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.numerics.tolerances import ROUNDING
-from isotruss_ros.core.statics.equilibrium import solve, unloaded
 from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.tangent import solve, unloaded
 from nightly import some_now
 import numpy as np
 import pytest

@@ -7,7 +7,7 @@ from functools import cache
 
 from held_grips import APART, BOX, CORNER, held, HOME, NINE
 from isotruss_ros import core
-from isotruss_ros.core.estimation.grip_model import attach_model
+from isotruss_ros.core.estimation.equilibrium_cache import attach_model
 from isotruss_ros.core.holding.contact_search import measure_gaps
 from nightly import some_now
 import numpy as np

@@ -15,7 +15,7 @@ from isotruss_ros import core
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import ContactSet
-from isotruss_ros.core.holding.held_gradient import held_gradient
+from isotruss_ros.core.holding.grasp_gradient import held_gradient
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.kinematics.depths import member_depths

@@ -12,7 +12,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.numerics import qp
 from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.numerics.factorization import factorize
-from isotruss_ros.core.numerics.frozen import replace
+from isotruss_ros.core.numerics.records import replace
 import numpy as np
 import pytest
 import robots

@@ -9,7 +9,7 @@ import math
 from held_grips import HOME, numbers
 from isotruss_ros import core
 from isotruss_ros.core import Disc, Ellipse, Grip, place_between, Polygon, Pose, Status
-from isotruss_ros.core.contact.dent_table import dent_table
+from isotruss_ros.core.contact.dents import dent_table
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip import members_at

@@ -5,7 +5,7 @@
 
 import math
 
-from isotruss_ros.core.servo.swing_watch import SwingWatch
+from isotruss_ros.core.servo.squeeze_control import SwingWatch
 import numpy as np
 import pytest
 

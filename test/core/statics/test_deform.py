@@ -12,10 +12,10 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import Law
 from isotruss_ros.core.numerics.arrays import MAX_MAGNITUDE
-from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.deform import find_sag
-from isotruss_ros.core.statics.equilibrium import follow_loads
+from isotruss_ros.core.statics.frame import local_stiffness
 from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.tangent import follow_loads
 from isotruss_ros.core.statics.tube_stiffness import (
     InflatableBeam,
     PowerLaw,

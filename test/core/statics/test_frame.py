@@ -14,8 +14,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from isotruss_ros import core
 from isotruss_ros.core.errors import StructureError
-from isotruss_ros.core.statics.beam_column import BeamColumns
-from isotruss_ros.core.statics.equilibrium import bend, follow_loads, solve, unloaded
+from isotruss_ros.core.statics.frame import BeamColumns
+from isotruss_ros.core.statics.tangent import bend, follow_loads, solve, unloaded
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 import pytest

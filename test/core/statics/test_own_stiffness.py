@@ -9,7 +9,7 @@ from isotruss_ros import core
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.statics import tube_stiffness
-from isotruss_ros.core.statics.section import broadcast_members, SectionStiffness
+from isotruss_ros.core.statics.tube_stiffness import broadcast_members, SectionStiffness
 import numpy as np
 import pytest
 
